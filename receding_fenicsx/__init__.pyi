@@ -91,12 +91,20 @@ from .interface.measures.zone_ends import dundurs_beta as dundurs_beta
 from .evolution.moment import recovered_tractions as recovered_tractions
 from .interface.measures.tractions import traction_at as traction_at
 from .output.plots.loops import loop_of as loop_of
-from .accuracy.zone_end_mesh import refined_at_zone_ends as refined_at_zone_ends
-from .accuracy.numbers import headline as headline, Number as Number
+from .studies.accuracy.numbers import headline as headline, Number as Number
 from .scene.options import HEADLINE_NAMES as HEADLINE_NAMES
-from .accuracy.space_errors import space_errors as space_errors, level_of as level_of
-from .accuracy.meshes import scaled_mesh as scaled_mesh, graded_at_ends as graded_at_ends
-from .accuracy.estimate import Level as Level, estimates_of as estimates_of, Estimate as Estimate
+from .studies.accuracy.study import space_errors as space_errors
+from .studies.accuracy.meshes import (
+    scaled_mesh as scaled_mesh,
+    graded_at_ends as graded_at_ends,
+    refined_at_zone_ends as refined_at_zone_ends,
+)
+from .studies.accuracy.estimate import (
+    Level as Level,
+    level_of as level_of,
+    estimates_of as estimates_of,
+    Estimate as Estimate,
+)
 
 # Report and pictures
 from .output.report.summary import summarise as summarise

@@ -23,7 +23,7 @@ FLOORS = (
     ("modal", "store"),
     ("reference",),
     ("measures",),
-    ("accuracy", "output"),
+    ("output",),
     ("pictures", "long_run"),
     ("studies", "exchange"),
     ("__init__",),
@@ -58,7 +58,7 @@ OUTPUT = (("plots",), ("snapshots", "report"))
 """Rooms of the output."""
 
 STUDIES = (
-    ("starts", "tolerance"),
+    ("accuracy", "starts"),
     ("run",),
     ("cases", "sweep_table"),
     ("runner",),

@@ -127,3 +127,14 @@ def digest(scene: Scene) -> str:
                     f'[body] mesh: "{body.mesh}": no such file; check the path'
                 ) from None
     return found.hexdigest()
+
+
+def body_of(scene: Scene) -> str:
+    """Return the digest of what determines a condensed system, which holds its probes too."""
+    return hashlib.sha256(f"{digest(scene)}\n{scene.probes!r}".encode()).hexdigest()
+
+
+def identity_of(scene: Scene, *more: Any) -> str:
+    """Return the digest of a scene but for its title, of its mesh files, and of further values."""
+    text = "\n".join([body_of(scene), to_toml(replace(scene, title="")), *map(repr, more)])
+    return hashlib.sha256(text.encode()).hexdigest()

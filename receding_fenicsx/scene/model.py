@@ -185,7 +185,8 @@ class MeshOptions(Table):
             and supports, 1 (uniform) to 3.
         refine: places on the contact edge with smaller elements: a list of
             {at = ..., size = ..., growth = ..., edge = ...}; ``at`` is a position, a range, "ends"
-            or "corners".
+            or "corners". Default: none, but a search for a tolerance grades its meshes towards
+            sharp corners in contact, which [] switches off.
         refinements: times that the mesh of a file is refined uniformly, 0 to 6: each halves the
             size of all its elements.
     """
@@ -194,8 +195,13 @@ class MeshOptions(Table):
     cell: Annotated[str, OneOf("triangle", "quadrilateral")] = "triangle"
     degree: Annotated[int, OneOf(1, 2)] = 2
     growth: Growth = 1.25
-    refine: tuple[Refinement, ...] = ()
+    refine: tuple[Refinement, ...] | None = None
     refinements: Annotated[int, Ge(0), Le(MOST_REFINEMENTS)] | None = None
+
+    @property
+    def places(self) -> tuple[Refinement, ...]:
+        """Places with smaller elements."""
+        return self.refine or ()
 
 
 @dataclass(frozen=True, repr=False)

@@ -280,11 +280,8 @@ class AccuracyOptions(Table):
         numbers: names of the numbers; default: all but the ends of zones and the largest pressure.
             A name without brackets stands for that number of all edges, loads or probes.
         budget_seconds: no mesh is begun that would end later, by prediction.
-        grading: grade the meshes towards the ends of the contact edges and the re-entrant corners
-            of bodies; default: where a sharp corner is in contact and it is possible.
     """
 
     tolerance: Tolerance | None = None
     numbers: tuple[str, ...] = ()
     budget_seconds: Positive = 600.0
-    grading: bool | None = None

@@ -35,6 +35,10 @@ KNOWN = tuple(dict.fromkeys(TABLE_OF.get(f.name, f.name) for f in dataclasses.fi
 NAMED = ("body", "load", "probe", "bolt")
 """Tables that are identified by their names where there are several."""
 
+MOVED = {
+    ("[accuracy]", "grading"): "is now [mesh] refine; give places for true, refine = [] for false",
+}
+"""Table and key of what has another name now, and its name."""
 WANTED = {
     "float_type": "a number",
     "int_type": "a whole number",
@@ -297,6 +301,8 @@ def _message(
     if keyed:
         if error == "missing":
             return f"{where}: the key '{place[-1]}' is missing; add it"
+        if (where, place[-1]) in MOVED:
+            return f"{where} {place[-1]}: {MOVED[where, str(place[-1])]}"
         known = re.findall(r"'([^']*)'", bounds.get("expected", ""))
         known = known or [field.name for field in dataclasses.fields(_table_at(kind, inside))]
         return f"{where}: unknown key '{place[-1]}'; {suggestion(str(place[-1]), known)}"

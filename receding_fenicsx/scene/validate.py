@@ -145,8 +145,6 @@ def check_shakedown(scene: Scene) -> None:
 def check_accuracy(scene: Scene) -> None:
     """Check the table [accuracy] and the names of its numbers."""
     options = scene.accuracy
-    if options.grading and scene.mesh.cell != "triangle":
-        raise InputError('[accuracy] grading: is for triangles; use cell = "triangle"')
     owners = {
         "load": scene.load_names,
         "probe": tuple(probe.name for probe in scene.probes),

@@ -207,7 +207,7 @@ def check_mesh(scene: Scene) -> None:
         raise InputError(
             f'[mesh] refine: is for triangles; use cell = "triangle", not "{mesh.cell}"'
         )
-    for i, place in enumerate(mesh.refine):
+    for i, place in enumerate(mesh.places):
         _check_refinement(scene, place, f"[mesh] refine number {i + 1}")
 
 

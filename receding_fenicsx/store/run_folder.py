@@ -25,6 +25,7 @@ from receding_fenicsx.scene.identity import FREE_WHEN_FINISHED, FREE_WHEN_RESUME
 from receding_fenicsx.scene.model import Scene
 from receding_fenicsx.scene.options import SAMPLES_PER_LEG
 from receding_fenicsx.scene.toml_file import from_toml, to_toml
+from receding_fenicsx.store.case_file import CASES
 from receding_fenicsx.store.hdf5 import read_record, read_system
 from receding_fenicsx.store.summary_file import read_summary
 from receding_fenicsx.store.workspace import FolderKind, locked
@@ -34,8 +35,6 @@ if TYPE_CHECKING:
 
 SYSTEM, SCENE = "system.h5", "scene.toml"
 """File names of the condensed system and of the scene in a run folder."""
-SEARCH = "search.json"
-"""File name of the meshes that a search for a tolerance has left behind, in a working folder."""
 RUN = FolderKind("run", ("summary.json",))
 
 
@@ -102,7 +101,7 @@ def run_folder(
         except BaseException as error:
             if not _has_news(part, earlier) and (
                 isinstance(error, RecedingError)
-                or not any((part / name).exists() for name in (SYSTEM, SEARCH))
+                or not any((part / name).exists() for name in (SYSTEM, CASES))
             ):
                 shutil.rmtree(part, ignore_errors=True)
             raise
@@ -134,7 +133,7 @@ def _fill(part: Path, scene: Scene, earlier: Path | None) -> None:
         else:
             item.unlink()
     if earlier is not None and earlier != part:
-        for name in (SYSTEM, JOURNAL, CORNERS, SEARCH):
+        for name in (SYSTEM, JOURNAL, CORNERS, CASES):
             if (earlier / name).is_file():
                 shutil.copy2(earlier / name, part / name)
     with new_file(part / SCENE, overwrite=True) as beside:
@@ -188,7 +187,7 @@ def is_finished(path: Path, scene: Scene) -> bool:
 def _earlier(path: Path) -> Path | None:
     """Return the folder of the run to resume, the interrupted one first; None if there is none."""
     part = part_of(path)
-    for folder, names in ((part, (SYSTEM,)), (part, (SEARCH,)), (path, (SYSTEM, JOURNAL))):
+    for folder, names in ((part, (SYSTEM,)), (part, (CASES,)), (path, (SYSTEM, JOURNAL))):
         if all((folder / name).is_file() for name in (SCENE, *names)):
             return folder
     return None

@@ -1,8 +1,8 @@
 """Studies of a scene, each in a folder of its own.
 
-1. ``run.run`` takes a scene from its mesh to its record, files and pictures;
-   ``tolerance.within_tolerance`` refines the mesh until a tolerance is met, ``starts`` compares the
-   limits of a history from many initial slips.
+1. ``run.run`` takes a scene from its mesh to its record, files and pictures; :mod:`accuracy`
+   estimates the errors of its numbers and refines the mesh until a tolerance is met, ``starts``
+   compares the limits of a history from many initial slips.
 2. ``runner.run_study`` runs the ``cases`` of a study on one process or many, and continues an
    interrupted one. ``sweep`` runs a scene for many values of its keys (``sweep_table`` is its
    result), :mod:`joint` over the amplitude of a load.

@@ -1,4 +1,4 @@
-"""Cases of a study, their outcomes, and the condensed systems that they share."""
+"""Condensed systems that the cases of a study share, and the cells of a table."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ import contextlib
 import hashlib
 import sys
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -15,9 +14,7 @@ import numpy as np
 from receding_fenicsx.atomic import make_folder
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.interface.system import ContactSystem
-from receding_fenicsx.scene.identity import digest
 from receding_fenicsx.scene.model import Scene
-from receding_fenicsx.scene.toml_file import to_toml
 from receding_fenicsx.store.hdf5 import read_system, write_system
 from receding_fenicsx.store.workspace import locked
 from receding_fenicsx.studies.run import condense
@@ -27,52 +24,6 @@ Cell = float | int | str | bool | None
 
 _systems: dict[str, ContactSystem] = {}
 """Last condensed systems of this process, by the digest of their scenes."""
-
-
-@dataclass(frozen=True)
-class Case:
-    """One case of a study.
-
-    Attributes:
-        identity: digest of all that its outcome depends on, "" where it cannot be run.
-        work: arguments of the study's function ``measure``, which other processes can take.
-        labels: what the file of finished cases says of it, for a reader.
-        body: digest of its condensed system: cases of one body follow each other.
-        error: why it cannot be run.
-    """
-
-    identity: str
-    work: tuple[Any, ...] = ()
-    labels: tuple[Any, ...] = ()
-    body: str = ""
-    error: str = ""
-
-
-@dataclass(frozen=True)
-class Outcome:
-    """Outcome of a case.
-
-    Attributes:
-        cells: what was measured: numbers, texts, and lists and dictionaries of such; nothing where
-            the case failed.
-        error: why it failed, "" where it did not.
-        final: whether it would fail again; False after a lack of memory or room, say.
-    """
-
-    cells: dict[str, Any] = field(default_factory=dict)
-    error: str = ""
-    final: bool = True
-
-
-def body_of(scene: Scene) -> str:
-    """Return the digest of what determines a condensed system, which holds its probes too."""
-    return hashlib.sha256(f"{digest(scene)}\n{scene.probes!r}".encode()).hexdigest()
-
-
-def identity_of(scene: Scene, *more: Any) -> str:
-    """Return the digest of a scene but for its title, of its mesh files, and of further values."""
-    text = "\n".join([body_of(scene), to_toml(replace(scene, title="")), *map(repr, more)])
-    return hashlib.sha256(text.encode()).hexdigest()
 
 
 def digest_of_system(system: ContactSystem) -> str:
@@ -89,7 +40,7 @@ def shared_system(scene: Scene, body: str, folder: Path | None = None) -> Contac
 
     Args:
         scene: the scene; the system serves any friction.
-        body: its :func:`body_of`.
+        body: its :func:`~receding_fenicsx.scene.identity.body_of`.
         folder: folder in which all processes share their systems: the first that needs one
             condenses it, the others wait.
     """

@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from receding_fenicsx import long_run, mpi
-from receding_fenicsx.accuracy import meshes, space_errors
 from receding_fenicsx.arrays import check_types
 from receding_fenicsx.bulk.from_scene import condensed, is_small, probes_of
 from receding_fenicsx.errors import InputError, SolveError, ToleranceNotMet
@@ -21,15 +20,17 @@ from receding_fenicsx.pictures import Drawing, drawing_modules
 from receding_fenicsx.scene.model import Scene
 from receding_fenicsx.scene.validate import validate
 from receding_fenicsx.store import hdf5, summary_file
+from receding_fenicsx.store.case_file import CASES
 from receding_fenicsx.store.probe_files import PROBES, write_probes
-from receding_fenicsx.store.run_folder import SEARCH, SYSTEM, shared_folder
+from receding_fenicsx.store.run_folder import SYSTEM, shared_folder
 from receding_fenicsx.store.workspace import resumable
+from receding_fenicsx.studies.accuracy import meshes, study
+from receding_fenicsx.studies.accuracy.study import Solved
 from receding_fenicsx.studies.starts import (
     check_landings,
     check_starts,
     limit_with_starts,
 )
-from receding_fenicsx.studies.tolerance import Solved, draw_way, within_tolerance
 from receding_fenicsx.timing import Say, Timer
 
 if TYPE_CHECKING:
@@ -113,7 +114,7 @@ def run(
     if scene.accuracy.tolerance is not None and options.system_file is not None:
         raise InputError("--system: a search for a tolerance makes its own systems; leave it out")
     if options.error and scene.accuracy.tolerance is None:
-        scene = space_errors.with_coarser_partner(scene)
+        scene = study.with_coarser_partner(scene)
     comm = comm or world()
     timer = Timer(options.progress if comm.rank == 0 else None)
     chosen = {"figures": out is not None and options.pictures, "everything": options.all_pictures}
@@ -135,7 +136,7 @@ def run(
                 if failure is None or isinstance(failure, ToleranceNotMet):
                     drawing.draw(found.scene, found.system, record, folder)
                     if options.pictures and "accuracy" in found.extra:
-                        mpi.on_root(comm, lambda: draw_way(mpi.given(folder), found.extra))
+                        mpi.on_root(comm, lambda: study.draw_way(mpi.given(folder), found.extra))
             _write_summary(comm, folder, text, timer)
             mpi.on_root(comm, lambda: _write_report(folder, record))
     if failure is not None:
@@ -162,15 +163,18 @@ def _found(
         return Solved(meshed, system, record, failure, extra)
 
     if scene.accuracy.tolerance is not None:
-        with resumable(folder, "between meshes", "the meshes that are solved", SEARCH):
-            return within_tolerance(scene, comm, folder, solve, timer.say)
+        with resumable(folder, "between meshes", "the meshes that are solved", CASES):
+            return study.within_tolerance(scene, comm, folder, solve, timer.say)
     found = solve(scene)
     if options.error and found.failure is None:
         # bolts have their preloads on coarser meshes too, not the shortenings of this one
         own = replace(found.scene, bolts=scene.bolts)
         with resumable(folder, "on a coarser mesh"), timer("errors"):
-            found.extra |= space_errors.errors_of_run(
-                own, found.record, lambda coarse: _headlines(coarse, comm)
+            found.extra |= study.errors_of_run(
+                own,
+                found.record,
+                lambda coarse: _headlines(coarse, comm),
+                study.Meshes(comm, folder),
             )
     return found
 

@@ -2,7 +2,7 @@
 
 A study is ``cases -> measure -> combine``:
 
-1. cases: a list of :class:`~receding_fenicsx.studies.cases.Case`, each with a digest of all that
+1. cases: a list of :class:`~receding_fenicsx.store.case_file.Case`, each with a digest of all that
    its outcome depends on, and the arguments of ``measure``;
 2. measure: a function of a module, called in any process with the arguments of one case; it
    returns a dictionary of JSON values. An error is the outcome of its case;
@@ -40,16 +40,14 @@ from __future__ import annotations
 
 import contextlib
 import json
-import os
 import pickle
 import shutil
 import signal
-import zlib
 from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, as_completed, wait
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, BinaryIO, Generic, TypeVar
+from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from receding_fenicsx import mpi, workers
 from receding_fenicsx.atomic import make_folder, unwritable
@@ -58,9 +56,9 @@ from receding_fenicsx.errors import InputError, RecedingError, SolveError
 from receding_fenicsx.scene.identity import difference, digest
 from receding_fenicsx.scene.model import Scene
 from receding_fenicsx.scene.toml_file import from_toml, to_toml
+from receding_fenicsx.store.case_file import CASES, Case, CaseFile, Outcome
 from receding_fenicsx.store.summary_file import write_summary
 from receding_fenicsx.store.workspace import FolderKind, interruption, locked
-from receding_fenicsx.studies.cases import Case, Outcome
 from receding_fenicsx.timing import Countdown, Say
 
 if TYPE_CHECKING:
@@ -185,7 +183,7 @@ def run_study(
         if out is None:
             return study.combine(Runner(study, options, None, count, executor))
         with _opened(Path(out), study, options) as file:
-            runner = Runner(study, options, CaseFile(Path(out), file), count, executor)
+            runner = Runner(study, options, file, count, executor)
             result = study.combine(runner)
             if runner.complete:
                 shutil.rmtree(Path(out) / SYSTEMS, ignore_errors=True)
@@ -257,8 +255,8 @@ class Runner:
         """Hold what runs the cases, and the file that keeps them."""
         self.study, self.options, self.file = study, options, file
         self.count, self.executor = count, executor
-        self.folder = None if file is None else file.path
-        self.systems = None if file is None else file.path / SYSTEMS
+        self.folder = None if file is None else file.folder
+        self.systems = None if file is None else file.folder / SYSTEMS
         self.complete = True
 
     def outcomes(self, cases: Sequence[Case], measure: Measure) -> list[Outcome]:
@@ -378,53 +376,12 @@ def _until_one_dies(
 
 # -- folder of finished cases --------------------------------------------------------------------
 
-CASES, SYSTEMS = "cases.jsonl", "systems"
-"""File of the finished cases; folder of the condensed systems."""
-
-
-class CaseFile:
-    """Finished cases in a folder, a line with a checksum for each."""
-
-    def __init__(self, path: Path, file: BinaryIO) -> None:
-        """Hold the folder and the open file that takes further cases."""
-        self.path, self._file = path, file
-
-    def read(self, final: bool = False) -> dict[str, Outcome]:
-        """Return the outcomes of all shares by the identities of their cases.
-
-        Args:
-            final: leave out cases that may succeed when they are tried again.
-        """
-        found: dict[str, Outcome] = {}
-        for path in sorted(self.path.glob("cases*.jsonl")):
-            for line in path.read_bytes().splitlines():
-                checksum, _, text = line.partition(b" ")
-                if checksum == b"%08x" % zlib.crc32(text):  # else damaged, or still being written
-                    row = json.loads(text)
-                    outcome = Outcome(row["cells"], row["error"], row["final"])
-                    earlier = found.get(row["identity"])
-                    if outcome.final or not (final or (earlier and earlier.final)):
-                        found[row["identity"]] = outcome
-        return found
-
-    def add(self, case: Case, outcome: Outcome) -> None:
-        """Write a finished case to the disk.
-
-        Raises:
-            RecedingError: the disk is full.
-        """
-        row = {"case": case.labels, "identity": case.identity, **asdict(outcome)}
-        text = json.dumps(row, ensure_ascii=False).encode()
-        try:
-            self._file.write(b"%08x %s\n" % (zlib.crc32(text), text))
-            self._file.flush()
-            os.fsync(self._file.fileno())
-        except OSError as error:
-            raise unwritable(Path(self._file.name), error) from None
+SYSTEMS = "systems"
+"""Folder of the condensed systems."""
 
 
 @contextlib.contextmanager
-def _opened(path: Path, study: Study[Any], options: StudyOptions) -> Iterator[BinaryIO]:
+def _opened(path: Path, study: Study[Any], options: StudyOptions) -> Iterator[CaseFile]:
     """Open the folder of a study, a new one or one to continue; yield its file of cases.
 
     Raises:
@@ -455,10 +412,8 @@ def _opened(path: Path, study: Study[Any], options: StudyOptions) -> Iterator[Bi
                 "versions": versions(),
             }
             write_summary(path / study.file, content, overwrite=True)
-            with locked(path / name), open(path / name, "ab") as opened:
-                whole = (path / name).read_bytes()
-                os.truncate(path / name, whole.rfind(b"\n") + 1)  # an unfinished line
-                yield opened
+            with locked(path / name):
+                yield CaseFile(path, name)
     except OSError as error:
         raise unwritable(path, error) from None
 

@@ -27,16 +27,14 @@ from receding_fenicsx.evolution.evolve import evolve
 from receding_fenicsx.evolution.moment import extreme_row
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.measures.half_widths import half_widths
+from receding_fenicsx.scene.identity import body_of, identity_of
 from receding_fenicsx.scene.model import OutputOptions, Scene
 from receding_fenicsx.scene.toml_file import from_raw, parse_value, set_value, to_toml
 from receding_fenicsx.scene.toml_reader import parse_toml
+from receding_fenicsx.store.case_file import Case, Outcome
 from receding_fenicsx.studies.cases import (
-    Case,
     Cell,
-    Outcome,
-    body_of,
     cells_of,
-    identity_of,
     shared_system,
 )
 from receding_fenicsx.studies.runner import Runner, Study, StudyOptions, run_study

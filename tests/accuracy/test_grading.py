@@ -12,12 +12,12 @@ import numpy as np
 import pytest
 
 import receding_fenicsx as rf
-from receding_fenicsx.accuracy.meshes import graded_at_ends, scaled_mesh
 from receding_fenicsx.bulk.mesh.meshing import contact_sizes_of
-from receding_fenicsx.errors import InputError, ToleranceNotMet
+from receding_fenicsx.errors import ToleranceNotMet
 from receding_fenicsx.scene.model import Scene
 from receding_fenicsx.scene.toml_file import read_scene
 from receding_fenicsx.studies import run as study
+from receding_fenicsx.studies.accuracy.meshes import graded_at_ends, scaled_mesh
 
 DEMOS = Path(__file__).parents[2] / "demos"
 COMM = MPI.COMM_WORLD
@@ -43,11 +43,9 @@ def sheared(*overrides: str) -> Scene:
 @pytest.mark.one_rank
 def test_graded_search_has_true_errors_within_its_tolerance(shared_tmp_path: Path) -> None:
     """Its second mesh against the third, 2.5 times finer; equal elements are five times worse."""
-    options = replace(
-        sheared().accuracy, tolerance=2e-2, numbers=("dissipation_first_cycle",), grading=True
-    )
-    out = shared_tmp_path / "run"
-    record = study.run(replace(sheared(), accuracy=options), out, PLAIN)
+    options = replace(sheared().accuracy, tolerance=2e-2, numbers=("dissipation_first_cycle",))
+    graded, out = graded_at_ends(sheared(), contact_sizes_of(sheared())), shared_tmp_path / "run"
+    record = study.run(replace(graded, accuracy=options), out, PLAIN)
     if record is None:
         return
     way = json.loads((out / "summary.json").read_text())["accuracy"]["way"]
@@ -78,16 +76,11 @@ def test_sizes_of_a_graded_family_are_in_proportion() -> None:
     (size,) = contact_sizes_of(scene)
     assert size == pytest.approx(2.0 / 64)
     graded = graded_at_ends(scene, [size])
-    (place,) = graded.mesh.refine
+    (place,) = graded.mesh.places
     assert place.at == "ends" and place.size == pytest.approx(size / 100.0)
-    coarse = scaled_mesh(graded, 24).mesh.refine[0]
+    coarse = scaled_mesh(graded, 24).mesh.places[0]
     assert coarse.growth == pytest.approx(2.0) and coarse.size == pytest.approx(2.0 / 2400)
     assert graded_at_ends(graded, [size]) == graded
     inclined = read_scene(DEMOS / "dovetail.toml")
     sizes = contact_sizes_of(inclined)
     assert len(sizes) == len(inclined.contacts) and np.all(np.array(sizes) > 0.0)
-
-
-def test_what_cannot_be_graded_is_refused() -> None:
-    with pytest.raises(InputError, match="grading: is for triangles"):
-        study.run(sheared("accuracy.grading=true", "mesh.cell='quadrilateral'"), None, PLAIN)

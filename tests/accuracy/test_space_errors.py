@@ -9,10 +9,6 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 
-from receding_fenicsx.accuracy import space_errors
-from receding_fenicsx.accuracy.estimate import Level, estimated_error, estimates_of, observed_order
-from receding_fenicsx.accuracy.meshes import scaled_mesh, to_limit
-from receding_fenicsx.accuracy.numbers import Number, headline
 from receding_fenicsx.errors import InputError, NotConverged
 from receding_fenicsx.evolution.evolve import evolve_bare
 from receding_fenicsx.evolution.record import Record
@@ -34,6 +30,16 @@ from receding_fenicsx.scene.options import HEADLINE_NAMES
 from receding_fenicsx.scene.toml_file import read_scene
 from receding_fenicsx.store.summary_file import read_summary
 from receding_fenicsx.studies import run as study
+from receding_fenicsx.studies.accuracy import estimate
+from receding_fenicsx.studies.accuracy import study as space_errors
+from receding_fenicsx.studies.accuracy.estimate import (
+    Level,
+    estimated_error,
+    estimates_of,
+    observed_order,
+)
+from receding_fenicsx.studies.accuracy.meshes import scaled_mesh, to_limit
+from receding_fenicsx.studies.accuracy.numbers import Number, headline
 
 DEMOS = Path(__file__).parents[2] / "demos"
 
@@ -237,7 +243,7 @@ def test_the_estimate_holds_where_the_dissipation_converges_in_stairs(
     found = space_errors.space_errors(scene, record, solve)["dissipation_first_cycle"]
     true = abs(found.value - SHEARED_D)
     assert 0.01 * SHEARED_D < true <= 2.0 * found.error < 0.1 * SHEARED_D
-    assert space_errors.narrowest_zone(record) == 1
+    assert estimate.narrowest_zone(record) == 1
 
 
 def round_scene(elements: int, *overrides: str) -> Scene:
@@ -371,13 +377,13 @@ def test_a_zone_of_few_nodes_is_named_as_a_reason_for_stairs(
     record = solve(scene)
     table = record.turning_points
     monkeypatch.setattr(space_errors, "space_errors", lambda *_: {})
-    assert space_errors.narrowest_zone(record) > space_errors.UNRESOLVED_NODES
+    assert estimate.narrowest_zone(record) > estimate.UNRESOLVED_NODES
     assert "errors_warning" not in space_errors.errors_of_run(scene, record, solve)
     for width, words in ((1, "is 1 node wide"), (2, "is 2 nodes wide"), (3, "")):
         state = np.full_like(table.state, State.STICK)
         state[-1, 10 : 10 + width] = State.SEPARATION
         narrow = replace(record, turning_points=replace(table, state=state))
-        assert space_errors.narrowest_zone(narrow) == width
+        assert estimate.narrowest_zone(narrow) == width
         found = space_errors.errors_of_run(scene, narrow, solve)
         assert words in found.get("errors_warning", "")
         assert ("errors_warning" in found) == bool(words)
@@ -395,7 +401,7 @@ def test_stuck_nodes_at_their_friction_limit_are_no_zone() -> None:
         Q[:] = -limit
         Q[-1, 10] *= part
         own = replace(table, state=state, P=P, Q=Q)
-        assert space_errors.narrowest_zone(replace(record, turning_points=own)) == width
+        assert estimate.narrowest_zone(replace(record, turning_points=own)) == width
 
 
 def test_cycles_played_until_steady_are_left_for_their_limit() -> None:

@@ -68,31 +68,31 @@ def test_places_lie_at_zone_ends_and_at_corners_that_touch() -> None:
     graded = rf.refined_at_zone_ends(scene, record, ratio=4.0)
     size = 4.0 / 80 / 4.0
     # the block's ends lift off
-    assert [place.size for place in graded.mesh.refine] == pytest.approx(
-        [size] * len(graded.mesh.refine)
+    assert [place.size for place in graded.mesh.places] == pytest.approx(
+        [size] * len(graded.mesh.places)
     )
     first = rf.summarise(record)["turning_points"][0]
     for end in first["zone_ends"]:
         inside = (
             place.span[0] - 2 * size <= abs(end["value"]) <= place.span[1] + 2 * size
-            for place in graded.mesh.refine
+            for place in graded.mesh.places
         )
         assert any(inside)
     corner = sheared(0.8, 16)
-    places = rf.refined_at_zone_ends(corner, played(corner), corner_ratio=50.0).mesh.refine
+    places = rf.refined_at_zone_ends(corner, played(corner), corner_ratio=50.0).mesh.places
     ends = [place.at for place in places if place.size == pytest.approx(2.0 / 16 / 50.0)]
     assert np.allclose(np.sort(np.array(ends, dtype=float)), [-1.0, 1.0])
     with pytest.raises(rf.InputError, match="must be positive"):
         rf.refined_at_zone_ends(scene, record, ratio=0.0)
     # what was refined before stays
     kept = replace(scene, mesh=replace(scene.mesh, refine=(rf.Refinement(0.01, 0.5),)))
-    assert rf.refined_at_zone_ends(kept, record).mesh.refine[0] == rf.Refinement(0.01, 0.5)
+    assert rf.refined_at_zone_ends(kept, record).mesh.places[0] == rf.Refinement(0.01, 0.5)
 
 
 def test_every_edge_of_a_scene_gets_its_own_places() -> None:
     overrides = ["mesh.contact_elements=12", "mesh.growth=1.6", "history.cycles=1"]
     scene = rf.read_scene(DEMOS / "dovetail.toml", overrides)
     graded = rf.refined_at_zone_ends(scene, played(scene), corner_ratio=20.0)
-    assert {place.edge for place in graded.mesh.refine} == {"blade.right", "blade.left"}
+    assert {place.edge for place in graded.mesh.places} == {"blade.right", "blade.left"}
     better = played(graded)
     assert len(better.x) > 2 * 25 and better.residual_max < 1e-10

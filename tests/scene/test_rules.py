@@ -171,12 +171,7 @@ RULES: list[tuple[str, str, str, str]] = [
         "load steps find one",
         "solver.branch=2",
     ),
-    (
-        "block",
-        "accuracy.grading=true & mesh.cell=quadrilateral",
-        "grading",
-        "accuracy.grading=true",
-    ),
+    ("block", "accuracy.grading=true", "[accuracy] grading: is now [mesh] refine", ""),
     ("block", 'accuracy.numbers=["pressure"]', "[accuracy] numbers", ""),
     ("block", 'accuracy.numbers=["dissipation_ratio[bottom]"]', "is one number; leave out", ""),
     ("block", 'accuracy.numbers=["largest_pressure[top]"]', "[accuracy] numbers", ""),

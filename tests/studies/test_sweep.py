@@ -306,7 +306,7 @@ def test_a_case_whose_process_dies_is_a_row_and_is_tried_again(
     (bad,) = table.failed
     assert bad["contact.friction"] == 0.3 and "process was ended" in bad["error"]
     assert table["f"].tolist()[::2] == [0.2, 0.4] and np.isnan(table["f"][1])
-    monkeypatch.setattr(runner, "play", lambda *_: cases.Outcome({"f": 7.0}))
+    monkeypatch.setattr(runner, "play", lambda *_: runner.Outcome({"f": 7.0}))
     again = rf.sweep(scene(), over, out, measure=measure, options=rf.StudyOptions(resume=True))
     assert again is not None and again["f"].tolist() == [0.2, 7.0, 0.4]
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -13,8 +12,6 @@ import numpy as np
 import pytest
 
 from receding_fenicsx import cli
-from receding_fenicsx.accuracy.meshes import is_refined, scaled_mesh
-from receding_fenicsx.accuracy.numbers import headline
 from receding_fenicsx.errors import InputError, Interrupted, ToleranceNotMet
 from receding_fenicsx.mpi import on_root
 from receding_fenicsx.output.report.run import verdict
@@ -22,10 +19,12 @@ from receding_fenicsx.output.report.summary import run_table
 from receding_fenicsx.reference.closed_forms import BLOCK
 from receding_fenicsx.scene.model import Scene
 from receding_fenicsx.scene.toml_file import from_toml, read_scene, to_toml
+from receding_fenicsx.store.case_file import CASES
 from receding_fenicsx.store.hdf5 import read_record
-from receding_fenicsx.store.run_folder import SEARCH
 from receding_fenicsx.store.summary_file import read_summary
 from receding_fenicsx.studies import run as study
+from receding_fenicsx.studies.accuracy.meshes import is_refined, scaled_mesh
+from receding_fenicsx.studies.accuracy.numbers import headline
 from receding_fenicsx.studies.sweep import sweep
 
 DEMOS = Path(__file__).parents[2] / "demos"
@@ -59,7 +58,7 @@ def test_bolts_have_their_preloads_on_coarser_meshes(monkeypatch: pytest.MonkeyP
         seen.append(own.bolts)
         return {}
 
-    monkeypatch.setattr("receding_fenicsx.accuracy.space_errors.errors_of_run", errors_of_run)
+    monkeypatch.setattr("receding_fenicsx.studies.accuracy.study.errors_of_run", errors_of_run)
     study.run(replace(scene, bolts=bolts), None, replace(PLAIN, error=True), COMM)
     assert seen == [bolts]
 
@@ -119,16 +118,6 @@ def test_a_mesh_file_is_refined_and_is_its_own_coarser_partner(shared_tmp_path: 
     assert record.scene is not None and record.scene.mesh.refinements == 1
     for found in summary_of(shared_tmp_path / "run")["errors"].values():
         assert found["error"] > 0.0
-
-
-def test_a_mesh_file_that_cannot_be_graded_is_refused_where_that_is_asked(
-    shared_tmp_path: Path,
-) -> None:
-    scene = searching(own_msh(shared_tmp_path), 0.5)
-    scene = replace(scene, accuracy=replace(scene.accuracy, grading=True))
-    with pytest.raises(InputError, match="grading: this mesh file is refined uniformly"):
-        study.run(scene, shared_tmp_path / "run", PLAIN, COMM)
-    assert not (shared_tmp_path / "run").exists()
 
 
 def test_refinements_belong_to_mesh_files() -> None:
@@ -249,8 +238,7 @@ def test_an_interrupted_search_is_resumed_where_it_was(
         study.run(scene, out, PLAIN, COMM)
     assert caught.value.exit_code == 143
     if COMM.rank == 0:
-        kept = json.loads((shared_tmp_path / "run.part" / SEARCH).read_text())
-        assert len(kept["levels"]) == 2
+        assert len((shared_tmp_path / "run.part" / CASES).read_text().splitlines()) == 2
     calls += [1] * 7
     record = study.run(scene, out, replace(PLAIN, resume=True), COMM)
     if record is None or whole is None:
@@ -263,6 +251,30 @@ def test_an_interrupted_search_is_resumed_where_it_was(
             del level["seconds"]
     assert ways[0] == ways[1]
     assert np.array_equal(record.turning_points.P, whole.turning_points.P)
+
+
+def test_errors_that_are_interrupted_continue_with_the_meshes_that_are_solved(
+    shared_tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    scene, errors = block("mesh.contact_elements=32"), replace(PLAIN, error=True)
+    study.run(scene, shared_tmp_path / "whole", errors, COMM)
+    solve, calls = study._headlines, []
+
+    def stop_second(*arguments: Any) -> Any:
+        calls.append(1)
+        if len(calls) == 2:
+            raise Interrupted("enough", 143)
+        return solve(*arguments)
+
+    monkeypatch.setattr(study, "_headlines", stop_second)
+    with pytest.raises(Interrupted, match="enough"):
+        study.run(scene, shared_tmp_path / "run", errors, COMM)
+    study.run(scene, shared_tmp_path / "run", replace(errors, resume=True), COMM)
+    # of three coarser meshes one was finished, and one was begun twice
+    assert len(calls) == 4
+    if COMM.rank == 0:
+        whole, resumed = (summary_of(shared_tmp_path / name) for name in ("whole", "run"))
+        assert whole["errors"] == resumed["errors"]
 
 
 @pytest.mark.parametrize("meshes", [0, 1])
@@ -318,7 +330,7 @@ def test_sharp_corners_in_contact_are_graded_unasked(shared_tmp_path: Path) -> N
     """True errors against a mesh twice as fine; equal elements are three times worse."""
     scene = read_scene(DEMOS / "punch_axisymmetric.toml", ["output.cycles=[]"])
     record = study.run(searching(scene, 4e-3), shared_tmp_path / "run", PLAIN, COMM)
-    off = replace(scene, accuracy=replace(scene.accuracy, grading=False))
+    off = replace(scene, mesh=replace(scene.mesh, refine=()))
     study.run(searching(off, 0.2), shared_tmp_path / "off", PLAIN, COMM)
     if record is None:
         return

@@ -300,7 +300,7 @@ def _own_nodes(scene: Scene) -> ContactNodes:
 def _positions(scene: Scene, contact: Contact) -> Array:
     """Return the positions of the nodes on one contact edge."""
     even = contact_samples(scene, contact)
-    places = [place for place in scene.mesh.refine if place.edge in (None, contact.edge)]
+    places = [place for place in scene.mesh.places if place.edge in (None, contact.edge)]
     if not places:
         return even
     ends = float(even[0]), float(even[-1])

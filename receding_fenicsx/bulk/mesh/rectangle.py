@@ -253,7 +253,7 @@ def places_of(scene: Scene, frame: Frame) -> list[Refinement]:
     """
     left, bottom = scene.body.position
     found = []
-    for place in scene.mesh.refine:
+    for place in scene.mesh.places:
         assert place.edge is not None
         if place.edge != frame.edge:
             raise InputError(

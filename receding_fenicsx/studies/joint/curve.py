@@ -13,7 +13,6 @@ from typing import Any
 import numpy as np
 
 from receding_fenicsx import mpi
-from receding_fenicsx.accuracy.meshes import coarser
 from receding_fenicsx.arrays import Array, as_numbers, check_types
 from receding_fenicsx.atomic import new_file
 from receding_fenicsx.environment import versions
@@ -36,10 +35,12 @@ from receding_fenicsx.scene.model import (
 )
 from receding_fenicsx.scene.toml_file import from_toml
 from receding_fenicsx.scene.validate import validate
+from receding_fenicsx.store.case_file import Case
 from receding_fenicsx.store.summary_file import write_summary
 from receding_fenicsx.store.workspace import FolderKind
 from receding_fenicsx.studies import run as study
-from receding_fenicsx.studies.cases import Case, Cell, digest_of_system
+from receding_fenicsx.studies.accuracy.meshes import coarser
+from receding_fenicsx.studies.cases import Cell, digest_of_system
 from receding_fenicsx.studies.joint.backbone import NO_DISSIPATION, Backbone, first_loading
 from receding_fenicsx.studies.joint.figure import joint_figure
 from receding_fenicsx.studies.joint.result import JointCurve

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from receding_fenicsx import mpi
-from receding_fenicsx.accuracy.meshes import coarser
 from receding_fenicsx.errors import InputError, RecedingError
 from receding_fenicsx.interface.shakedown.limits import (
     CONJECTURE,
@@ -24,6 +23,7 @@ from receding_fenicsx.interface.shakedown.programs import Answer
 from receding_fenicsx.interface.system import ContactSystem
 from receding_fenicsx.scene.model import Scene
 from receding_fenicsx.studies import run as study
+from receding_fenicsx.studies.accuracy.meshes import coarser
 from receding_fenicsx.studies.shakedown.cycles import limit_by_cycles
 from receding_fenicsx.studies.shakedown.diagram import Diagram, limits_at, means
 from receding_fenicsx.studies.shakedown.folder import STUDY, write

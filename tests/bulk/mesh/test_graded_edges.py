@@ -13,11 +13,11 @@ import pytest
 from bodies import block, everything, make_mesh
 
 import receding_fenicsx as rf
-from receding_fenicsx.accuracy.meshes import scaled_mesh
 from receding_fenicsx.bulk.mesh.grading import Base, graded
 from receding_fenicsx.bulk.mesh.meshing import raw_meshes
 from receding_fenicsx.bulk.mesh.user_mesh import read_user_meshes
 from receding_fenicsx.errors import InputError
+from receding_fenicsx.studies.accuracy.meshes import scaled_mesh
 
 comm = MPI.COMM_WORLD
 DEMOS = Path(__file__).parents[3] / "demos"
@@ -209,4 +209,4 @@ def test_refine_is_read_and_written() -> None:
         with pytest.raises(InputError, match=message):
             rf.from_toml(f"{loaded}[mesh]\nrefine = {wrong}")
     # estimates compare meshes whose sizes are all enlarged alike
-    assert scaled_mesh(scene, 80).mesh.refine[1] == rf.Refinement(0.4, (0.1, 0.2), 2.0)
+    assert scaled_mesh(scene, 80).mesh.places[1] == rf.Refinement(0.4, (0.1, 0.2), 2.0)

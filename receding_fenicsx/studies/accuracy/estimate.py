@@ -23,30 +23,24 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
+from typing import Any
 
 import numpy as np
 from scipy.optimize import brentq
 
-from receding_fenicsx.accuracy.numbers import Number
+from receding_fenicsx.evolution.record import Record
+from receding_fenicsx.interface.law import State
+from receding_fenicsx.studies.accuracy.meshes import is_graded
+from receding_fenicsx.studies.accuracy.numbers import Number, headline
 
 MIN_RATIO = 1.4
 """Smallest ratio of the sizes of two meshes that are compared."""
-FARTHEST = 7.9
-"""Largest ratio of the size of a mesh to the finest that is used: two steps of a search."""
 ORDERS = (0.5, 1.6)
 """Range of orders that an estimate assumes on equal elements."""
-GRADED_ORDER = 1.75
-"""The largest on meshes graded to sharp corners, whose orders are less disturbed."""
-SEARCHED_ORDERS = (-2.0, 8.0)
-"""Range in which the order of three meshes is searched for."""
 UNRESOLVED_ORDER = 1.0
 """Largest order that is assumed where a zone is not resolved, or with two meshes."""
-SINGULAR_ORDER = 0.2
-"""Median order below which numbers that move in one direction do not converge in order."""
-SINGULAR_CHANGE = 1e-3
-"""Relative change between meshes below which a number is not called singular."""
-MIN_RELATIVE_ERROR = 1e-6
-"""Smallest relative error that is returned."""
+UNRESOLVED_NODES = 2
+"""Largest number of nodes of a zone that counts as not resolved."""
 
 
 @dataclass(frozen=True)
@@ -108,17 +102,18 @@ def estimates_of(levels: Sequence[Level]) -> dict[str, Estimate]:
             continue
         values = [(1.0, number.value)]
         for level in coarser:
-            ratio = finest.elements / level.elements
+            ratio = finest.elements / level.elements  # that of two steps of a search at most
             other = level.numbers.get(name)
-            if other is not None and ratio <= FARTHEST and math.isfinite(other.value):
+            if other is not None and ratio <= 7.9 and math.isfinite(other.value):
                 values.append((ratio, other.value))
         order = observed_order(values)
         if is_singular(values, order, number.size):
             error = math.inf
         else:
-            resolved = GRADED_ORDER if finest.graded else ORDERS[1]
+            # graded to sharp corners, orders are less disturbed
+            resolved = 1.75 if finest.graded else ORDERS[1]
             most = resolved if finest.resolved else UNRESOLVED_ORDER
-            least = max(number.known_to, MIN_RELATIVE_ERROR * number.size)
+            least = max(number.known_to, 1e-6 * number.size)
             error = max(estimated_error(values, order, most), least)
         found[name] = Estimate(number.value, error, order, number.size)
     return found
@@ -160,7 +155,7 @@ def _order(sizes: tuple[float, float, float], ratio: float) -> float:
             return math.log(t / s) / math.log(s / r) - ratio
         return (t**p - s**p) / (s**p - r**p) - ratio
 
-    low, high = SEARCHED_ORDERS
+    low, high = -2.0, 8.0
     if excess(low) >= 0.0 or excess(high) <= 0.0:
         return low if excess(low) >= 0.0 else high
     return float(brentq(excess, low, high))
@@ -174,10 +169,82 @@ def is_singular(values: Sequence[tuple[float, float]], order: float, size: float
             chain.append(value)
     steps = np.diff([a for _, a in chain])
     one_way = len(steps) > 1 and bool(np.all(steps > 0.0) or np.all(steps < 0.0))
-    return one_way and order < SINGULAR_ORDER and abs(steps[0]) > SINGULAR_CHANGE * size
+    return one_way and order < 0.2 and abs(steps[0]) > 1e-3 * size
 
 
 def _pairs(
     values: Sequence[tuple[float, float]],
 ) -> list[tuple[tuple[float, float], tuple[float, float]]]:
     return [(a, b) for a, b in combinations(values, 2) if b[0] >= MIN_RATIO * a[0]]
+
+
+# -- what a run says of its mesh -----------------------------------------------------------------
+
+
+def level_of(record: Record | None, elements: int, seconds: float = 0.0) -> Level:
+    """Return what a record says of its mesh; nothing on ranks without a record."""
+    if record is None:
+        return Level(elements, 0, seconds, {})
+    resolved = narrowest_zone(record) > UNRESOLVED_NODES
+    sharp = any(map(_ends_sharply, record.by_edge().values()))
+    graded = record.scene is not None and is_graded(record.scene)
+    return Level(elements, len(record.x), seconds, headline(record), resolved, sharp, graded)
+
+
+def _ends_sharply(record: Record) -> bool:
+    """Return whether a contact edge ends at a sharp corner in contact at some turning point."""
+    table = record.turning_points
+    ends = table.p[:, record.corner_ends].max(axis=1, initial=0.0)
+    mean = table.P.sum(axis=1) / record.weight.sum()
+    return bool(np.any((mean > 0.0) & (ends > 1.5 * mean)))
+
+
+def narrowest_zone(record: Record) -> int:
+    """Count the nodes of the narrowest zone at turning points of cycles 0, 1 and the last.
+
+    Stuck nodes at their friction limit are no zone of their own, nor are negligible zones.
+    """
+    table = record.turning_points
+    rows = np.isin(table.cycle, (0, 1, table.cycle.max(initial=0)))
+    P, state = table.P[rows], table.state[rows]
+    margin = np.minimum(*record.friction.margins(table.Q[rows], P))
+    round_off = 1e-9 * P.max(axis=1, initial=0.0)[:, None]
+    # whether a stuck node at its limit slips is round-off
+    at_limit = record.friction.present & (state == State.STICK) & (margin <= round_off)
+    n, share = len(record.x), record.weight / record.weight.mean()
+    narrowest = n
+    for own, none in zip(state, at_limit, strict=True):
+        ends = np.flatnonzero(np.diff(own[~none], prepend=-1, append=-1))
+        # nodes at a graded corner are so close that a zone there has no part in the numbers
+        seen = np.diff(np.append(0.0, np.cumsum(share[~none]))[ends]) > 0.1
+        narrowest = min(narrowest, int(np.diff(ends)[seen].min(initial=n)))
+    return narrowest
+
+
+def shown(estimates: dict[str, Estimate]) -> dict[str, dict[str, Any]]:
+    """Return estimates for the summary: None where not known."""
+    return {
+        name: {
+            "value": e.value if math.isfinite(e.value) else None,
+            "error": e.error if math.isfinite(e.error) else None,
+            "relative": e.relative if math.isfinite(e.relative) else None,
+            "order": None if math.isnan(e.order) else e.order,
+            "converges": e.error < math.inf if not math.isnan(e.error) else None,
+            "size": e.size if math.isfinite(e.size) else None,
+        }
+        for name, e in estimates.items()
+    }
+
+
+def warning(record: Record | None) -> dict[str, str]:
+    """Return the summary's warning about zones that a mesh does not resolve."""
+    nodes = narrowest_zone(record) if record is not None else math.inf
+    if nodes > UNRESOLVED_NODES:
+        return {}
+    return {
+        "errors_warning": (
+            f"a zone of stick, slip or separation is {nodes} node{'s' * (nodes > 1)} wide at the "
+            "end of a leg: this mesh does not resolve it, and numbers that depend on it do not "
+            "converge in order but in stairs; use more contact elements"
+        )
+    }

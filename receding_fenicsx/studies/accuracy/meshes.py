@@ -1,4 +1,4 @@
-"""Families of meshes of a scene: all sizes are enlarged or reduced alike.
+"""Meshes of a scene: families whose sizes are all enlarged or reduced alike; smaller elements.
 
 A rectangle and a .geo file that takes ``contact_elements`` are made anew with other elements, and a
 growth whose distance from 1 changes in proportion: sizes are dx + (growth - 1) depth. Other files
@@ -13,26 +13,25 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from typing import TypeVar
 
+import numpy as np
+
+from receding_fenicsx.arrays import Ints
 from receding_fenicsx.bulk.mesh.user_mesh import takes_elements
 from receding_fenicsx.errors import InputError, MeshMisfit
+from receding_fenicsx.evolution.record import Record
+from receding_fenicsx.interface.law import State
+from receding_fenicsx.measures.half_widths import contact_betas, estimated_ends
 from receding_fenicsx.scene.model import MIN_REFINED_GROWTH, MOST_REFINEMENTS, Refinement, Scene
+from receding_fenicsx.scene.rectangle_edges import is_cylinder, is_horizontal
 
 T = TypeVar("T")
 
 LARGEST_GROWTH = 3.0
 """Largest growth of a mesh."""
 CORNER_RATIO = 100.0
-"""Size of the elements of a graded edge over that at its ends."""
-GRADED_ELEMENTS = 24
-"""Contact elements with which a graded edge has a growth of 2."""
-BULK_ELEMENTS = 12
-"""Contact elements with which a body with graded edges has at most a growth of 2."""
+"""Size of the elements of a contact edge over that at its ends, where tractions may be singular."""
 MIN_ELEMENTS = 8
 """Smallest number of contact elements of a mesh."""
-LIMIT_CYCLES = 50
-"""Cycles that a history must allow to be left for its limit."""
-EXACT_PLAYING = (None, "events", "first")
-"""Steady tolerance, method and branch of a history that is left for its limit."""
 SEARCH_RATIO = 1.6
 """Largest ratio to the wanted mesh size in the search for a mesh whose vertices fit the scene."""
 
@@ -44,7 +43,7 @@ def is_refined(scene: Scene) -> bool:
 
 def is_graded(scene: Scene) -> bool:
     """Return whether a scene's meshes are graded towards the ends of a contact edge."""
-    return any(place.at == "ends" for place in scene.mesh.refine)
+    return any(place.at == "ends" for place in scene.mesh.places)
 
 
 def scaled_mesh(scene: Scene, elements: int) -> Scene:
@@ -66,9 +65,10 @@ def scaled_mesh(scene: Scene, elements: int) -> Scene:
                 size=factor * place.size,
                 growth=place.growth and max(grown(place.growth), MIN_REFINED_GROWTH),
             )
-            for place in mesh.refine
+            for place in mesh.places
         )
-        mesh = replace(mesh, contact_elements=elements, growth=growth, refine=places)
+        scaled = None if mesh.refine is None else places
+        mesh = replace(mesh, contact_elements=elements, growth=growth, refine=scaled)
         return replace(scene, mesh=mesh)
     times = (mesh.refinements or 0) + round(math.log2(elements / mesh.contact_elements))
     mesh = replace(mesh, refinements=times)
@@ -93,20 +93,20 @@ def graded_at_ends(scene: Scene, sizes: Sequence[float]) -> Scene:
     """
     if is_refined(scene):
         raise InputError(
-            "[accuracy] grading: this mesh file is refined uniformly; leave grading out, or give a "
-            ".geo file that takes contact_elements"
+            "[mesh] refine: this mesh file is refined uniformly; give a .geo file that takes "
+            "contact_elements"
         )
-    places = scene.mesh.refine
+    places = scene.mesh.places
     if is_graded(scene):
         return scene
-    growth = min(1.0 + GRADED_ELEMENTS / scene.mesh.contact_elements, LARGEST_GROWTH)
+    growth = min(1.0 + 24 / scene.mesh.contact_elements, LARGEST_GROWTH)
     files = any(body.mesh is not None for body in scene.bodies)
     places += tuple(
         Refinement(size / CORNER_RATIO, at, growth, contact.edge)
         for contact, size in zip(scene.contacts, sizes, strict=True)
         for at in (("ends", "corners") if files else ("ends",))
     )
-    bulk = min(scene.mesh.growth, 1.0 + BULK_ELEMENTS / scene.mesh.contact_elements)
+    bulk = min(scene.mesh.growth, 1.0 + 12 / scene.mesh.contact_elements)
     return replace(scene, mesh=replace(scene.mesh, refine=places, growth=bulk))
 
 
@@ -117,8 +117,8 @@ def to_limit(scene: Scene) -> Scene:
     or with a steady tolerance of its own, is returned as it is.
     """
     history, solver = scene.history, scene.solver
-    playing = (solver.steady_tolerance, solver.method, solver.branch)
-    if history.until != "steady" or history.cycles < LIMIT_CYCLES or playing != EXACT_PLAYING:
+    exact = (solver.steady_tolerance, solver.method, solver.branch) == (None, "events", "first")
+    if history.until != "steady" or history.cycles < 50 or not exact:
         return scene
     return replace(scene, history=replace(scene.history, until="limit"))
 
@@ -198,3 +198,84 @@ def coarser(scene: Scene) -> Scene | None:
     numbers = elements_near(scene, half, (half / SEARCH_RATIO, half))
     found = first_that_fits(scene, numbers, fitting, InputError)
     return None if found is None else found[1]
+
+
+# -- smaller elements where a coarse run needs them ----------------------------------------------
+
+
+def refined_at_zone_ends(
+    scene: Scene,
+    record: Record,
+    ratio: float = 4.0,
+    corner_ratio: float = CORNER_RATIO,
+    growth: float = 1.5,
+) -> Scene:
+    """Return a scene with smaller elements where zones end in a coarser run of it, and at corners.
+
+    Zone ends are those at the turning points of cycles 0, 1 and the last one. Where an end was not
+    fitted below the node spacing, the whole interval in which it lies is refined. Corners are ends
+    of a contact edge that touch at one of these turning points.
+
+    Args:
+        scene: the scene; places in its ``mesh.refine`` are kept.
+        record: a record of the scene, on this or on another mesh.
+        ratio: size of the largest contact elements of the record over that at zone ends: a coarse
+            run knows them not well enough for more, which pays at those of a graded run.
+        corner_ratio: the same at corners, where tractions may be singular.
+        growth: size ratio of neighbouring elements away from the new places: slower growths cost
+            nodes and gain little.
+
+    Raises:
+        InputError: a ratio is not positive, or the record belongs to other contact edges.
+    """
+    if not (ratio > 0.0 and corner_ratio > 0.0):
+        raise InputError(f"refined_at_zone_ends: ratios must be positive, not {ratio:g}")
+    parts = record.by_edge()
+    numbers = np.unique(record.edge)
+    if numbers[-1] >= len(scene.contacts):
+        raise InputError("refined_at_zone_ends: the record has more contact edges than the scene")
+    places = list(scene.mesh.places)
+    for part, number in zip(parts.values(), numbers, strict=True):
+        edge = scene.contacts[number].edge if len(scene.contacts) > 1 else None
+        size = float(np.diff(part.x).max()) * scene.mesh.degree
+        rows = _loaded_rows(part)
+        for at in _zone_ends(scene, part, rows, size / ratio):
+            places.append(Refinement(size / ratio, at, growth, edge))
+        for k in _corners(part, rows):
+            places.append(Refinement(size / corner_ratio, float(part.x[k]), growth, edge))
+    return replace(scene, mesh=replace(scene.mesh, refine=tuple(places)))
+
+
+def _loaded_rows(record: Record) -> Ints:
+    """Return the turning points of cycles 0, 1 and the last one at which the contact is loaded."""
+    table = record.turning_points
+    chosen = np.isin(table.cycle, (0, 1, table.cycle.max(initial=0)))
+    force = np.abs(table.P).max(axis=1, initial=0.0)
+    return np.flatnonzero(chosen & (force > 1e-9 * force.max(initial=0.0)))
+
+
+def _zone_ends(
+    scene: Scene, record: Record, rows: Ints, size: float
+) -> list[float | tuple[float, float]]:
+    """Return where zones end, or the ranges; those closer than two elements to another left out."""
+    edge = scene.contacts[int(record.edge[0])].edge
+    body, _ = scene.find_edge(edge)
+    # a rectangle is graded alike on both sides of its middle
+    ring = scene.axisymmetric and is_horizontal(scene, edge) and not is_cylinder(scene, body)
+    mirrored = body.mesh is None and not ring
+    betas = contact_betas(record)
+    found: list[tuple[float, float]] = []
+    for row in rows:
+        for end in estimated_ends(record, int(row), betas):
+            low, high = [end["value"]] * 2 if end["fitted"] else end["interval"]
+            low, high = max(low, float(record.x[0])), min(high, float(record.x[-1]))
+            pair = (-high, -low) if mirrored and low + high < 0.0 else (low, high)
+            if all(max(abs(a - b) for a, b in zip(pair, p, strict=True)) > 2 * size for p in found):
+                found.append(pair)
+    return [low if low == high else (low, high) for low, high in sorted(found)]
+
+
+def _corners(record: Record, rows: Ints) -> list[int]:
+    """Return the ends of the contact edge, 0 or -1, that touch at one of the turning points."""
+    states = record.turning_points.state[rows]
+    return [k for k in record.corner_ends if np.any(states[:, k] != State.SEPARATION)]

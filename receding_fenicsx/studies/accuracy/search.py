@@ -12,9 +12,18 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from receding_fenicsx.accuracy.asked import MIN_LEVELS, asked_numbers, hopeless, is_met
-from receding_fenicsx.accuracy.estimate import MIN_RATIO, ORDERS, Estimate, Level
-from receding_fenicsx.accuracy.meshes import (
+from receding_fenicsx.errors import InputError, MeshMisfit, SolveError
+from receding_fenicsx.scene.model import Scene
+from receding_fenicsx.scene.options import LOCAL_NUMBERS
+from receding_fenicsx.studies.accuracy.estimate import (
+    MIN_RATIO,
+    ORDERS,
+    Estimate,
+    Level,
+    estimates_of,
+    shown,
+)
+from receding_fenicsx.studies.accuracy.meshes import (
     doublings,
     elements_near,
     first_that_fits,
@@ -23,32 +32,16 @@ from receding_fenicsx.accuracy.meshes import (
     scaled_mesh,
     to_limit,
 )
-from receding_fenicsx.accuracy.space_errors import shown
-from receding_fenicsx.errors import InputError, MeshMisfit, SolveError
-from receding_fenicsx.scene.model import Scene
 
 log = logging.getLogger(__name__)
 
-FIRST_ELEMENTS = 24
-"""Contact elements of the first mesh, or the least that fit the scene."""
-FIRST_RATIO = 2.5
-"""Ratio of the elements of the first meshes, from which the orders are seen."""
+MIN_LEVELS = 3
+"""Smallest number of meshes of an accepted estimate."""
 RATIOS = (1.6, 2.8)
 """Smallest and largest ratio of the elements of two successive meshes: smaller ones repeat work,
 larger ones leave the estimate without meshes to compare with."""
-SLOW = (1.0, 1.8)
-"""Observed order below which the coarse meshes may have shown too little, and the largest ratio of
-the next mesh then: mostly it shows a higher order."""
-AIM = 0.75
-"""Part of the tolerance that a predicted mesh aims at."""
-MOST_NODES = 8000
-"""Largest number of contact nodes: the condensed stiffness takes 2 GB."""
-COST_ORDER = 2.0
-"""Assumed power of the elements with which the time of a run grows."""
-MOST_ELEMENTS = 4000
-"""Largest number of contact elements of a mesh that is searched for."""
-NEIGHBOURS = 1.3
-"""Largest ratio to the wanted elements in the search for a mesh whose vertices fit the scene."""
+MOST_NODES, MOST_ELEMENTS = 8000, 4000
+"""Largest number of contact nodes, whose condensed stiffness takes 2 GB, and of elements."""
 
 
 @dataclass
@@ -99,19 +92,13 @@ Solve = Callable[[Scene, int], Level]
 
 
 def search(
-    scene: Scene,
-    solve: Solve,
-    levels: Sequence[Level] = (),
-    moving_on: Callable[[Sequence[Level]], None] = lambda _: None,
-    graded: Callable[[Scene], Scene | None] = lambda _: None,
+    scene: Scene, solve: Solve, graded: Callable[[Scene], Scene | None] = lambda _: None
 ) -> Search:
     """Solve a scene on finer and finer meshes until its numbers meet its tolerance; collective.
 
     Args:
         scene: a scene with ``accuracy.tolerance``.
         solve: runs the scene of a mesh; raises MeshMisfit where its vertices do not fit the scene.
-        levels: meshes of an interrupted search.
-        moving_on: called with the meshes so far when another one is to be solved.
         graded: returns a scene whose meshes are graded, None where they cannot be; called where the
             first mesh has sharp corners in contact, which then begins anew.
 
@@ -125,19 +112,13 @@ def search(
     tolerance = scene.accuracy.tolerance
     assert tolerance is not None
     scene, own = to_limit(scene), scene.mesh.contact_elements
-    if levels and levels[0].sharp and not is_graded(scene):
-        scene = graded(scaled_mesh(scene, levels[0].elements)) or scene
-    found, known = Search(scene, list(levels)), len(levels)
-    for k in range(len(found.levels)):
-        found.way.append(asked_numbers(scene, found.levels[: k + 1]))
+    found = Search(scene)
     while True:
         wanted = next_elements(scene, found.levels, found.failures)
         found.reason = _too_much(scene, found.levels, wanted)
         if found.reason:
             found.reason += _wants(found)
             return found
-        if len(found.levels) > known:
-            moving_on(found.levels)
         try:
             level = _solved(scene, wanted, solve)
         except SolveError as error:
@@ -160,7 +141,7 @@ def search(
         found.met = len(found.levels) >= MIN_LEVELS and is_met(found.way[-1], tolerance)
         if found.met:
             return found
-        found.reason = hopeless(found.way)
+        found.reason = nonconvergence(found.way)
         if found.reason:
             return found
 
@@ -174,17 +155,18 @@ def next_elements(
     last is approached in equal ratios. The finest is tried where no other could follow the next.
     """
     if not levels:
-        first = doublings(scene)[0] if is_refined(scene) else FIRST_ELEMENTS
+        first = doublings(scene)[0] if is_refined(scene) else 24
         return max([first, *(2 * elements for elements, _ in failures)])
     last = levels[-1].elements
     if is_refined(scene):
         return 2 * last
-    ratio = FIRST_RATIO
+    ratio = 2.5  # from which the orders are seen
     if len(levels) >= MIN_LEVELS:
         asked, tolerance = asked_numbers(scene, levels), scene.accuracy.tolerance or 1.0
-        needed = max(needed_ratio(asked, AIM * tolerance), RATIOS[0])
-        slow = any(e.order < SLOW[0] and 2.0 * e.relative > tolerance for e in asked.values())
-        most = SLOW[1] if slow else RATIOS[1]
+        needed = max(needed_ratio(asked, 0.75 * tolerance), RATIOS[0])
+        # coarse meshes may have shown too little: mostly the next one shows a higher order
+        slow = any(e.order < 1.0 and 2.0 * e.relative > tolerance for e in asked.values())
+        most = 1.8 if slow else RATIOS[1]
         ratio = needed ** (1.0 / math.ceil(math.log(needed) / math.log(most)))
         finest = MOST_NODES / max(levels[-1].nodes, 1)
         does = needed_ratio(asked, tolerance) <= finest < ratio
@@ -220,7 +202,7 @@ def _too_much(scene: Scene, levels: Sequence[Level], wanted: int) -> str:
             if not is_refined(scene)
             else "the tolerance needs more refinements of the mesh file than there are"
         )
-    power = COST_ORDER
+    power = 2.0  # of the elements, with which the time of a run grows
     if len(levels) > 1 and levels[-2].seconds > 0.0 and last.seconds > levels[-2].seconds:
         seen = math.log(last.seconds / levels[-2].seconds)
         power = min(seen / math.log(last.elements / levels[-2].elements), 3.0)
@@ -253,7 +235,7 @@ def _most_elements(scene: Scene) -> int:
 
 def _solved(scene: Scene, wanted: int, solve: Solve) -> Level:
     """Solve on the mesh nearest to a wanted one whose vertices fit the scene, or on a finer one."""
-    near, reason = 1.0 if is_refined(scene) else NEIGHBOURS, ""
+    near, reason = 1.0 if is_refined(scene) else 1.3, ""
     while wanted <= _most_elements(scene):
         numbers = elements_near(scene, wanted, (wanted / near, wanted * near))
         try:
@@ -264,3 +246,53 @@ def _solved(scene: Scene, wanted: int, solve: Solve) -> Level:
             return found[1]
         wanted *= 2
     raise InputError(f"[mesh]: no mesh that was tried fits the scene; on the last one: {reason}")
+
+
+# -- the numbers that are asked for ------------------------------------------------------------
+
+
+def asked_numbers(scene: Scene, levels: Sequence[Level]) -> dict[str, Estimate]:
+    """Return the estimates of the numbers that were asked for, on the last of some meshes."""
+    every = estimates_of(levels)
+    wanted = scene.accuracy.numbers
+    if not wanted:
+        return {n: e for n, e in every.items() if n.partition("[")[0] not in LOCAL_NUMBERS}
+    found = {n: e for n, e in every.items() if n in wanted or n.partition("[")[0] in wanted}
+    for name in wanted:
+        if not _has(levels[-1], name):
+            if len(levels) > 1 and not _has(levels[-2], name):
+                raise InputError(
+                    f"[accuracy] numbers: the run has no '{name}'; it has {', '.join(every)}"
+                )
+            found[name] = Estimate(math.nan, math.nan, math.nan, 1.0)
+    return found
+
+
+def _has(level: Level, name: str) -> bool:
+    """Return whether a run has a number, or one of that name in front of brackets."""
+    return any(name in (n, n.partition("[")[0]) for n in level.numbers)
+
+
+def is_met(asked: Mapping[str, Estimate], tolerance: float) -> bool:
+    """Return whether twice the estimate of each number is within the tolerance."""
+    return bool(asked) and all(2.0 * e.relative <= tolerance for e in asked.values())
+
+
+def nonconvergence(way: Sequence[Mapping[str, Estimate]]) -> str:
+    """Return why no mesh will do: a number does not converge on two meshes running."""
+    if len(way) < 2:
+        return ""
+    now, before = way[-1], way[-2]
+    names = [n for n in now if n in before and now[n].error == before[n].error == math.inf]
+    infinite = [n for n in names if now[n].value == before[n].value == math.inf]
+    if infinite:
+        return (
+            f"{', '.join(infinite)} does not converge: singular, stresses are infinite at a corner "
+            "in contact; ask for other numbers"
+        )
+    if not names or len(way) < MIN_LEVELS + 1:
+        return ""
+    return (
+        f"{', '.join(names)} {'does' if len(names) == 1 else 'do'} not converge in order "
+        "(singular, or the mesh is far from resolving it); ask for other numbers"
+    )

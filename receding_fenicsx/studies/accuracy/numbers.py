@@ -21,11 +21,6 @@ from receding_fenicsx.interface.measures.zones import NO_NODES, contact_zone, st
 from receding_fenicsx.measures.corner_exponents import corners_of
 from receding_fenicsx.measures.half_widths import contact_betas, estimates_at, tractions
 
-FITTED_PART = 1.0 / 3.0
-"""Part of half its interval that a fitted end is known to: a tenth of the node spacing or more. The
-interval bounds the shift by the elements, which coarser meshes show."""
-ZIGZAG_NODES = 4
-"""Nodes to each side of a node whose pressures show how far its own may be off."""
 ROUND_OFF = 1e-10
 """Size of a number, over its scale, below which it is round-off: zero by symmetry."""
 
@@ -110,18 +105,22 @@ def _of_edge(record: Record, row: int) -> Iterator[tuple[str, Number]]:
 
 
 def _known_to(low: float, high: float, fitted: bool) -> float:
-    """Return what the end of a zone is known to on its own mesh."""
-    return float(0.5 * (high - low)) * (FITTED_PART if fitted else 1.0)
+    """Return what the end of a zone is known to on its own mesh.
+
+    A fitted end is known to a third of half its interval, a tenth of the node spacing or more: the
+    interval bounds the shift by the elements, which coarser meshes show.
+    """
+    return float(0.5 * (high - low)) * (1.0 / 3.0 if fitted else 1.0)
 
 
 def _scatter(record: Record, p: Array, node: int) -> float:
     """Return what the pressure of a node is known to: on linear elements it zigzags.
 
-    Half the largest second difference of the pressures near the node.
+    Half the largest second difference of the pressures of four nodes to each side.
     """
     if record.scene is None or record.scene.mesh.degree > 1:
         return 0.0
-    near = p[max(node - ZIGZAG_NODES, 0) : node + ZIGZAG_NODES + 1]
+    near = p[max(node - 4, 0) : node + 5]
     return float(0.5 * np.abs(np.diff(near, 2)).max(initial=0.0))
 
 
