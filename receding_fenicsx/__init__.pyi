@@ -90,7 +90,7 @@ from .measures.half_widths import (
 from .interface.measures.zone_ends import dundurs_beta as dundurs_beta
 from .evolution.moment import recovered_tractions as recovered_tractions
 from .interface.measures.tractions import traction_at as traction_at
-from .output.plots.loops import loop_of as loop_of
+from .output.plots.series import loop_of as loop_of
 from .studies.accuracy.numbers import headline as headline, Number as Number
 from .scene.options import HEADLINE_NAMES as HEADLINE_NAMES
 from .studies.accuracy.study import space_errors as space_errors

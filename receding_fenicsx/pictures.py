@@ -236,11 +236,11 @@ class Drawing:
         mpi.on_root(comm, self._finish_figures)
 
     def _begin_figures(self, record: Record, folder: Path) -> None:
-        """Begin to draw the figures beside; draw them here where no process can do it."""
+        """Begin to draw the figures beside, or draw them here: a user's are not known there."""
         with drawing_modules():
             from receding_fenicsx.output.plots import figures
         place, formats = folder / "figures", figures.FORMATS if self.pdf else ("png",)
-        if self.beside is None:
+        if self.beside is None or figures.FIGURES != figures.OF_PACKAGE:
             figures.plot_all(record, place, formats, self.say, self.everything)
         else:
             job = (folder / "record.h5", place, formats, self.everything)

@@ -16,6 +16,7 @@ import pytest
 from receding_fenicsx import environment, pictures, read_scene, workers
 from receding_fenicsx.errors import InputError, RecedingError
 from receding_fenicsx.mpi import on_root
+from receding_fenicsx.output.plots import figures
 from receding_fenicsx.studies import run as study
 from receding_fenicsx.timing import Countdown
 
@@ -74,6 +75,17 @@ def test_errors_of_the_process_that_draws_arrive_in_one_line(
     ):
         own.beside = workers.submit("figures", os.getpid)
         own.draw(scene, None, record, out)
+
+
+@pytest.mark.one_rank
+def test_figures_of_a_user_are_drawn_where_a_process_draws_beside(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(workers, "cores", lambda: 2)
+    monkeypatch.setattr(figures, "FIGURES", dict(figures.FIGURES))
+    figures.figure("own", needs=lambda _: True)(lambda record, _: figures.hysteresis(record))
+    study.run(read_scene(BLOCK, SMALL), tmp_path / "run", study.RunOptions(all_pictures=True), COMM)
+    assert {"own.png", "hysteresis.png"} <= {p.name for p in (tmp_path / "run/figures").iterdir()}
 
 
 @pytest.mark.one_rank

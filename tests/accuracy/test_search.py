@@ -13,7 +13,7 @@ import pytest
 
 from receding_fenicsx.bulk.mesh.meshing import contact_nodes_of
 from receding_fenicsx.errors import InputError, MeshMisfit, NotConverged
-from receding_fenicsx.output.plots.accuracy_plots import error_over_time
+from receding_fenicsx.output.plots.study_plots import error_over_time
 from receding_fenicsx.output.report.run import search_rows
 from receding_fenicsx.scene.model import Body, Contact, Load, Scene
 from receding_fenicsx.scene.toml_file import read_scene

@@ -19,7 +19,7 @@ from receding_fenicsx.bulk.stack import build_all
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.mpi import given
-from receding_fenicsx.output.plots.loops import loop_of
+from receding_fenicsx.output.plots.series import loop_of
 from receding_fenicsx.scene.model import (
     Body,
     Contact,

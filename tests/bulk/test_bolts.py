@@ -16,7 +16,7 @@ from receding_fenicsx.bulk.from_scene import bulk_of
 from receding_fenicsx.errors import InputError, SolveError
 from receding_fenicsx.modal.modes import mode_system
 from receding_fenicsx.mpi import given
-from receding_fenicsx.output.plots.loops import loop_of
+from receding_fenicsx.output.plots.series import loop_of
 from receding_fenicsx.scene.history import history_from_scene
 from receding_fenicsx.scene.model import (
     Body,

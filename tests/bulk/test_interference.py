@@ -18,7 +18,7 @@ from receding_fenicsx.bulk.mesh.meshing import make_meshes
 from receding_fenicsx.bulk.stack import build_all
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.mpi import given, on_root
-from receding_fenicsx.output.plots.loops import loop_of
+from receding_fenicsx.output.plots.series import loop_of
 from receding_fenicsx.scene.history import history_from_scene
 from receding_fenicsx.scene.identity import body_difference
 from receding_fenicsx.scene.model import (

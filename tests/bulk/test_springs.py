@@ -14,7 +14,7 @@ from bodies import block, cylinder, played
 from receding_fenicsx.bulk.springs import _across
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.mpi import given
-from receding_fenicsx.output.plots.loops import loop_of
+from receding_fenicsx.output.plots.series import loop_of
 from receding_fenicsx.scene.model import (
     Body,
     Contact,

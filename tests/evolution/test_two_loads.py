@@ -14,7 +14,7 @@ from receding_fenicsx.evolution.evolve import evolve
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.interface.law import State
 from receding_fenicsx.interface.system import ContactSystem
-from receding_fenicsx.output.plots.loops import loop_of
+from receding_fenicsx.output.plots.series import loop_of
 from receding_fenicsx.scene.model import (
     Body,
     Contact,

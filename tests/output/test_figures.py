@@ -23,10 +23,16 @@ from receding_fenicsx.measures.limit_nodes import limit_nodes
 from receding_fenicsx.output.plots import series
 from receding_fenicsx.output.plots.labels import describe_factors, load_symbol, scales_of
 from receding_fenicsx.output.plots.series import first_unloading, slip_lines
-from receding_fenicsx.output.plots.zones.timelines import Timeline, timeline, without_flicker
-from receding_fenicsx.output.plots.zones.zone_labels import MAX_NUMBERS
-from receding_fenicsx.output.plots.zones.zone_map import FLICKER, fill_strip, stacked_map, zone_map
-from receding_fenicsx.output.plots.zones.zone_plots import load_axis
+from receding_fenicsx.output.plots.zone_map import (
+    FLICKER,
+    Timeline,
+    fill_strip,
+    stacked_map,
+    timeline,
+    without_flicker,
+    zone_map,
+)
+from receding_fenicsx.output.plots.zone_plots import MAX_NUMBERS, load_axis
 from receding_fenicsx.output.report.html import report_html
 
 pytestmark = pytest.mark.one_rank

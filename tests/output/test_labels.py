@@ -17,8 +17,8 @@ import receding_fenicsx as rf
 from receding_fenicsx.measures.limit_nodes import LimitNodes
 from receding_fenicsx.output.plots.figures import draw_all
 from receding_fenicsx.output.plots.labels import kind_of
-from receding_fenicsx.output.plots.zones.zone_axes import add_legends
-from receding_fenicsx.output.plots.zones.zone_map import stacked_map
+from receding_fenicsx.output.plots.zone_map import stacked_map
+from receding_fenicsx.output.plots.zone_plots import add_legends
 from receding_fenicsx.output.report.run import FORCES
 from receding_fenicsx.output.report.turning_points import largest_shown
 

@@ -10,7 +10,7 @@ from matplotlib.colors import to_rgb
 from small import cyclic, small_system, table
 
 import receding_fenicsx as rf
-from receding_fenicsx.output.plots.loops import representative_nodes, shown_cycles
+from receding_fenicsx.output.plots.series import representative_nodes, shown_cycles
 
 pytestmark = pytest.mark.one_rank
 
@@ -41,6 +41,19 @@ def test_path_of_a_cycle_goes_from_turning_point_to_turning_point() -> None:
         middle = int(np.flatnonzero(loop.turning)[1])
         assert np.all(np.diff(loop.load[: middle + 1, 0]) < 0.0)
         assert np.all(np.diff(loop.load[middle:, 0]) > 0.0)
+
+
+@pytest.mark.parametrize("slip", [None, "0.01*x"])
+def test_path_of_the_first_loading_begins_at_rest(slip: str | None) -> None:
+    """All is zero there, but for an initial slip, whose first leg is one jump."""
+    loads = (rf.Load("p0", "top", pressure=1.0),)
+    scene = rf.Scene(loads=loads, history=rf.HistoryOptions(initial_slip=slip))
+    found = dataclasses.replace(record(), scene_toml=rf.to_toml(scene))
+    loop = rf.loop_of(found, 0)
+    begins = [part[0] for part in (loop.load, loop.displacement, loop.p, loop.q, loop.v, loop.w)]
+    assert all(np.all(part == 0.0) for part in begins) == (slip is None)
+    assert len({len(part) for part in (loop.load, loop.v, loop.turning)}) == 1
+    assert loop.load[-1] == [1.0] and loop.turning.tolist() == [False] * (len(loop.v) - 1) + [True]
 
 
 def test_cycle_without_samples_is_refused() -> None:

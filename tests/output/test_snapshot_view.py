@@ -273,6 +273,7 @@ def made_up(rigid: bool = True) -> View:
         arrows=[Arrows(np.array([[0.0, 1.3]]), np.array([[0.0, 1.1]]), True)],
         length_symbol="h",
         pressure_symbol="p_{0}",
+        own_units=rf.Units(),
         caption="a caption",
         radial=False,
     )

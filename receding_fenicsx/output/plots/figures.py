@@ -16,32 +16,32 @@ import numpy as np
 from matplotlib.backend_bases import FigureCanvasBase
 from matplotlib.figure import Figure
 
-from receding_fenicsx.arrays import spread
+from receding_fenicsx.arrays import Array, spread
 from receding_fenicsx.atomic import make_folder
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.evolution.moment import Moment, moment_of
 from receding_fenicsx.evolution.probe_history import probe_names
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.evolution.record_data import States
-from receding_fenicsx.output.plots.branch_plots import branches, slip_mode
 from receding_fenicsx.output.plots.cycle_plots import (
     dissipation_density,
     dissipation_per_cycle,
     slip_per_cycle,
 )
 from receding_fenicsx.output.plots.loop_plots import hysteresis, moving_loads, trajectories
-from receding_fenicsx.output.plots.loops import (
+from receding_fenicsx.output.plots.series import (
+    first_unloading,
+    legs_of,
     loop_of,
     representative_nodes,
     sampled_cycles,
     shown_cycles,
+    slip_lines,
 )
-from receding_fenicsx.output.plots.probe_plots import probe_stresses
-from receding_fenicsx.output.plots.series import first_unloading, legs_of, slip_lines
+from receding_fenicsx.output.plots.study_plots import branches, slip_mode
 from receding_fenicsx.output.plots.style import save
-from receding_fenicsx.output.plots.traction_plots import tractions
-from receding_fenicsx.output.plots.zones.cycle_maps import cycle_maps
-from receding_fenicsx.output.plots.zones.zone_plots import MAX_PANELS, zone_maps
+from receding_fenicsx.output.plots.traction_plots import probe_stresses, tractions
+from receding_fenicsx.output.plots.zone_plots import MAX_PANELS, cycle_maps, zone_maps
 from receding_fenicsx.timing import Say
 
 __all__ = [
@@ -64,7 +64,6 @@ __all__ = [
 ]
 
 FORMATS = ("png", "pdf")
-Needs = Callable[[Record], Any]
 Draw = Callable[[Record, Any], Figure]
 Main = Callable[[int], bool]
 
@@ -74,7 +73,7 @@ class Entry:
     """A figure of the registry; attributes are the arguments of :func:`figure`."""
 
     draw: Draw
-    needs: Needs
+    needs: Callable[[Record], Any]
     caption: str
     main: bool | Main
     all_edges: bool
@@ -87,7 +86,7 @@ FIGURES: dict[str, Entry] = {}
 
 def figure(
     name: str,
-    needs: Needs,
+    needs: Callable[[Record], Any],
     caption: str = "",
     main: bool | Main = False,
     all_edges: bool = False,
@@ -191,14 +190,19 @@ def last_cycle(record: Record) -> int:
 # -- the figures of the package, in the order of the report --------------------------------------
 
 
+def _parts(record: Record, load: Array) -> Array:
+    """Return absolute load factors, each over its largest."""
+    largest = np.abs(record.turning_points.load).max(axis=0)
+    return np.asarray(np.abs(load / np.where(largest > 0.0, largest, 1.0)))
+
+
 def _largest_first_load(record: Record) -> Moment | None:
     """Return the turning point of cycle 0 with the largest loads in contact."""
     table = record.turning_points
     rows = np.flatnonzero((table.cycle == 0) & np.any(table.P > 0.0, axis=1))
     if not len(rows):
         return None
-    largest = np.abs(table.load).max(axis=0)
-    size = np.abs(table.load[rows] / np.where(largest > 0.0, largest, 1.0)).sum(axis=1)
+    size = _parts(record, table.load[rows]).sum(axis=1)
     return moment_of(record, table, int(rows[np.argmax(size)]))
 
 
@@ -207,7 +211,7 @@ figure(
     needs=_largest_first_load,
     caption="Tractions, friction cone and states at the largest load of the first loading.",
     main=lambda last: last == 0,
-)(lambda record, moment: tractions(record, moment))
+)(tractions)
 
 
 def _sampled_first_unloading(record: Record) -> list[tuple[int, int]]:
@@ -220,7 +224,7 @@ figure(
     needs=_sampled_first_unloading,
     caption="Zones of stick, slip and separation along the first unloading.",
     main=lambda last: last <= 1,
-)(lambda record, legs: zone_maps(record, legs))
+)(zone_maps)
 
 
 def _third_of_load(record: Record) -> Moment | None:
@@ -228,33 +232,25 @@ def _third_of_load(record: Record) -> Moment | None:
     where = first_unloading(record)
     if where is None:
         return None
-    largest = np.abs(record.turning_points.load).max(axis=0)
     instants: list[tuple[float, int, States, int]] = []
     for table in (record.samples, record.turning_points):
         here = (table.cycle == where[0]) & (table.leg == where[1]) & np.any(table.P > 0.0, axis=1)
-        for row in np.flatnonzero(here):
-            part = np.abs(table.load[row] / np.where(largest > 0.0, largest, 1.0)).max()
-            instants.append((abs(part - 1.0 / 3.0), len(instants), table, int(row)))
-    if not instants:
-        return None
-    _, _, table, row = min(instants, key=lambda instant: instant[:2])
-    return moment_of(record, table, row)
+        for row in np.flatnonzero(here).tolist():
+            off = abs(_parts(record, table.load[row]).max() - 1.0 / 3.0)
+            instants.append((off, len(instants), table, row))
+    return moment_of(record, *min(instants)[2:]) if instants else None
 
 
 figure(
     "tractions_first_unloading",
     needs=_third_of_load,
     caption="Tractions during the first unloading; the load is given above the states.",
-)(lambda record, moment: tractions(record, moment))
-
-
+)(tractions)
 figure(
     "slip_per_cycle",
     needs=slip_lines,
     caption="Slip increment of each cycle at some nodes, with fitted power of N.",
 )(lambda record, _: slip_per_cycle(record))
-
-
 figure(
     "zones_last_cycle",
     needs=lambda record: last_cycle(record) > 1 and legs_of(record, last_cycle(record)),
@@ -274,8 +270,7 @@ def _(record: Record, _later: Any) -> Figure:
     sampled = [cycle for cycle in sampled_cycles(record) if cycle]
     legs = len(legs_of(record, sampled[0]))
     if legs > MAX_PANELS:
-        several = sorted({sampled[0], sampled[len(sampled) // 2], sampled[-1]})
-        return cycle_maps(record, several)
+        return cycle_maps(record, sorted({sampled[0], sampled[len(sampled) // 2], sampled[-1]}))
     columns = 2 if legs == 4 else min(legs, 3)
     most = 6 // -(-legs // columns)  # rows that fit a page; each cycle begins one
     several = sampled if len(sampled) <= most else [*sampled[: most - 1], sampled[-1]]
@@ -290,8 +285,6 @@ figure(
     main=True,
     all_edges=True,
 )(lambda record, _: dissipation_per_cycle(record))
-
-
 figure(
     "dissipation_density",
     needs=lambda record: bool(np.any(record.cycles.dissipation_density > 0.0)),
@@ -302,7 +295,7 @@ figure(
 def _moving(record: Record) -> list[int]:
     """Return the loads that move in the shown cycles."""
     cycles = shown_cycles(record) if last_cycle(record) > 0 else []
-    return moving_loads([loop_of(record, cycle) for cycle in cycles]) if cycles else []
+    return moving_loads([loop_of(record, cycle) for cycle in cycles])
 
 
 figure(
@@ -312,8 +305,6 @@ figure(
     main=True,
     all_edges=True,
 )(lambda record, _: hysteresis(record))
-
-
 figure(
     "trajectories",
     needs=lambda record: (
@@ -321,7 +312,7 @@ figure(
     ),
     caption="Paths of single nodes: tractions with the friction cone (above), displacements "
     "(below). Dots are turning points.",
-)(lambda record, _: trajectories(record))
+)(trajectories)
 
 
 def _turning_points_of_last_cycle(record: Record) -> list[Moment]:
@@ -335,9 +326,7 @@ figure(
     needs=_turning_points_of_last_cycle,
     caption="Tractions, friction cone and states at the turning points of the last cycle.",
     main=True,
-)(lambda record, moments: tractions(record, moments))
-
-
+)(tractions)
 figure(
     "probe",
     needs=lambda record: probe_names(record) if len(record.turning_points.s) else (),
@@ -345,4 +334,7 @@ figure(
     main=True,
     all_edges=True,
     each=True,
-)(lambda record, name: probe_stresses(record, name))
+)(probe_stresses)
+
+OF_PACKAGE = dict(FIGURES)
+"""Figures that are registered wherever the package is imported: those that a helper process has."""

@@ -11,6 +11,7 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 from math import hypot
+from typing import NamedTuple
 
 import numpy as np
 
@@ -22,15 +23,7 @@ from receding_fenicsx.output.plots.series import first_unloading, is_unloading, 
 from receding_fenicsx.scene.model import FREE, Load, Scene
 from receding_fenicsx.scene.units import Units, in_unit
 
-NO_UNITS = Units()
-
 # -- names of loads: a symbol as mathematics, a word as text -------------------------------------
-
-IN_MATHEMATICS = {
-    **{letter: f"\\{letter}" for letter in "_%${} "},
-    **{"\\": r"\backslash ", "^": r"\wedge ", "~": r"\sim ", "#": r"\sharp ", '"': "''", "`": "'"},
-}
-"""Replacements of letters of a name that are commands in Matplotlib's mathematics."""
 
 
 def is_word(name: str) -> bool:
@@ -52,7 +45,13 @@ def load_symbol(name: str) -> str:
     found = re.fullmatch(r"([A-Za-z])_?([A-Za-z0-9]*)", name)
     if found and (len(found[2]) == 0 or found[2].isdigit()):
         return found[1] + (f"_{{{found[2]}}}" if found[2] else "")
-    word = "".join(IN_MATHEMATICS.get(letter, letter) for letter in _shortened(name))
+    # letters that are commands in Matplotlib's mathematics
+    commands = {
+        **{letter: f"\\{letter}" for letter in "_%${} "},
+        **{"\\": r"\backslash ", "^": r"\wedge ", "~": r"\sim ", "#": r"\sharp "},
+        **{'"': "''", "`": "'"},
+    }
+    word = "".join(commands.get(letter, letter) for letter in _shortened(name))
     return rf"\mathrm{{{word}}}"
 
 
@@ -69,8 +68,7 @@ def peak(symbol: str) -> str:
 # -- kinds of loads and their work-conjugate quantities ------------------------------------------
 
 
-@dataclass(frozen=True)
-class LoadKind:
+class LoadKind(NamedTuple):
     """What a load is.
 
     Attributes:
@@ -91,23 +89,23 @@ class LoadKind:
 def kind_of(scene: Scene | None, name: str, axisymmetric: bool) -> LoadKind:
     """Return the kind of a load; forces and work are those of the full circle if axisymmetric."""
     # work is stress times area in the plane, for unit thickness, or stress times volume
-    work = (1, 3 if axisymmetric else 2)
-    parts = [load for load in scene.loads if load.name == name] if scene else []
+    lengths = 3 if axisymmetric else 2
     if scene and name in [bolt.name for bolt in scene.bolts]:
-        return LoadKind(1.0, (0, 1), "force of the bolt", (1, work[1] - 1), "F")
+        return LoadKind(1.0, (0, 1), "force of the bolt", (1, lengths - 1), "F")
+    parts = [load for load in scene.loads if load.name == name] if scene else []
     found = {_size_and_kind(part) for part in parts}
     size, kind = found.pop() if len(found) == 1 else (0.0, "factor")
     if (len(parts) > 1 and kind in ("force", "displacement")) or size == 0.0:
         size, kind = 1.0, "factor"
     displaced = "displaced volume" if axisymmetric else "displaced area"
     unit, conjugate, symbol = {
-        "force": ((1, work[1] - 1), "displacement along the force", r"\delta"),
+        "force": ((1, lengths - 1), "displacement along the force", r"\delta"),
         "stress": ((1, 0), displaced, r"\delta"),
         "tension": ((1, 0), "area conjugate to the tension", r"\delta"),
         "displacement": ((0, 1), "force on the edge", "F"),
         "factor": ((0, 0), "work over load factor", "U"),
     }[kind]
-    return LoadKind(size, unit, conjugate, (work[0] - unit[0], work[1] - unit[1]), symbol)
+    return LoadKind(size, unit, conjugate, (1 - unit[0], lengths - unit[1]), symbol)
 
 
 def _size_and_kind(load: Load) -> tuple[float, str]:
@@ -126,11 +124,7 @@ def _size_and_kind(load: Load) -> tuple[float, str]:
     return (hypot(*numbers) if len(numbers) == len(values) else 0.0), kind
 
 
-# -- scales --------------------------------------------------------------------------------------
-
-
-@dataclass(frozen=True)
-class Conjugate:
+class Conjugate(NamedTuple):
     """The work-conjugate quantity of a load in figures.
 
     Attributes:
@@ -147,6 +141,9 @@ class Conjugate:
     bracket: str
     name: str
     upright: bool
+
+
+# -- scales --------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True)
@@ -175,11 +172,11 @@ class Scales:
     load_max: Array
     young: float
     symmetric: bool
-    axisymmetric: bool = False
-    radial: bool = False
-    begins_on_axis: bool = False
-    units: Units = NO_UNITS
-    kinds: tuple[LoadKind, ...] = ()
+    axisymmetric: bool
+    radial: bool
+    begins_on_axis: bool
+    units: Units
+    kinds: tuple[LoadKind, ...]
 
     @property
     def x_label(self) -> str:
@@ -188,7 +185,7 @@ class Scales:
 
     def position(self, x: float, digits: str) -> str:
         """Return "x/h = 0.5", or "x = 5 mm", of a position over the length scale."""
-        symbol = position_label(self.length_symbol, self.radial)
+        symbol = position_label(self.length_symbol, self.radial, Units())
         return f"{symbol[:-1]} = {x:z{digits}}$ {shown_unit(self.units.length)}".rstrip()
 
     def with_unit(self, label: str, divided: str, stress: int = 0, length: int = 0) -> str:
@@ -231,15 +228,12 @@ class Scales:
 
     def load_unit(self, k: int) -> str:
         """Return the unit of a load; "" if it is not known or the load is a factor."""
-        return self._unit_of(self.kinds[k].unit) if self.kinds else ""
+        return self._unit_of(self.kinds[k].unit)
 
     def conjugate(self, k: int, prescribed: bool) -> Conjugate:
         """Return the work-conjugate quantity of a load, which may be a prescribed displacement."""
-        if not self.kinds:
-            name = "work over load factor" if prescribed else "work-conjugate displacement"
-            return Conjugate(1.0, "U", "", "", name, prescribed)
-        kind = self.kinds[k]
-        unit, behind = kind.size, ""
+        kind, behind = self.kinds[k], ""
+        unit = kind.size
         if not prescribed and self._nondimensional():
             # conjugate to the pressure, not to its factor: an area, or the volume of a circle
             unit, behind = self.elastic(1, 3 if self.axisymmetric else 2)
@@ -274,8 +268,7 @@ class Scales:
 
 def scales_of(record: Record) -> Scales:
     """Return the units of a record: those of the scene, else its height and pressure."""
-    scene = record.scene
-    length = length_of(scene)
+    scene, length = record.scene, length_of(record.scene)
     pressure, symbol = pressure_of(scene, record.load_names)
     largest = np.abs(record.turning_points.load).max(axis=0, initial=0.0)
     x, tables = record.x, (record.turning_points.state, record.samples.state)
@@ -292,12 +285,12 @@ def scales_of(record: Record) -> Scales:
         axisymmetric=record.axisymmetric,
         radial=record.radius is not None and np.allclose(record.x, record.radius),
         begins_on_axis=record.begins_on_axis,
-        units=scene.units if scene is not None else NO_UNITS,
+        units=scene.units if scene is not None else Units(),
         kinds=tuple(kind_of(scene, name, record.axisymmetric) for name in record.load_names),
     )
 
 
-def position_label(length_symbol: str, radial: bool, units: Units = NO_UNITS) -> str:
+def position_label(length_symbol: str, radial: bool, units: Units) -> str:
     """Return the label of positions along the contact edge."""
     symbol = "r" if radial else "x"
     if length_symbol:
@@ -345,38 +338,41 @@ def load_pieces(record: Record, moment: Moment, scales: Scales) -> tuple[str, li
     """Return the name of the leg of an instant, and a text for each load there."""
     found = []
     for k, (name, value) in enumerate(moment.load.items()):
-        unit, (one, _) = scales.load_unit(k), scales.load_axis(k, name)
-        own = f"{load_text(name)} ${three_digits(value / one)}$ {unit}"
-        part = np.array([value / scales.load_max[k]])
-        found.append(own if unit else describe_factors((name,), part))
+        if unit := scales.load_unit(k):
+            shown = three_digits(value / scales.load_axis(k, name)[0])
+            found.append(f"{load_text(name)} ${shown}$ {unit}")
+        else:
+            found.append(describe_factors((name,), np.array([value / scales.load_max[k]])))
     return _place(record, moment.cycle, moment.leg, moment.s), found
 
 
 def leg_pieces(record: Record, cycle: int, leg: int, scales: Scales) -> list[str]:
     """Return the name of a leg; with several loads also the range of each load that changes."""
-    text = _place(record, cycle, leg, 1.0)
-    if len(record.load_names) == 1:
-        return [text]
-    begin, end = leg_ends(record, cycle, leg)
-    moves = []
-    for k, name in enumerate(record.load_names):
-        unit = scales.load_unit(k)
-        one = scales.load_axis(k, name)[0] if unit else scales.load_max[k]
-        if begin[k] != end[k]:
-            first, last = (three_digits(factor[k] / one) for factor in (begin, end))
-            moves.append(f"{load_text(name)} ${first}$ to ${last}$ {unit}".rstrip())
+    text, moves = _place(record, cycle, leg, 1.0), []
+    ends = leg_ends(record, cycle, leg)
+    for k, name in enumerate(record.load_names if len(record.load_names) > 1 else ()):
+        one, (begin, end) = scales.load_axis(k, name)[0], (float(end[k]) for end in ends)
+        if begin != end:
+            first, last = three_digits(begin / one), three_digits(end / one)
+            moves.append(f"{load_text(name)} ${first}$ to ${last}$ {scales.load_unit(k)}".rstrip())
     return [f"{text}: {moves[0]}", *moves[1:]] if moves else [text]
 
 
 def describe_factors(names: tuple[str, ...], parts: Array) -> str:
     """Describe load factors as parts of their largest values."""
-    symbols = [load_symbol(name) for name in names]
-    return ", ".join(
-        f"{shown_name(name)} at ${three_digits(part)}$ of its largest"
-        if is_word(name)
-        else f"${symbol} = {_number(float(part))}{peak(symbol) if part else ''}$"
-        for name, symbol, part in zip(names, symbols, parts, strict=True)
-    )
+    known = {-1.0: "-", 1.0: "", 1.0 / 3.0: r"\frac{1}{3}\,", 2.0 / 3.0: r"\frac{2}{3}\,"}
+    found = []
+    for name, part in zip(names, parts.tolist(), strict=True):
+        symbol = load_symbol(name)
+        if is_word(name):
+            found.append(f"{shown_name(name)} at ${three_digits(part)}$ of its largest")
+        elif part == 0.0:
+            found.append(f"${symbol} = 0$")
+        else:
+            near = [text for value, text in known.items() if abs(value - part) < 1e-9]
+            times = near[0] if near else rf"{three_digits(part)}\,"
+            found.append(f"${symbol} = {times}{peak(symbol)}$")
+    return ", ".join(found)
 
 
 def _place(record: Record, cycle: int, leg: int, s: float) -> str:
@@ -419,12 +415,3 @@ def three_digits(value: float) -> str:
     if 0 < int(power) <= 5:
         return f"{float(text):.0f}"
     return rf"{mantissa} \times 10^{{{int(power)}}}"
-
-
-def _number(value: float) -> str:
-    """Format a factor of a symbol: "" for 1, a fraction for thirds, else three digits."""
-    known = {-1.0: "-", 1.0: "", 1.0 / 3.0: r"\frac{1}{3}\,", 2.0 / 3.0: r"\frac{2}{3}\,"}
-    for part, text in known.items():
-        if abs(value - part) < 1e-9:
-            return text
-    return rf"{three_digits(value)}\," if value else "0"

@@ -1,26 +1,254 @@
-"""Data of figures: legs, slip per cycle."""
+"""Data of figures: requested cycles, legs and nodes; paths through a cycle; slip per cycle."""
 
 from __future__ import annotations
 
+import operator
+from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from receding_fenicsx.arrays import Array, Ints
+from receding_fenicsx.errors import InputError
 from receding_fenicsx.evolution.record import Record
+from receding_fenicsx.evolution.record_data import States
+from receding_fenicsx.interface.law import State
 from receding_fenicsx.interface.measures.steady import PowerLaw, fit_power_law
 from receding_fenicsx.scene.history.harmonic import corner_angles, is_straight
 
-SLIP_CYCLES = (4, 20)
-"""Cycles N of the fit: earlier ones do not follow a power law, later increments are small."""
-SLIP_NODES = (0.5, 0.8)
-"""Range of |x| over the length scale of nodes that are drawn before others."""
-POSITION_TOLERANCE = 1e-6
-"""Round-off of the representative nodes' positions, over the length scale."""
-MAX_LINES = 4
-"""Largest number of nodes in the figure of slip per cycle."""
 CURVED_LEGS = 12
 """Number of legs above which a cycle is a curve rather than loading and unloading."""
+
+# -- legs ----------------------------------------------------------------------------------------
+
+
+def leg_ends(record: Record, cycle: int, leg: int) -> tuple[Array, Array]:
+    """Return load factors (n_loads,) at the start and the end of a leg."""
+    table = record.turning_points
+    row = int(np.flatnonzero((table.cycle == cycle) & (table.leg == leg))[0])
+    return table.load[row - 1] if row else np.zeros_like(table.load[0]), table.load[row]
+
+
+def legs_of(record: Record, cycle: int) -> list[tuple[int, int]]:
+    """Return (cycle, leg) of the legs of a cycle that have samples."""
+    table = record.samples
+    return [(cycle, int(leg)) for leg in np.unique(table.leg[table.cycle == cycle])]
+
+
+def is_unloading(record: Record, cycle: int, leg: int) -> bool:
+    """Return whether the sum of the absolute loads falls along a leg."""
+    begin, end = leg_ends(record, cycle, leg)
+    return bool(np.abs(end).sum() < np.abs(begin).sum())
+
+
+def first_unloading(record: Record) -> tuple[int, int] | None:
+    """Return cycle and leg of the first unloading; None without one.
+
+    One leg of a cycle of more than ``CURVED_LEGS`` legs is a short piece of a curve, and not shown.
+    """
+    table = record.turning_points
+    for where in zip(table.cycle.tolist(), table.leg.tolist(), strict=True):
+        if is_unloading(record, *where):
+            return where if np.count_nonzero(table.cycle == where[0]) <= CURVED_LEGS else None
+    return None
+
+
+def phases(record: Record) -> Array | None:
+    """Return the angles in degrees at the ends of the legs of a cycle, from its start on.
+
+    None where the history is not harmonic, or where its loads are in phase or opposite: its two
+    legs are not an ellipse.
+    """
+    scene = record.scene
+    if scene is None or scene.history.kind != "harmonic" or is_straight(scene.history):
+        return None
+    angles = corner_angles(scene.history, scene.driven_names)
+    whole = np.all(np.bincount(record.turning_points.cycle)[1:] == len(angles) - 1)
+    return angles if whole else None
+
+
+# -- requested cycles, legs and nodes ------------------------------------------------------------
+
+
+def sampled_cycles(record: Record) -> list[int]:
+    """Return the cycles that the record holds samples of."""
+    return [int(cycle) for cycle in np.unique(record.samples.cycle)]
+
+
+def shown_cycles(record: Record) -> list[int]:
+    """Return first loading, first and last cycle, as far as there are samples."""
+    cycles = sampled_cycles(record)
+    return sorted({*cycles[:2], *cycles[-1:]})
+
+
+def requested_cycles(record: Record, asked: int | Iterable[int]) -> list[int]:
+    """Return the requested cycles, one or several; refuse none, and those without samples."""
+    found, known = [_whole(cycle, "cycle") for cycle in _each(asked)], sampled_cycles(record)
+    for cycle in found:
+        if cycle not in known:
+            raise InputError(
+                f"cycle {cycle}: the record has no samples of it, only of {known}; name it in "
+                "[output] cycles"
+            )
+    if not found:
+        raise InputError(f"cycles: name some of {known}")
+    return found
+
+
+def requested_legs(record: Record, asked: int | Iterable[tuple[int, int]]) -> list[tuple[int, int]]:
+    """Return the requested legs as (cycle, leg); of a cycle all; refuse those without samples."""
+    if not _several(asked):
+        return legs_of(record, *requested_cycles(record, [_whole(asked, "cycle")]))
+    found = []
+    for pair in _each(asked):
+        if not _several(pair) or len(pair) != 2:
+            raise InputError(
+                f"legs: give a cycle, or a list of (cycle, leg), legs from 0; {asked!r} is neither"
+            )
+        (cycle,), leg = requested_cycles(record, pair[:1]), _whole(pair[1], "leg")
+        if (cycle, leg) not in legs_of(record, cycle):
+            known = [k for _, k in legs_of(record, cycle)]
+            raise InputError(f"cycle {cycle}, leg {leg}: has no such leg, only {known}")
+        found.append((cycle, leg))
+    if not found:
+        raise InputError(f"legs: none is asked for; cycles {sampled_cycles(record)} have samples")
+    return found
+
+
+def requested_nodes(record: Record, asked: int | Iterable[int]) -> list[int]:
+    """Return the requested contact nodes; refuse none, and those that do not exist."""
+    found = [_whole(node, "node") for node in _each(asked)]
+    if not found or not all(0 <= node < len(record.x) for node in found):
+        raise InputError(f"nodes {found}: name some of 0 to {len(record.x) - 1}")
+    return found
+
+
+def _whole(value: Any, what: str) -> int:
+    try:
+        return operator.index(value)
+    except TypeError:
+        raise InputError(f"{what} {value!r}: must be a whole number") from None
+
+
+def _several(asked: Any) -> bool:
+    return isinstance(asked, Iterable) and not isinstance(asked, str)
+
+
+def _each(asked: Any) -> list[Any]:
+    return list(asked) if _several(asked) else [asked]
+
+
+# -- paths through a cycle -----------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Loop:
+    """n instants of one cycle in order of time, from the end of the cycle before, or from rest.
+
+    Attributes:
+        cycle: the cycle.
+        load, displacement: (n, n_loads) load factors and their work-conjugate displacements.
+        load_sign: (n_loads,) -1 for forces, +1 for prescribed displacements, whose conjugates are
+            forces times the displacements at factor 1.
+        p, q, v, w: (n, N) tractions and displacements.
+        turning: (n,) True at turning points.
+    """
+
+    cycle: int
+    load: Array
+    displacement: Array
+    load_sign: Array
+    p: Array
+    q: Array
+    v: Array
+    w: Array
+    turning: NDArray[np.bool_]
+
+    def area(self) -> Array:
+        r"""(n_loads,) work of each load over the closed cycle.
+
+        For a force it is the integral of the load factor over its displacement; for a prescribed
+        displacement, the integral of its conjugate over the load factor. The sum over the loads is
+        the dissipation of the closed cycle. The trapezoidal rule on the samples is exact if no node
+        changes its state between two samples.
+        """
+        mean = 0.5 * (self.load[1:] + self.load[:-1])
+        return -self.load_sign * np.sum(mean * np.diff(self.displacement, axis=0), axis=0)
+
+
+def loop_of(record: Record, cycle: int) -> Loop:
+    """Return a sampled cycle's path.
+
+    Raises:
+        InputError: the record holds no samples of the cycle.
+    """
+    requested_cycles(record, cycle)
+    points, samples = record.turning_points, record.samples
+    parts: list[tuple[States, NDArray[np.intp], bool]] = []
+    parts.append((points, np.flatnonzero(points.cycle < cycle)[-1:], True))
+    for end in np.flatnonzero(points.cycle == cycle):
+        here = (samples.cycle == cycle) & (samples.leg == points.leg[end])
+        rows = np.flatnonzero(here & (samples.s > 0.0) & (samples.s < 1.0))
+        parts.append((samples, rows[np.argsort(samples.s[rows], kind="stable")], False))
+        parts.append((points, np.array([end]), True))
+    # at rest all is zero, but for an initial slip
+    slipped = record.scene is not None and record.scene.history.initial_slip is not None
+    rest = 0 if len(parts[0][1]) or slipped else 1
+
+    def join(name: str) -> Array:
+        found = np.vstack([getattr(table, name)[rows] for table, rows, _ in parts])
+        return np.vstack([np.zeros((rest, found.shape[1])), found])
+
+    return Loop(
+        cycle=cycle,
+        load=join("load"),
+        displacement=join("load_displacement"),
+        load_sign=record.load_sign,
+        p=join("p"),
+        q=join("q"),
+        v=join("v"),
+        w=join("w"),
+        turning=np.array(
+            [False] * rest + [t for _, rows, turns in parts for t in [turns] * len(rows)]
+        ),
+    )
+
+
+def representative_nodes(record: Record) -> list[int]:
+    """Choose nodes with different paths, with x > 0 if half of the body was modelled.
+
+    Returns:
+        Up to 4 nodes in order of x, in contact in the last sampled cycle: the one with the largest
+        dissipation, the middle one of those that also separate, the middle one of those that always
+        stick, and others evenly between them.
+    """
+    rows = np.isin(record.samples.cycle, sampled_cycles(record)[-1:])
+    state, force = record.samples.state[rows], record.samples.P[rows]
+    # less of the largest nodal force is round-off
+    usable = np.any(force > 1e-6 * force.max(initial=0.0), axis=0) & (record.weight > 0.0)
+    if record.half and np.any(usable & (record.x > 0.0)):
+        usable &= record.x > 0.0
+    if not np.any(usable):
+        return []
+    chosen = set()
+    density = record.cycles.dissipation_density[-1:]
+    if np.any(density > 0.0):
+        chosen.add(int(np.argmax(np.where(usable, density[0], -1.0))))
+    for kind in (np.any(state == State.SEPARATION, axis=0), np.all(state == State.STICK, axis=0)):
+        nodes = np.flatnonzero(usable & kind)
+        chosen |= {int(nodes[len(nodes) // 2])} if len(nodes) else set()
+    between = np.flatnonzero(usable)
+    if len(chosen) > 1:
+        between = between[(between > min(chosen)) & (between < max(chosen))]
+    missing = min(4 - len(chosen), len(between))
+    for part in (np.arange(missing) + 1.0) / (missing + 1.0):
+        chosen.add(int(between[round(part * (len(between) - 1))]))
+    return sorted(chosen, key=lambda i: float(record.x[i]))
+
+
+# -- slip per cycle ------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True)
@@ -48,59 +276,6 @@ class SlipLine:
         return self.factor * N**self.fit.exponent
 
 
-def leg_ends(record: Record, cycle: int, leg: int) -> tuple[Array, Array]:
-    """Return load factors (n_loads,) at the start and the end of a leg."""
-    row = leg_row(record, cycle, leg)
-    end = record.turning_points.load[row]
-    return record.turning_points.load[row - 1] if row else np.zeros_like(end), end
-
-
-def leg_row(record: Record, cycle: int, leg: int) -> int:
-    """Return the row of the turning points at which a leg ends."""
-    table = record.turning_points
-    return int(np.flatnonzero((table.cycle == cycle) & (table.leg == leg))[0])
-
-
-def legs_of(record: Record, cycle: int) -> list[tuple[int, int]]:
-    """Return (cycle, leg) of the legs of a cycle that have samples."""
-    table = record.samples
-    return [(cycle, int(leg)) for leg in np.unique(table.leg[table.cycle == cycle])]
-
-
-def is_unloading(record: Record, cycle: int, leg: int) -> bool:
-    """Return whether the sum of the absolute loads falls along a leg."""
-    begin, end = leg_ends(record, cycle, leg)
-    return bool(np.abs(end).sum() < np.abs(begin).sum())
-
-
-def first_unloading(record: Record) -> tuple[int, int] | None:
-    """Return cycle and leg of the first unloading; None without one.
-
-    One leg of a cycle of more than ``CURVED_LEGS`` legs is a short piece of a curve, and not shown.
-    """
-    table = record.turning_points
-    for where in zip(table.cycle.tolist(), table.leg.tolist(), strict=True):
-        if is_unloading(record, *where):
-            legs = np.count_nonzero(table.cycle == where[0])
-            return where if legs <= CURVED_LEGS else None
-    return None
-
-
-def phases(record: Record) -> Array | None:
-    """Return the angles in degrees at the ends of the legs of a cycle, from its start on.
-
-    None where the history is not harmonic, or where its loads are in phase or opposite: its two
-    legs are not an ellipse.
-    """
-    scene = record.scene
-    if scene is None or scene.history.kind != "harmonic" or is_straight(scene.history):
-        return None
-    angles = corner_angles(scene.history, scene.driven_names)
-    return (
-        angles if np.all(np.bincount(record.turning_points.cycle)[1:] == len(angles) - 1) else None
-    )
-
-
 def slip_lines(record: Record, length: float = 1.0, unit: float = 1.0) -> list[SlipLine]:
     """Return slip per cycle at representative nodes with fitted powers of N.
 
@@ -111,7 +286,7 @@ def slip_lines(record: Record, length: float = 1.0, unit: float = 1.0) -> list[S
         unit: what slip is divided by.
 
     Returns:
-        Up to ``MAX_LINES`` nodes spread evenly; none when there are too few cycles.
+        Up to 4 nodes spread evenly; none when there are too few cycles.
     """
     cycles = fitted_cycles(record)
     size = np.abs(record.cycles.slip_increment)
@@ -122,27 +297,26 @@ def slip_lines(record: Record, length: float = 1.0, unit: float = 1.0) -> list[S
     seen = size > 1e-9 * size.max()
     moving = np.all(seen[cycles - 1], axis=0)
     distance = record.x / length
-    low, high = SLIP_NODES[0] - POSITION_TOLERANCE, SLIP_NODES[1] + POSITION_TOLERANCE
-    wanted = moving & (distance >= low) & (distance <= high)
+    # positions have round-off
+    wanted = moving & (distance >= 0.5 - 1e-6) & (distance <= 0.8 + 1e-6)
     nodes = np.flatnonzero(wanted if wanted.any() else moving)
     if not len(nodes):
         return []
-    chosen = nodes[np.unique(np.linspace(0, len(nodes) - 1, MAX_LINES).round().astype(int))]
     lines = []
-    for i in chosen:
+    for i in nodes[np.unique(np.linspace(0, len(nodes) - 1, 4).round().astype(int))]:
         values = size[cycles - 1, i] / unit
         fit = fit_power_law(cycles.astype(float), values)
-        factor = np.exp(np.mean(np.log(values) - fit.exponent * np.log(cycles)))
+        factor = float(np.exp(np.mean(np.log(values) - fit.exponent * np.log(cycles))))
         N = np.flatnonzero(seen[:, i]) + 1
         slip = size[N - 1, i] / unit
-        lines.append(
-            SlipLine(int(i), float(distance[i]), N.astype(float), slip, fit, float(factor))
-        )
+        lines.append(SlipLine(int(i), float(distance[i]), N.astype(float), slip, fit, factor))
     return lines
 
 
 def fitted_cycles(record: Record) -> Ints:
-    """Return the cycles of the fits: ``SLIP_CYCLES``, or the later half."""
+    """Return the cycles of the fits: 4 to 20, or the later half of fewer.
+
+    Earlier cycles do not follow a power law, later increments are small.
+    """
     n = len(record.cycles.slip_increment)
-    first, last = SLIP_CYCLES
-    return np.arange(first, last + 1) if n >= last else np.arange(n // 2, n + 1)[n // 2 == 0 :]
+    return np.arange(4, 21) if n >= 20 else np.arange(max(n // 2, 1), n + 1)

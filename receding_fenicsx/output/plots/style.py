@@ -32,48 +32,22 @@ from receding_fenicsx.interface.law import STATE_NAMES, State
 from receding_fenicsx.interface.measures.zones import FRICTIONLESS_CONTACT
 
 STATE_COLOURS = description.STATE_COLOURS
-"""Fill colour of each state."""
-
-STATE_INKS = {
-    State.STICK: "#000000",
-    State.SEPARATION: "#000000",
-    State.FORWARD_SLIP: "#000000",
-    State.BACKWARD_SLIP: "#ffffff",
-}
+STATE_INKS = {state: "#ffffff" if state == State.BACKWARD_SLIP else "#000000" for state in State}
 """Colour of text on each state's fill."""
-
 STATE_OF_NAME = {name: state for state, name in STATE_NAMES.items()}
 """States by the names that zones have."""
-
-STATE_LABELS = {state: f"{state.value}  {STATE_NAMES[state]}" for state in State}
-"""Number and name of each state."""
-
-PRESSURE_COLOUR = "#000000"
-SHEAR_COLOUR = "#d55e00"
-"""Vermilion of the Okabe-Ito set."""
-GUIDE_COLOUR = "#808080"
-"""Colour of friction cone, published values and undeformed outlines."""
-INK_OF_GUIDES = "#505050"
-"""Colour of secondary text."""
+PRESSURE_COLOUR, SHEAR_COLOUR = "#000000", "#d55e00"
+GUIDE_COLOUR, INK_OF_GUIDES = "#808080", "#505050"
+"""Colours of friction cone, reference lines and undeformed outlines, and of secondary text."""
 GUIDE: dict[str, Any] = {"color": GUIDE_COLOUR, "dashes": (3, 2), "lw": 0.8}
 """Style of reference lines."""
 CONE: dict[str, Any] = {"fc": "#ececec", "ec": GUIDE_COLOUR, "ls": (0, (3, 2)), "lw": 0.7}
 """Style of the friction cone |q| <= f p."""
 SERIES_COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9")
-"""Colours of series of lines."""
-
-COLUMN = 3.54
-"""Width in inches of one column of a journal page (90 mm)."""
-PAGE = 7.48
-"""Width in inches of a whole page (190 mm)."""
-DPI = 300
-"""Dots per inch of PNG files."""
-
-MAX_PEAK = 2.5
-"""Largest part of a peak that is shown, over the largest of the other tractions."""
-NOTEBOOK_DPI = 150
-"""Dots per inch in a notebook."""
-
+COLUMN, PAGE = 3.54, 7.48
+"""Widths in inches of one column of a journal page (90 mm), and of a whole page (190 mm)."""
+DPI, NOTEBOOK_DPI = 300, 150
+"""Dots per inch of PNG files, and in a notebook."""
 RC: dict[Any, Any] = {
     "font.family": "STIXGeneral",
     "mathtext.fontset": "stix",
@@ -140,17 +114,15 @@ def focus(p: Array, others: Array) -> tuple[float, float]:
     Args:
         p: (n,) normal traction.
         others: other values in the same axes.
-
-    Returns:
-        Lowest and highest limit.
     """
     touching = p[p > 0.0]
     top = float(touching.max(initial=0.0))
-    # the tractions of a tenth of the contact nodes may belong to the peak at a corner
-    usual = float(np.percentile(touching, 90.0)) if len(touching) else 0.0
+    # the tractions of a tenth of the contact nodes may belong to the peak at a corner; it is shown
+    # up to 2.5 times the others
+    usual = 2.5 * float(np.percentile(touching, 90.0)) if len(touching) else 0.0
     low = float(others.min(initial=0.0))
-    if top > MAX_PEAK * usual > 0.0:
-        low, top = low * MAX_PEAK * usual / top, MAX_PEAK * usual
+    if top > usual > 0.0:
+        low, top = low * usual / top, usual
     room = 0.06 * (top - low) or 1.0
     return low - room, top + room
 
@@ -197,7 +169,7 @@ def state_patches(states: Iterable[int], friction: ArrayLike = True) -> list[Pat
         friction: where there is friction. Closed nodes without friction have the state of stick;
             it is called contact if there is no friction anywhere, and both if there is somewhere.
     """
-    labels = dict(STATE_LABELS)
+    labels = {state: f"{state.value}  {STATE_NAMES[state]}" for state in State}
     if not np.all(friction):
         both = f"{labels[State.STICK]}, or {FRICTIONLESS_CONTACT} without friction"
         labels[State.STICK] = both if np.any(friction) else f"1  {FRICTIONLESS_CONTACT}"

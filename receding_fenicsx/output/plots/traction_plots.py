@@ -1,9 +1,11 @@
-"""Figures of tractions, friction limit and states along the contact edge."""
+"""Figures of tractions and states along the contact edge, and of stresses at probes."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import pairwise
+from typing import Any
 
 import matplotlib as mpl
 import numpy as np
@@ -13,20 +15,21 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
+from receding_fenicsx.arrays import Array
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.evolution.moment import Moment, recovered_tractions
+from receding_fenicsx.evolution.probe_history import ProbeHistory
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.interface.measures.zones import zones
 from receding_fenicsx.measures.limit_nodes import shown_states
 from receding_fenicsx.output.plots import style
 from receding_fenicsx.output.plots.labels import Scales, load_pieces, scales_of
+from receding_fenicsx.output.plots.series import CURVED_LEGS, phases
 
-TITLE_WIDTH, LINE = 2.9, 0.14
-"""Largest width of a panel's title, and height of a line of it after the first, in inches."""
-MIN_NUMBERED_ZONE = 0.03
-"""Smallest length, over that of the contact edge, of a zone that has its number in the band."""
+# -- tractions -----------------------------------------------------------------------------------
 
 
+@mpl.rc_context(style.RC)
 def tractions(
     record: Record, moments: Moment | Sequence[Moment], scales: Scales | None = None
 ) -> Figure:
@@ -51,55 +54,44 @@ def tractions(
             "tractions: give an instant, as record.at() returns it, or a list of some, not "
             f"{moments!r}"
         )
-    panels = len(moments)
-    with mpl.rc_context(style.RC):
-        texts = [
-            style.panel_title(n, panels, _title(record, moment, scales))
-            for n, moment in enumerate(moments)
-        ]
-        lines = sum(text.count("\n") for text in texts)
-        figure = style.new_figure(style.COLUMN, 0.95 + 1.75 * panels + LINE * lines)
-        grid = figure.add_gridspec(2 * panels, 1, height_ratios=[0.09, 1.0] * panels)
-        axes: Axes | None = None
-        shown = [
-            replace(moment, state=shown_states(record, moment.cycle, moment.state))
-            for moment in moments
-        ]
-        for n, moment in enumerate(shown):
-            band = figure.add_subplot(grid[2 * n], sharex=axes)
-            axes = figure.add_subplot(grid[2 * n + 1], sharex=band)
-            _draw_band(band, record, moment.state, scales)
-            band.set_title(texts[n], pad=6.0)
-            _draw_curves(axes, record, moment, scales)
-            axes.tick_params(labelbottom=n == panels - 1)
-            if n == panels - 1:
-                axes.set_xlabel(scales.x_label)
+    panels, texts = len(moments), []
+    for n, moment in enumerate(moments):
+        # the leg and its load, or below it several loads; 2.9 inches are a panel's width
+        leg, loads = load_pieces(record, moment, scales)
+        head = [leg] if len(loads) > 1 else []
+        rest = style.wrapped(loads if head else [leg, *loads], 2.9)
+        texts.append(style.panel_title(n, panels, "\n".join([*head, rest])))
+    # inches: 0.14 for a further line of a title
+    lines = sum(text.count("\n") for text in texts)
+    figure = style.new_figure(style.COLUMN, 0.95 + 1.75 * panels + 0.14 * lines)
+    grid = figure.add_gridspec(2 * panels, 1, height_ratios=[0.09, 1.0] * panels)
+    axes: Axes | None = None
+    shown = [replace(m, state=shown_states(record, m.cycle, m.state)) for m in moments]
+    for n, moment in enumerate(shown):
+        band = figure.add_subplot(grid[2 * n], sharex=axes)
+        axes = figure.add_subplot(grid[2 * n + 1], sharex=band)
+        _draw_band(band, record, moment.state, scales)
+        band.set_title(texts[n], pad=6.0)
+        _draw_curves(axes, record, moment, scales)
+        axes.tick_params(labelbottom=n == panels - 1)
+        if n == panels - 1:
+            axes.set_xlabel(scales.x_label)
+    if np.any(record.friction.present):
         p, q, cone = scales.traction_labels()
-        friction = bool(np.any(record.friction.present))
-        if friction:
-            # two coefficients need no formula: the cone is drawn between both limits
-            one = record.f_backward is None
-            curves = [
-                Line2D([], [], color=style.PRESSURE_COLOUR, label=p),
-                Line2D([], [], color=style.SHEAR_COLOUR, label=q),
-                Patch(label=f"friction cone, {cone}" if one else "friction cone", **style.CONE),
-            ]
-            # in a row, unless the unit has a long name
-            # length of the friction cone's label below which three labels fit in a row
-            ncols = 3 if len(cone) < 28 else 2
-            figure.legend(handles=curves, loc="outside upper center", ncols=ncols)
-        states = np.unique([moment.state for moment in shown])
-        patches = style.state_patches(states, record.friction.present)
-        figure.legend(handles=patches, loc="outside lower center", ncols=2, columnspacing=1.4)
+        # two coefficients need no formula: the cone is drawn between both limits
+        label = f"friction cone, {cone}" if record.f_backward is None else "friction cone"
+        curves = [
+            Line2D([], [], color=style.PRESSURE_COLOUR, label=p),
+            Line2D([], [], color=style.SHEAR_COLOUR, label=q),
+            Patch(label=label, **style.CONE),
+        ]
+        # in a row, unless the pressure has a long name
+        ncols = 3 if len(cone) < 28 else 2
+        figure.legend(handles=curves, loc="outside upper center", ncols=ncols)
+    states = np.unique([moment.state for moment in shown])
+    patches = style.state_patches(states, record.friction.present)
+    figure.legend(handles=patches, loc="outside lower center", ncols=2, columnspacing=1.4)
     return figure
-
-
-def _title(record: Record, moment: Moment, scales: Scales) -> str:
-    """Return the leg of an instant and its load, or below it several loads."""
-    leg, loads = load_pieces(record, moment, scales)
-    if len(loads) > 1:
-        return f"{leg}\n{style.wrapped(loads, TITLE_WIDTH)}"
-    return style.wrapped([leg, *loads], TITLE_WIDTH)
 
 
 def _draw_band(axes: Axes, record: Record, state: NDArray[np.int8], scales: Scales) -> None:
@@ -108,16 +100,9 @@ def _draw_band(axes: Axes, record: Record, state: NDArray[np.int8], scales: Scal
     for name, a, b in zones(x, state, record.begins_on_axis):
         kind = style.STATE_OF_NAME[name]
         axes.axvspan(a, b, fc=style.STATE_COLOURS[kind], ec="black", lw=0.4)
-        if b - a > MIN_NUMBERED_ZONE * np.ptp(x):
-            axes.text(
-                0.5 * (a + b),
-                0.46,
-                str(int(kind)),
-                ha="center",
-                va="center",
-                fontsize=7.5,
-                color=style.STATE_INKS[kind],
-            )
+        if b - a > 0.03 * np.ptp(x):  # room for the number
+            place: dict[str, Any] = {"ha": "center", "va": "center", "fontsize": 7.5}
+            axes.text(0.5 * (a + b), 0.46, str(int(kind)), color=style.STATE_INKS[kind], **place)
     axes.set_ylim(0.0, 1.0)
     axes.tick_params(
         left=False, right=False, bottom=False, top=False, labelleft=False, labelbottom=False
@@ -127,8 +112,7 @@ def _draw_band(axes: Axes, record: Record, state: NDArray[np.int8], scales: Scal
 def _draw_curves(axes: Axes, record: Record, moment: Moment, scales: Scales) -> None:
     """Draw recovered p and q, and the friction cone, at the nodes with weight."""
     used = record.weight > 0.0
-    x = record.x[used] / scales.length
-    unit = scales.traction_unit(moment)
+    x, unit = record.x[used] / scales.length, scales.traction_unit(moment)
     p, q = (part[used] / unit for part in recovered_tractions(record, moment))
     low, high = record.friction[used].limits(p)
     axes.axhline(0.0, color="black", lw=0.4)
@@ -144,3 +128,112 @@ def _draw_curves(axes: Axes, record: Record, moment: Moment, scales: Scales) -> 
     axes.set_ylim(*style.focus(p, np.concatenate([q, high, low])))
     style.ticks(axes.yaxis, 7)
     axes.set_ylabel(scales.with_unit(",  ".join(labels), scales.pressure_symbol, stress=1))
+
+
+# -- stresses at probes --------------------------------------------------------------------------
+
+
+@mpl.rc_context(style.RC)
+def probe_stresses(record: Record, name: str, scales: Scales | None = None) -> Figure:
+    """Draw the stresses at a probe.
+
+    Of one point: along the load path of the first loading, of cycle 1 and of the last cycle. Of
+    several: against the distance along them, at turning points of the last cycle.
+
+    Args:
+        record: the record.
+        name: name of the probe.
+        scales: units; by default those of the record.
+
+    Returns:
+        The figure.
+
+    Raises:
+        InputError: the record has no such probe.
+    """
+    scales = scales or scales_of(record)
+    probe, angles = record.probe(name), phases(record)
+    draw = _along_path if len(probe.points) == 1 else _along_points
+    figure, panels = draw(probe, scales, angles)
+    handles, labels = panels[0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside upper center", ncols=len(labels))
+    return figure
+
+
+def _along_path(
+    probe: ProbeHistory, scales: Scales, angles: Array | None
+) -> tuple[Figure, list[Axes]]:
+    """Draw stresses at one point against the position on the legs of some cycles."""
+    shown = sorted({0, min(1, int(probe.cycle[-1])), int(probe.cycle[-1])})
+    figure = style.new_figure(style.PAGE if len(shown) > 1 else style.COLUMN, 2.5)
+    axes = figure.subplots(1, len(shown), sharey=True, squeeze=False)[0]
+    values = _stresses(probe)[:, 0]
+    for n, (panel, cycle) in enumerate(zip(axes, shown, strict=True)):
+        start = np.flatnonzero(probe.cycle == cycle - 1)[-1:]
+        rows = np.concatenate([start, np.flatnonzero(probe.cycle == cycle)])
+        path = np.where(probe.cycle[rows] < cycle, 0.0, probe.leg[rows] + probe.s[rows])
+        drawn = values[rows]
+        if cycle == 0:
+            path = np.concatenate([[0.0], path])
+            drawn = np.vstack([np.zeros((1, values.shape[1])), drawn])
+        elif angles is not None:
+            path = np.interp(path, np.arange(len(angles)), angles)
+        _draw_stresses(panel, path, drawn, scales)
+        text = f"cycle {cycle}" if cycle else "first loading"
+        panel.set_title(style.panel_title(n, len(shown), text))
+        legs = int(probe.leg[rows].max()) + 1
+        panel.set(xlim=(0.0, legs), xlabel="legs of the cycle" if cycle else "legs from rest")
+        for leg in range(1, legs if legs <= CURVED_LEGS else 1):
+            panel.axvline(leg, **style.GUIDE)
+        style.ticks(panel.xaxis)
+        if cycle and angles is not None:
+            panel.set_xlim(angles[0], angles[-1])
+            style.phase_axis(panel.xaxis)
+        if n:
+            panel.set_ylabel("")
+    return figure, axes.tolist()
+
+
+def _along_points(
+    probe: ProbeHistory, scales: Scales, angles: Array | None
+) -> tuple[Figure, list[Axes]]:
+    """Draw stresses along the points at up to four turning points of the last cycle."""
+    rows = np.flatnonzero((probe.cycle == probe.cycle[-1]) & (probe.kind == "turning point"))
+    chosen = rows[np.linspace(0, len(rows) - 1, min(len(rows), 4)).astype(int)]
+    steps = [float(np.hypot(*(b - a))) for a, b in pairwise(probe.points)]
+    distance = np.concatenate([[0.0], np.cumsum(steps)]) / scales.length
+    figure = style.new_figure(style.COLUMN, 0.8 + 1.7 * len(chosen))
+    axes = figure.subplots(len(chosen), 1, sharex=True, squeeze=False)[:, 0]
+    values = _stresses(probe)
+    for n, (panel, row) in enumerate(zip(axes, chosen, strict=True)):
+        _draw_stresses(panel, distance, values[row], scales, "o" if len(distance) <= 12 else "")
+        leg, cycle = int(probe.leg[row]), int(probe.cycle[row])
+        text = f"end of leg {leg}, cycle {cycle}"
+        if angles is not None and cycle:
+            text = f"cycle {cycle}, phase ${angles[leg + 1]:.0f}$°"
+        panel.set_title(style.panel_title(n, len(chosen), text))
+        panel.set_xlim(0.0, distance[-1])
+    over = f"$/{scales.length_symbol}$" if scales.length_symbol else ""
+    axes[-1].set_xlabel(scales.with_unit(f"distance along the points{over}", over, length=1))
+    return figure, axes.tolist()
+
+
+def _stresses(probe: ProbeHistory) -> Array:
+    """Return (n, points, 5): the stress components and von Mises' equivalent stress."""
+    return np.concatenate([probe.stress, probe.von_mises[..., None]], axis=-1)
+
+
+def _draw_stresses(axes: Axes, x: Array, values: Array, scales: Scales, marker: str = "") -> None:
+    """Draw the lines of all stresses, which differ in greyscale too."""
+    unit, suffix = scales.peak_traction()
+    plane, round_ = ("xx", "yy", "zz", "xy"), ("rr", "zz", r"\theta\theta", "rz")
+    indices = [*(round_ if scales.axisymmetric else plane), r"\mathrm{v}"]
+    dashes = (None, (4, 1.5), (1, 1), (4, 1, 1, 1), None)
+    colours = (*style.SERIES_COLOURS[:4], style.PRESSURE_COLOUR)
+    for k, (index, dash, colour) in enumerate(zip(indices, dashes, colours, strict=True)):
+        label = rf"$\sigma_{{{index}}}$"
+        (line,) = axes.plot(x, values[:, k] / unit, marker=marker, color=colour, label=label)
+        if dash:
+            line.set_dashes(dash)
+    axes.axhline(0.0, color=style.GUIDE_COLOUR, lw=0.5)
+    axes.set_ylabel(scales.with_unit(f"$\\sigma{suffix}$", suffix, stress=1))

@@ -45,7 +45,7 @@ def _turning_point(record: Record, i: int, betas: tuple[float, ...]) -> dict[str
     table = record.turning_points
     x, cycle = record.x, table.cycle
     found = contact_zones(x, table.state[i], record.friction.mean, record.begins_on_axis)
-    point = {
+    point: dict[str, Any] = {
         "cycle": int(cycle[i]),
         "leg": int(table.leg[i]),
         "load": dict(zip(record.load_names, table.load[i].tolist(), strict=True)),

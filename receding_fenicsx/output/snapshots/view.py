@@ -13,7 +13,6 @@ from receding_fenicsx.bulk.fields import Fields
 from receding_fenicsx.evolution.instants import Instant
 from receding_fenicsx.interface.law import Friction
 from receding_fenicsx.output.plots.labels import (
-    NO_UNITS,
     describe_factors,
     length_of,
     name_leg,
@@ -116,7 +115,7 @@ class View:
     pressure_symbol: str
     caption: str
     radial: bool
-    own_units: SceneUnits = NO_UNITS
+    own_units: SceneUnits
 
     @property
     def stress_unit(self) -> str:

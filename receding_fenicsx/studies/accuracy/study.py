@@ -309,5 +309,5 @@ def _graded(scene: Scene) -> Scene | None:
 def draw_way(folder: Path, extra: dict[str, Any]) -> None:
     """Draw the search of a run among its figures."""
     with drawing_modules():
-        from receding_fenicsx.output.plots.accuracy_plots import draw_search
+        from receding_fenicsx.output.plots.study_plots import draw_search
     draw_search(extra["accuracy"], folder / "figures")

@@ -1,4 +1,4 @@
-"""Zone maps: states along the contact edge as areas over (x, s), for one leg.
+"""Zone maps: states along the contact edge as areas over (x, s), for one leg or for a cycle.
 
 The exact method knows when each node changes its state. A change that two neighbouring nodes both
 make is drawn as a straight line between their instants. A change that only one of them makes ends
@@ -7,6 +7,7 @@ midway between them. Nothing is rounded to samples or pixels.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 
@@ -17,20 +18,164 @@ from receding_fenicsx.arrays import Array
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.interface.law import State
 from receding_fenicsx.output.plots.series import legs_of
-from receding_fenicsx.output.plots.zones.timelines import (
-    Timeline,
-    timeline,
-    timelines_of,
-    without_flicker,
-    without_slip,
-)
 
 FLICKER = 0.08
 """Longest change between stick and slip, as a part of a leg, that counts as flicker: with elements
 of degree 2 single nodes at the ends of zones change their state and change back."""
+SLIPS = (State.FORWARD_SLIP, State.BACKWARD_SLIP)
 
 Polygon = Array
 """(n, 2) corners (x, s)."""
+Change = tuple[float, int]
+"""Position s on the leg, and the new state."""
+
+
+# -- states of single nodes along a leg ----------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Timeline:
+    """States of one node along a leg.
+
+    Attributes:
+        state: (n,) successive states, each different from the one before.
+        s: (n + 1,) begins of the states and end of the last one, from 0 to 1.
+    """
+
+    state: NDArray[np.int8]
+    s: Array
+
+    def at(self, s: float | Array) -> NDArray[np.int8]:
+        """Return the state at s; at a change the new state."""
+        return self.state[np.clip(np.searchsorted(self.s, s, "right") - 1, 0, len(self.state) - 1)]
+
+    @property
+    def changes(self) -> list[Change]:
+        """Changes of state (s, new state)."""
+        return list(zip(self.s[1:-1].tolist(), self.state[1:].tolist(), strict=True))
+
+
+def timeline(start: int, changes: Sequence[Change]) -> Timeline:
+    """Make a timeline from the first state and the changes (s, new state), in order of s."""
+    states, begins = [start], [0.0]
+    for s, new in [*changes, (1.0, -1)]:
+        # a state before it of this part of a leg is round-off
+        if s - begins[-1] <= 1e-9:
+            states.pop()
+            begins.pop()
+        if new < 0:
+            break
+        if states and states[-1] == new:
+            continue
+        states.append(new)
+        begins.append(s if len(states) > 1 else 0.0)
+    return Timeline(np.array(states, dtype=np.int8), np.array([*begins, 1.0]))
+
+
+def timelines_of(
+    record: Record,
+    cycle: int,
+    leg: int,
+    stuck: NDArray[np.bool_] | None = None,
+    flicker: float = 0.0,
+) -> list[Timeline]:
+    """Return the timelines of all nodes along a sampled leg, from its events or its samples.
+
+    Args:
+        record: the record; it must hold samples of the leg.
+        cycle: cycle, 0 for the first loading.
+        leg: leg within the cycle.
+        stuck: (N,) nodes with negligible slip, which is shown as stick.
+        flicker: longest removed state, see :func:`without_flicker`; 0 removes nothing.
+    """
+    read = _from_events if record.method == "events" else _from_samples
+    lines = read(record, cycle, leg)
+    for i in np.flatnonzero(stuck) if stuck is not None else ():
+        state = np.where(np.isin(lines[i].state, SLIPS), State.STICK, lines[i].state)
+        lines[i] = timeline(int(state[0]), Timeline(state, lines[i].s).changes)
+    return without_flicker(lines, flicker)
+
+
+def without_flicker(timelines: list[Timeline], longest: float) -> list[Timeline]:
+    """Remove short changes between stick and slip that a single node makes and reverts.
+
+    Args:
+        timelines: timelines of all nodes, in order.
+        longest: largest duration, as a part of the leg, of a removed state. It is removed if the
+            states before and after are equal and no neighbour changes its state meanwhile.
+    """
+    found = list(timelines)
+    for i, line in enumerate(timelines):
+        beside = [timelines[j] for j in (i - 1, i + 1) if 0 <= j < len(timelines)]
+        changes = line.changes
+        k = 0
+        while k + 1 < len(changes):
+            before = int(line.state[0]) if k == 0 else changes[k - 1][1]
+            (begin, state), (end, after) = changes[k : k + 2]
+            quiet = not any(np.any((t.s[1:-1] >= begin) & (t.s[1:-1] <= end)) for t in beside)
+            friction = {before, state} <= {State.STICK, *SLIPS}
+            if before == after and friction and quiet and end - begin <= longest:
+                del changes[k : k + 2]
+            else:
+                k += 1
+        if len(changes) + 1 < len(line.state):
+            found[i] = timeline(int(line.state[0]), changes)
+    return found
+
+
+def _from_events(record: Record, cycle: int, leg: int) -> list[Timeline]:
+    """Go back from the states at the end of the leg to those at its begin, event by event."""
+    table, events = record.turning_points, record.events
+    end = table.state[np.flatnonzero((table.cycle == cycle) & (table.leg == leg))[0]]
+    here = np.flatnonzero((events.cycle == cycle) & (events.leg == leg))
+    first = end.astype(int)
+    changes: list[list[Change]] = [[] for _ in end]
+    for k in here[::-1]:
+        first[events.node[k]] = events.old[k]
+    for k in here:
+        changes[events.node[k]].append((float(events.s[k]), int(events.new[k])))
+    return [timeline(int(a), b) for a, b in zip(first, changes, strict=True)]
+
+
+def _from_samples(record: Record, cycle: int, leg: int) -> list[Timeline]:
+    """Move each zone's end at constant speed from one sample to the next."""
+    table = record.samples
+    rows = np.flatnonzero((table.cycle == cycle) & (table.leg == leg))
+    rows = rows[np.argsort(table.s[rows], kind="stable")]
+    if np.any(table.P[rows] > 0.0) and not np.any(table.P[rows[-1]] > 0.0):
+        # without any force every state is admissible: show the zones of the limit
+        rows = rows[:-1]
+    s, state = table.s[rows], table.state[rows]
+    changes: list[list[Change]] = [[] for _ in record.x]
+    for k in range(1, len(s)):
+        old, new = state[k - 1], state[k]
+        # neighbouring nodes that make the same change
+        key = np.where(old == new, 0, 10 * old.astype(int) + new)
+        for run in np.split(np.arange(len(key)), np.flatnonzero(np.diff(key)) + 1):
+            for i, part in zip(run, _order(run, old, new), strict=True) if key[run[0]] else ():
+                changes[i].append((float(s[k - 1] + part * (s[k] - s[k - 1])), int(new[i])))
+    return [timeline(int(a), b) for a, b in zip(state[0], changes, strict=True)]
+
+
+def _order(run: NDArray[np.intp], old: NDArray[np.int8], new: NDArray[np.int8]) -> Array:
+    """Return when, in [0, 1], the nodes of a group change, as the end of a zone passes them."""
+    n = len(run)
+    left, right = run[0] - 1, run[-1] + 1
+    forward = (np.arange(n) + 0.5) / n
+    joins_left = left >= 0 and old[left] == new[run[0]]
+    joins_right = right < len(old) and old[right] == new[run[0]]
+    leaves_left = left >= 0 and new[left] == old[run[0]]
+    leaves_right = right < len(old) and new[right] == old[run[0]]
+    if joins_left != joins_right:
+        return forward if joins_left else forward[::-1]
+    if joins_left:
+        return np.minimum(forward, forward[::-1]) * 2.0
+    if leaves_left != leaves_right:
+        return forward[::-1] if leaves_left else forward
+    return np.full(n, 0.5)
+
+
+# -- zones ---------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True)
@@ -89,19 +234,8 @@ def zone_map(
     stuck: NDArray[np.bool_] | None = None,
     flicker: float = 0.0,
 ) -> ZoneMap:
-    """Map the zones of one leg.
-
-    Args:
-        record: the record; it must hold samples of the leg.
-        cycle: cycle, 0 for the first loading.
-        leg: leg within the cycle.
-        stuck: (N,) nodes with negligible slip, which is shown as stick.
-        flicker: longest removed state, see :func:`without_flicker`; 0 removes nothing.
-
-    Returns:
-        The map.
-    """
-    timelines = _lines_of(record, cycle, leg, stuck, flicker)
+    """Map the zones of one leg; the arguments are those of :func:`timelines_of`."""
+    timelines = timelines_of(record, cycle, leg, stuck, flicker)
     strips = [
         fill_strip(a, b, x0, x1)
         for (a, b), (x0, x1) in zip(pairwise(timelines), pairwise(record.x), strict=True)
@@ -116,15 +250,14 @@ def stacked_map(
 ) -> ZoneMap:
     """Map the zones of a whole cycle, its n legs stacked: leg k is at k/n <= s <= (k + 1)/n.
 
-    The arguments are those of :func:`zone_map`. Where two neighbouring nodes keep the same state
-    through several legs, these have one polygon.
+    The arguments are those of :func:`timelines_of`. Where two neighbouring nodes keep the same
+    state through several legs, these have one polygon.
     """
-    legs = [leg for _, leg in legs_of(record, cycle)]
-    lines = [_lines_of(record, cycle, leg, stuck, flicker) for leg in legs]
+    lines = [timelines_of(record, *leg, stuck, flicker) for leg in legs_of(record, cycle)]
     first, last = (np.array([[t.state[k] for t in row] for row in lines]) for k in (0, -1))
     constant = np.array([[len(t.state) == 1 for t in row] for row in lines])
     same = constant[:, 1:] & constant[:, :-1] & (first[:, 1:] == first[:, :-1])
-    n, x = len(legs), record.x
+    n, x = len(lines), record.x
     pieces: list[tuple[State, Polygon]] = []
     found: list[Array] = []
     for i in range(len(x) - 1):
@@ -139,60 +272,26 @@ def stacked_map(
             move, scale = np.array([0.0, begin / n]), np.array([1.0, 1.0 / n])
             pieces += [(state, polygon * scale + move) for state, polygon in strip.pieces]
             found += [line * scale + move for line in strip.lines]
-    found += _changes_between_legs(x, first, last)
-    whole = [_joined([row[i] for row in lines]) for i in range(len(x))]
-    return ZoneMap(x, whole, pieces, np.array(found).reshape(-1, 2, 2))
-
-
-def _changes_between_legs(x: Array, first: NDArray[np.int8], last: NDArray[np.int8]) -> list[Array]:
-    """Return lines where nodes change their state at the turning point between two legs.
-
-    Args:
-        x: (N,) positions.
-        first: (n, N) states at the begin of each leg.
-        last: (n, N) states at the end of each leg.
-    """
+    # lines where nodes change their state at the turning point between two legs
     ends = np.concatenate([x[:1], 0.5 * (x[1:] + x[:-1]), x[-1:]])
-    found = []
-    for k in range(1, len(first)):
+    for k in range(1, n):
         changed = np.flatnonzero(first[k] != last[k - 1])
         for run in np.split(changed, np.flatnonzero(np.diff(changed) > 1) + 1):
             if len(run):
-                s = k / len(first)
-                found.append(np.array([[ends[run[0]], s], [ends[run[-1] + 1], s]]))
-    return found
-
-
-def _joined(lines: list[Timeline]) -> Timeline:
-    """Join the timelines of a node along n legs; s of the whole runs from 0 to 1."""
-    n = len(lines)
-    changes = [
-        ((k + s) / n, int(state))
-        for k, line in enumerate(lines)
-        for s, state in zip(line.s[:-1].tolist(), line.state.tolist(), strict=True)
-    ]
-    return timeline(changes[0][1], changes[1:])
-
-
-def _lines_of(
-    record: Record, cycle: int, leg: int, stuck: NDArray[np.bool_] | None, flicker: float
-) -> list[Timeline]:
-    """Return the timelines of all nodes along a leg, cleaned as in :func:`zone_map`."""
-    timelines = timelines_of(record, cycle, leg)
-    if stuck is not None:
-        timelines = [without_slip(t) if i else t for t, i in zip(timelines, stuck, strict=True)]
-    return without_flicker(timelines, flicker)
+                found.append(np.array([[ends[run[0]], k / n], [ends[run[-1] + 1], k / n]]))
+    whole = []
+    for i in range(len(x)):
+        changes = [
+            ((k + s) / n, int(state))
+            for k, row in enumerate(lines)
+            for s, state in zip(row[i].s[:-1].tolist(), row[i].state.tolist(), strict=True)
+        ]
+        whole.append(timeline(changes[0][1], changes[1:]))
+    return ZoneMap(x, whole, pieces, np.array(found).reshape(-1, 2, 2))
 
 
 def fill_strip(a: Timeline, b: Timeline, x0: float, x1: float) -> Strip:
-    """Return the strip between two neighbouring nodes.
-
-    Args:
-        a: timeline of the left node.
-        b: timeline of the right node.
-        x0: position of the left node.
-        x1: position of the right node.
-    """
+    """Return the strip between two neighbouring nodes at x0 and x1 with these timelines."""
     strip = Strip(x0, x1)
     matched = [(0, 0), *_matches(a, b), (len(a.state), len(b.state))]
     for n, ((i0, j0), (i1, j1)) in enumerate(pairwise(matched)):
@@ -211,14 +310,18 @@ def _matches(a: Timeline, b: Timeline) -> list[tuple[int, int]]:
     among equal numbers the pairs closest in s.
     """
     na, nb = len(a.state), len(b.state)
+
+    def gain(i: int, j: int) -> float:
+        same = a.state[i - 1] == b.state[j - 1] and a.state[i] == b.state[j]
+        return 2.0 - abs(a.s[i] - b.s[j]) if same else -1.0
+
     best = np.zeros((na + 1, nb + 1))
     for i in range(na - 1, 0, -1):
         for j in range(nb - 1, 0, -1):
-            best[i, j] = max(best[i + 1, j], best[i, j + 1], _gain(a, b, i, j) + best[i + 1, j + 1])
+            best[i, j] = max(best[i + 1, j], best[i, j + 1], gain(i, j) + best[i + 1, j + 1])
     found, i, j = [], 1, 1
     while i < na and j < nb:
-        gain = _gain(a, b, i, j)
-        if gain > 0.0 and best[i, j] == gain + best[i + 1, j + 1]:
+        if gain(i, j) > 0.0 and best[i, j] == gain(i, j) + best[i + 1, j + 1]:
             found.append((i, j))
             i, j = i + 1, j + 1
         elif best[i, j] == best[i + 1, j]:
@@ -226,12 +329,6 @@ def _matches(a: Timeline, b: Timeline) -> list[tuple[int, int]]:
         else:
             j += 1
     return found
-
-
-def _gain(a: Timeline, b: Timeline, i: int, j: int) -> float:
-    """Return the value of a pair of changes; negative if they are different."""
-    same = a.state[i - 1] == b.state[j - 1] and a.state[i] == b.state[j]
-    return 2.0 - abs(a.s[i] - b.s[j]) if same else -1.0
 
 
 def _fill_block(strip: Strip, a: Timeline, b: Timeline) -> None:
@@ -253,8 +350,7 @@ def _fill_block(strip: Strip, a: Timeline, b: Timeline) -> None:
             pieces.append((State(state), np.array(corners)))
             if k:
                 lines.append(np.array([[x, t.s[k]], [middle, m[k]]]))
-    cuts = np.unique(np.concatenate(inner))
-    for low, high in pairwise(cuts):
+    for low, high in pairwise(np.unique(np.concatenate(inner))):
         half = 0.5 * (low + high)
         states = [t.state[np.searchsorted(m, half) - 1] for t, m in zip((a, b), inner, strict=True)]
         if states[0] != states[1]:

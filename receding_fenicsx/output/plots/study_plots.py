@@ -1,0 +1,187 @@
+"""Figures of studies: branches, slip mode at critical friction, search for a tolerance."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from itertools import cycle
+from pathlib import Path
+from typing import Any
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator, NullFormatter
+
+from receding_fenicsx.arrays import Array
+from receding_fenicsx.atomic import make_folder
+from receding_fenicsx.errors import InputError
+from receding_fenicsx.evolution.branching.tree import Branch, BranchTree
+from receding_fenicsx.interface.branches.critical_friction import CriticalFriction
+from receding_fenicsx.interface.law import State
+from receding_fenicsx.interface.mirror import mirror_of
+from receding_fenicsx.interface.system import ContactSystem
+from receding_fenicsx.output.plots import style
+from receding_fenicsx.output.plots.labels import is_word, load_symbol, load_text
+
+
+@mpl.rc_context(style.RC)
+def branches(tree: BranchTree) -> Figure:
+    """Draw each load against its work-conjugate displacement along the first twelve branches.
+
+    A cross is the last turning point of a branch that ends on the next leg. Samples are drawn
+    where the records have them. Each branch is shifted a little, as parts of them may coincide.
+
+    Raises:
+        InputError: no load changes on any branch.
+    """
+    paths = [_path(branch) for branch in tree.branches[:12]]
+    names = tree[0].record.load_names
+    moves = [k for k in range(len(names)) if any(np.any(load[:, k]) for load, _ in paths)]
+    if not moves:
+        raise InputError("branches: no branch comes to the end of its first leg, nothing to draw")
+    width = style.COLUMN if len(moves) == 1 else style.PAGE
+    figure = style.new_figure(width, 2.6 + 0.17 * len(paths))
+    panels = figure.subplots(1, len(moves), squeeze=False)[0]
+    for n, (k, axes) in enumerate(zip(moves, panels, strict=True)):
+        for number, (branch, path) in enumerate(zip(tree.branches, paths, strict=False)):
+            _draw_branch(axes, number, branch, (path[0][:, k], path[1][:, k]))
+        name = names[k]
+        symbol = "U" if is_word(name) else f"U_{{{load_symbol(name)}}}"
+        axes.set(xlabel=f"${symbol}$", ylabel=load_text(name))
+        axes.ticklabel_format(axis="x", scilimits=(-2, 3), useMathText=True)
+        if len(moves) > 1:
+            axes.set_title(style.panel_title(n, len(moves), load_text(name)), loc="left", pad=4.0)
+    handles, labels = panels[0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=1)
+    return figure
+
+
+def _path(branch: Branch) -> tuple[Array, Array]:
+    """Return load factors and load displacements (n, n_loads) along a branch, from rest."""
+    tables = branch.record.turning_points, branch.record.samples
+
+    def all_of(key: str) -> Array:
+        return np.concatenate([getattr(table, key) for table in tables])
+
+    order = np.lexsort([all_of(key) for key in ("s", "leg", "cycle")])
+    load, moved = all_of("load")[order], all_of("load_displacement")[order]
+    rest = np.zeros((1, load.shape[1]))
+    return np.vstack([rest, load]), np.vstack([rest, moved])
+
+
+def _draw_branch(axes: Axes, number: int, branch: Branch, path: tuple[Array, Array]) -> None:
+    """Draw one branch; its label tells the choices and whether it ends."""
+    load, moved = path
+    colour = style.SERIES_COLOURS[number % len(style.SERIES_COLOURS)]
+    # each branch is 2 points to the right of and below the one before: they may coincide
+    shift = number * 2.0 / 72.0
+    beside = axes.transData + mpl.transforms.ScaledTranslation(
+        shift, -shift, axes.figure.dpi_scale_trans
+    )
+    label = f"branch {number}: {branch.name}{', then ends' if branch.failure else ''}"
+    axes.plot(moved, load, color=colour, lw=1.4, label=label, transform=beside)
+    axes.update_datalim(np.stack([moved, load], axis=1))
+    axes.autoscale_view()
+    if branch.failure:
+        end = moved[-1:], load[-1:]
+        axes.plot(*end, "x", color=colour, ms=8.0, mew=1.6, zorder=5, transform=beside)
+
+
+@mpl.rc_context(style.RC)
+def slip_mode(system: ContactSystem, critical: CriticalFriction) -> Figure:
+    """Draw the slip mode at critical friction over the contact edge.
+
+    Above, the displacements of the mode: v as lines in the colour of the assumed direction of slip,
+    the gap of open nodes as a grey area. Below, the changes of the tractions, p and q.
+
+    Raises:
+        InputError: there is no mode.
+    """
+    if not critical.mode.any():
+        raise InputError("slip_mode: no slip mode was found; the contact has no coupling")
+    whole, n = mirror_of(system), system.n
+    x, v, w = whole.odd(system.x), whole.odd(critical.mode[:n]), whole.even(critical.mode[n:])
+    signs, weight = whole.odd(critical.signs), whole.total(system.weight)
+    safe = np.where(weight > 0.0, weight, np.inf)
+    q = whole.odd_total(critical.reactions[:n]) / safe
+    p = whole.total(critical.reactions[n:]) / safe
+    open_ = np.where(signs == 0.0, np.maximum(w, 0.0), 0.0)
+    figure = style.new_figure(style.PAGE, 4.0)
+    above, below = figure.subplots(2, 1, sharex=True)
+    # gap of open nodes, over the largest displacement of a mode, that is drawn
+    if open_.max() > 0.01:
+        above.fill_between(x, 0.0, open_, color="#c3cad3", label="$w$, open nodes")
+    for sign, state, name in (
+        (1.0, State.FORWARD_SLIP, "forward"),
+        (-1.0, State.BACKWARD_SLIP, "backward"),
+    ):
+        look = {"color": style.STATE_COLOURS[state], "lw": 1.6}
+        above.vlines(x[signs == sign], 0.0, v[signs == sign], **look)
+        above.plot([], [], label=f"$v$, {name} assumed", **look)
+    above.plot(x, np.where(signs == 0.0, np.nan, v), color="#000000", lw=0.7)
+    above.set_ylabel("displacement / largest")
+    size = max(float(np.abs(p).max()), float(np.abs(q).max()))
+    below.plot(x, p / size, color=style.PRESSURE_COLOUR, label=r"$\dot p$")
+    below.plot(x, q / size, color=style.SHEAR_COLOUR, label=r"$\dot q$")
+    below.set(xlabel="$x$", ylabel=r"$\dot p$, $\dot q$ / largest")
+    title = rf"slip mode at $\varphi f$, $\varphi$ = {critical.factor:.4g}; none below "
+    title += rf"$\varphi$ = {critical.lower_bound:.4g}"
+    above.set_title(title, loc="left", pad=4.0)
+    for axes in (above, below):
+        axes.axhline(0.0, **style.GUIDE)
+        axes.legend(loc="best")
+    return figure
+
+
+def draw_search(search: Mapping[str, Any], folder: Path) -> Path:
+    """Draw a search, the key "accuracy" of a summary, as ``accuracy.png`` in a folder."""
+    make_folder(folder)
+    path = folder / "accuracy.png"
+    style.save(error_over_time(search), path)
+    return path
+
+
+@mpl.rc_context(style.RC)
+def error_over_time(search: Mapping[str, Any]) -> Figure:
+    """Draw twice the relative estimates of the asked numbers over the seconds since the start."""
+    way, tolerance = search["way"], search["tolerance"]
+    seconds = np.cumsum([level["seconds"] for level in way])
+    last = way[-1]["numbers"]
+    # the twelve numbers with the largest errors on the last mesh; those without an estimate first
+    names = sorted(last, key=lambda name: -(last[name]["relative"] or np.inf))[:12]
+    figure = style.new_figure(style.COLUMN, 2.5 + 0.15 * len(names))
+    axes = figure.subplots()
+    for name, colour, marker in zip(
+        names, cycle(style.SERIES_COLOURS), cycle("os^vDP"), strict=False
+    ):
+        errors = [(level["numbers"].get(name) or {}).get("relative") for level in way]
+        doubled = np.array([np.nan if e is None else 2.0 * e for e in errors])
+        label = name.replace("_", " ")
+        label += " (not converging)" if last[name]["relative"] is None else ""
+        axes.loglog(seconds, doubled, f"{marker}-", color=colour, label=label)
+    if not any(e["relative"] for level in way for e in level["numbers"].values()):
+        axes.set_ylim(0.1 * tolerance, 10.0 * tolerance)
+    axes.axhline(tolerance, **style.GUIDE)
+    axes.annotate(
+        "tolerance",
+        (1.0, tolerance),
+        xycoords=("axes fraction", "data"),
+        xytext=(-3, 2),
+        textcoords="offset points",
+        ha="right",
+        fontsize=8,
+        color=style.INK_OF_GUIDES,
+    )
+    axes.set(xlabel="seconds since the start", ylabel="2 × estimated relative error")
+    axes.set_xlim(seconds[0] / 1.5, seconds[-1] * 1.5)
+    axes.xaxis.set_major_formatter("{x:g}")
+    axes.xaxis.set_minor_formatter(NullFormatter())
+    # ratio of times below which ticks between the powers of ten have labels
+    if seconds[-1] < 100.0 * seconds[0]:
+        axes.xaxis.set_minor_locator(LogLocator(subs=(2.0, 5.0)))
+        axes.xaxis.set_minor_formatter("{x:g}")
+        axes.tick_params(axis="x", which="both", pad=4.0)
+    axes.yaxis.set_major_locator(LogLocator(numticks=8))
+    figure.legend(loc="outside lower left", fontsize=7.5, labelspacing=0.2, borderpad=0.1)
+    return figure
