@@ -31,6 +31,7 @@ KINDS: dict[str, Any] = {
     "units": rf.Units,
     "shakedown": rf.ShakedownOptions,
     "accuracy": rf.AccuracyOptions,
+    "wear": rf.WearOptions,
 }
 """Dataclass of each table of a scene file."""
 

@@ -133,6 +133,11 @@ from .studies.shakedown.cycles import range_history as range_history
 from .evolution.limit.starts import steady_states as steady_states, SteadyStates as SteadyStates
 from .studies.shakedown.figures import steady_states_figure as steady_states_figure
 
+# Wear
+from .scene.model import WearOptions as WearOptions
+from .studies.wear.study import wear as wear
+from .studies.wear.result import WearStudy as WearStudy
+
 # Known solutions
 from . import reference as reference
 

@@ -287,6 +287,25 @@ def shakedown(scene: SceneFile, /, study: Study) -> None:
 
 
 @app.command
+def wear(scene: SceneFile, /, study: Study, *, resume: bool = False) -> None:
+    """Wear the contact over many cycles (table [wear] of the scene).
+
+    The folder gets wear.csv (a row for each step), wear.json, wear.npz and figures.
+
+    Args:
+        resume: continue an interrupted study, or one for fewer cycles
+    """
+    with study.started(scene) as (read, _, say):
+        from receding_fenicsx.studies.runner import StudyOptions
+        from receding_fenicsx.studies.wear.study import wear as worn
+
+        options = StudyOptions(study.overwrite, resume, progress=say)
+        found = worn(read, study.out, options)
+    if found is not None:
+        print(f"{found}\nwritten to {study.out}")
+
+
+@app.command
 def joint(
     scene: SceneFile,
     /,

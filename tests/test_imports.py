@@ -62,7 +62,7 @@ STUDIES = (
     ("run",),
     ("cases", "sweep_table"),
     ("runner",),
-    ("sweep", "shakedown"),
+    ("sweep", "shakedown", "wear"),
     ("joint",),
 )
 """Rooms of the studies."""

@@ -11,7 +11,7 @@ from typing import Any
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.scene.model import TABLE_OF, Scene
 from receding_fenicsx.scene.one_body import part_of
-from receding_fenicsx.scene.options import SAMPLES_PER_LEG, OutputOptions
+from receding_fenicsx.scene.options import SAMPLES_PER_LEG, OutputOptions, WearOptions
 from receding_fenicsx.scene.symmetry import is_half_meshed
 from receding_fenicsx.scene.toml_file import to_toml
 
@@ -33,6 +33,7 @@ FREE_WHEN_RESUMED = frozenset(
         "accuracy.numbers",
         "accuracy.budget_seconds",
         "mode.count",
+        *(f"wear.{field.name}" for field in dataclasses.fields(WearOptions)),
     }
 )
 """Keys that may differ when a run is resumed: none changes the finished cycles."""

@@ -38,6 +38,7 @@ from receding_fenicsx.scene.options import OutputOptions as OutputOptions
 from receding_fenicsx.scene.options import Probe as Probe
 from receding_fenicsx.scene.options import ShakedownOptions as ShakedownOptions
 from receding_fenicsx.scene.options import SolverOptions as SolverOptions
+from receding_fenicsx.scene.options import WearOptions as WearOptions
 from receding_fenicsx.scene.profiles import FrictionProfile, Profile
 from receding_fenicsx.scene.units import Units
 
@@ -259,6 +260,7 @@ class Scene(Table):
     shakedown: ShakedownOptions = field(default_factory=ShakedownOptions)
     accuracy: AccuracyOptions = field(default_factory=AccuracyOptions)
     mode: ModeOptions = field(default_factory=ModeOptions)
+    wear: WearOptions = field(default_factory=WearOptions)
 
     def __repr__(self) -> str:
         """Return the parts of the scene, long tables cut."""

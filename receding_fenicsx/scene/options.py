@@ -271,6 +271,26 @@ class ModeOptions(Table):
 
 
 @dataclass(frozen=True, repr=False)
+class WearOptions(Table):
+    """Wear over many cycles, of the command ``wear``.
+
+    Attributes:
+        coefficient: depth that both bodies lose together, per density of dissipated energy.
+        archard: the same per pressure and sliding distance, instead of ``coefficient``.
+        cycles: number of cycles, 1 to 1 000 000 000.
+        tolerance: largest estimated error of the depth in a step, over the depth that the step
+            wears off.
+        share: part of the wear that the first body takes, the one of ``edge``; 0 to 1.
+    """
+
+    coefficient: Positive | None = None
+    archard: Positive | None = None
+    cycles: Annotated[int, Ge(1), Le(MAX_CYCLES)] = 1_000_000
+    tolerance: Tolerance = 0.05
+    share: Annotated[float, Ge(0.0), Le(1.0)] = 0.5
+
+
+@dataclass(frozen=True, repr=False)
 class AccuracyOptions(Table):
     """Options of a run that chooses its mesh by the errors of its numbers.
 

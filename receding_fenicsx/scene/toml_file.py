@@ -133,7 +133,10 @@ def tables_of(scene: Scene) -> dict[str, Any]:
             tables[table] |= {m.name: plain(replace(m, name=""), sparse=True) for m in value}
         elif field.name == "others":
             tables[table] = [tables[table], *plain(value, sparse=True)] if value else tables[table]
-        elif table not in ("units", "shakedown", "accuracy", "mode") or value != type(value)():
+        elif (
+            table not in ("units", "shakedown", "accuracy", "mode", "wear")
+            or value != type(value)()
+        ):
             tables[table] = plain(value, sparse=True)
     return {name: table for name, table in tables.items() if table != []}
 

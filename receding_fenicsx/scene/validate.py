@@ -86,7 +86,7 @@ def check_rules(scene: Scene) -> None:
     _all_of([*loads, *bolts, *supports, *springs], scene)
     _all_of([check_parts], scene)
     checks: list[Callable[[Scene], None]] = [partial(check_acts, load) for load in scene.loads]
-    checks += [check_probes, check_shakedown, check_accuracy]
+    checks += [check_probes, check_shakedown, check_wear, check_accuracy]
     checks += [lambda scene: check_solver(scene.solver), check_initial_slip, check_output]
     _all_of(checks, scene)
 
@@ -130,6 +130,12 @@ def check_solver(solver: SolverOptions) -> None:
         raise InputError(
             '[solver] branch: load steps find one continuation only; use method "events" with it'
         )
+
+
+def check_wear(scene: Scene) -> None:
+    """Check that wear has one coefficient."""
+    if scene.wear.coefficient is not None and scene.wear.archard is not None:
+        raise InputError("[wear] coefficient and archard: give one of them")
 
 
 def check_shakedown(scene: Scene) -> None:

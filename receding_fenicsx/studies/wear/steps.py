@@ -1,0 +1,292 @@
+"""Wear steps on the condensed system: limit cycle, implicit increments, control of the step."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from receding_fenicsx.arrays import Array
+from receding_fenicsx.errors import SolveError
+from receding_fenicsx.evolution.cycle_data import FinishedCycle, Totals
+from receding_fenicsx.evolution.evolve import continue_history
+from receding_fenicsx.evolution.instants import instant
+from receding_fenicsx.evolution.journal import Journal
+from receding_fenicsx.evolution.problem import Problem
+from receding_fenicsx.evolution.run_state import RunState
+from receding_fenicsx.evolution.solvers import make_solver
+from receding_fenicsx.interface.law import State
+from receding_fenicsx.interface.residual import local_stiffness
+from receding_fenicsx.interface.system import ContactState, reactions
+from receding_fenicsx.scene.model import OutputOptions
+
+PLAIN_CYCLES, MOST_CYCLES = 4, 60
+"""Cycles that are played before the limit is searched for, and in all."""
+REPEATED = 1e-9
+"""Change of a cycle's ends, as a force over the largest, below which it repeats itself."""
+CHANGE_TO_COME = 1e-3
+"""Change of a node's dissipation in all cycles to come, over the largest dissipation of a node, up
+to which the last cycle takes the place of the limit."""
+SLIPS = 1e-9
+"""Dissipation of a node over the largest above which it slips in a cycle."""
+
+Row = Any
+"""One row of an array of :func:`row_type`."""
+
+
+def row_type(n: int) -> np.dtype[np.void]:
+    """Return the type of the rows of a wear record: the contact after a number of cycles.
+
+    Of all fields but ``cycles``, ``step`` (cycles that the next step tries), ``force`` (largest
+    nodal force so far), ``dissipated`` and ``spread`` (dissipation so far, and its estimated
+    error), the entries are those of the n modelled nodes: ``depth`` worn off and its estimated
+    error ``estimate``, ``energy``, slip ``path`` and turning point (``P``, ``v``) with the largest
+    pressure of the limit cycle; ``zone``: separated throughout it, stuck or slipping; ``u``, ``r``,
+    ``state`` at its end. ``worn`` holds the depth of each body where those differ.
+    """
+    numbers = [(name, "<f8") for name in ("cycles", "step", "force", "dissipated", "spread")]
+    names = ("depth", "estimate", "energy", "path", "P", "v")
+    nodal = [(name, "<f8", (n,)) for name in names]
+    both = [(name, "<f8", (2, n)) for name in ("u", "r", "worn")]
+    return np.dtype([*numbers, *nodal, *both, ("zone", "i1", (n,)), ("state", "i1", (n,))])
+
+
+class WearModel(Protocol):
+    """What a step needs of the mechanics of wear."""
+
+    def increments(self, row: Row, cycles: float) -> Array:
+        """Return the depths worn off in so many cycles, by implicit Euler from a row."""
+        ...
+
+    def settled(self, row: Row, worn: Array) -> Row:
+        """Return a row with more worn off, in its limit cycle."""
+        ...
+
+    def depth(self, worn: Array) -> Array:
+        """Return the depth (N,) of both bodies."""
+        ...
+
+    def energy(self, worn: Array) -> Array:
+        """Return the energies (N,) that wear off so much, at the modelled nodes."""
+        ...
+
+
+class NodePairs:
+    """Wear of node pairs that stay opposite each other.
+
+    Attributes:
+        problem: the contact without wear, its history and solver.
+        rate: (N,) depth per dissipation of a node, c / m; 0 where nothing wears.
+    """
+
+    def __init__(self, problem: Problem, coefficient: Array) -> None:
+        """Prepare; ``coefficient`` (N,) is the depth per density of dissipated energy."""
+        history = problem.history
+        self.problem = replace(
+            problem,
+            system=replace(problem.system, probes=None),
+            history=replace(history, cycles=MOST_CYCLES, until_steady=False, until_limit=True),
+            output=OutputOptions(samples_per_leg=1, cycles=()),
+            judged=False,
+        )
+        self.slip_at_corners = np.zeros(0)
+        weight = problem.system.weight
+        self.rate = coefficient / np.where(weight > 0.0, weight, np.inf)
+
+    def begin(self) -> Row:
+        """Return the row of the unworn contact."""
+        journal, problem = Journal(), self.problem
+        run = RunState(problem, [])
+        journal.add(run.trace_cycle(0))
+        row = self._row(np.zeros((), row_type(problem.system.n)), problem, journal)
+        last, before = journal.cycles[-1], journal.cycles[-2].corners[-1]
+        on = row["P"] > 0.0
+        self.slip_at_corners = np.array([c.v[on].mean() for c in (before, *last.corners)])
+        return row
+
+    def settled(self, row: Row, worn: Array) -> Row:
+        """Grow the gap along a leg of its own, and play cycles until they repeat."""
+        system, loop = self.problem.system, self.problem.history.loop
+        n, g0 = system.n, system.g0 + row["depth"]
+        # in terms of w + growth, a growing gap is a load: r = ... + K [v; w]
+        growth = -system.K[:, n:] @ worn
+        grown = replace(
+            system,
+            g0=g0,
+            r_star=np.vstack([system.r_star, growth]),
+            load_names=(*system.load_names, "wear"),
+            load_compliance=np.zeros((0, 0)),
+        )
+        start = ContactState(row["u"].ravel(), row["r"].ravel(), row["state"].copy())
+        ends = np.append(loop[0], 0.0), np.append(loop[0], 1.0)
+        leg = make_solver(grown, self.problem.solver).trace_leg(start, ends, float(row["force"]))
+        state = leg.end.copy()
+        state.u[n:] -= worn
+        after = replace(system, g0=g0 + worn)
+        state.r = reactions(after, loop[0], state.u)
+        seed = FinishedCycle(
+            corners=[instant(after, (0, 0, 1.0), loop[0], state)],
+            dissipation=np.zeros(n),
+            slip=np.zeros(n),
+            totals=Totals(force_scale=max(float(row["force"]), leg.force_scale)),
+        )
+        journal = Journal()
+        journal.add(seed)
+        found = row.copy()
+        found["depth"] += worn
+        return self._row(found, replace(self.problem, system=after), journal)
+
+    def _row(self, row: Row, problem: Problem, journal: Journal) -> Row:
+        """Play cycles until they repeat; fill a row with the last one."""
+        cycles = journal.cycles
+        run = RunState(problem, cycles)
+        stiffness = np.concatenate(local_stiffness(problem.system))
+        change = np.inf
+        while change > REPEATED and len(cycles) <= PLAIN_CYCLES:
+            before = cycles[-1].corners[-1].state.u
+            cycles.append(run.trace_cycle(len(cycles)))
+            last = cycles[-1]
+            moved = np.abs(stiffness * (last.corners[-1].state.u - before))
+            change = float(moved.max()) / last.totals.force_scale
+        if change > REPEATED:
+            record = continue_history(problem, journal)
+            known = record.steady.reached or (record.limit is not None and record.limit.reached)
+            before, after = cycles[-2].dissipation, cycles[-1].dissipation
+            # what is still to come of a tail that falls with the third power of the cycles
+            to_come = len(cycles) * np.abs(after - before).max() / after.max()
+            if not known and to_come > CHANGE_TO_COME:
+                raise SolveError(f"wear: no limit cycle was found in {MOST_CYCLES} cycles")
+        last, start = cycles[-1], cycles[-2].corners[-1]
+        corners = [corner.state for corner in last.corners]
+        v = np.array([start.state.v, *(corner.v for corner in corners)])
+        P = np.array([corner.P for corner in corners])
+        most = corners[int(np.argmax(P.sum(axis=1)))]
+        E = np.maximum(last.dissipation, 0.0)
+        slips = E > SLIPS * E.max(initial=0.0)
+        zone = np.where(slips, State.FORWARD_SLIP, State.STICK)
+        away = np.all([corner.state == State.SEPARATION for corner in corners], axis=0)
+        row["energy"], row["path"] = E, np.abs(np.diff(v, axis=0)).sum(axis=0)
+        row["P"] = np.where(most.state == State.SEPARATION, 0.0, np.maximum(most.P, 0.0))
+        row["v"] = most.v
+        row["zone"] = np.where(away & ~slips, State.SEPARATION, zone)
+        row["u"], row["r"] = last.corners[-1].state.u.reshape(2, -1), corners[-1].r.reshape(2, -1)
+        row["state"], row["force"] = corners[-1].state, last.totals.force_scale
+        return row
+
+    def increments(self, row: Row, cycles: float) -> Array:
+        """Return depths by implicit Euler with the slips of the row's cycle.
+
+        At the turning point with the largest pressure, the tangential displacements kept,
+        w + g0 + depth + D P >= 0, P >= 0 with the added compliance D = cycles c E / (m P).
+        """
+        system, n = self.problem.system, self.problem.system.n
+        touching = (row["P"] > 0.0) & (row["energy"] > 0.0)
+        slip = np.divide(row["energy"], row["P"], out=np.zeros(n), where=touching)
+        # a node that opens in the cycle where its pressure is read has no slip of its own
+        slides = system.friction.largest * row["path"]
+        sure = touching & (slip <= 4.0 * slides)
+        fixed = np.where(touching & ~sure, cycles * self.rate * row["energy"], 0.0)
+        slip = np.where(sure, slip, np.where(touching, 0.0, slides))
+        added = cycles * self.rate * slip
+        gap = system.g0 + row["depth"] + fixed
+        K, held = system.K[n:, n:], system.held[n:]
+        load = self._largest_load(row) @ system.r_star[:, n:] + system.K[n:, :n] @ row["v"]
+        P = pressures(K, load, gap, added, row["P"] > 0.0, held)
+        return np.asarray(added * P + fixed)
+
+    def _largest_load(self, row: Row) -> Array:
+        """Return the load factors at the turning point with the largest pressure."""
+        loop, system, n = self.problem.history.loop, self.problem.system, self.problem.system.n
+        # that for which the reactions are those of the row
+        sums = [(load @ system.r_star[:, n:]).sum() for load in loop[1:]]
+        return np.asarray(loop[1:][int(np.argmax(sums))])
+
+    def depth(self, worn: Array) -> Array:
+        """Return the depth, which is that of both bodies."""
+        return worn
+
+    def energy(self, worn: Array) -> Array:
+        """Return the energies that wear off so much."""
+        return np.divide(worn, self.rate, out=np.zeros_like(worn), where=self.rate > 0.0)
+
+
+def pressures(
+    K: Array, load: Array, gap: Array, added: Array, closed: NDArray[np.bool_], held: Any
+) -> Array:
+    """Return P = load + K w >= 0 with w + gap + added P >= 0 and one of both zero at each node.
+
+    By semismooth Newton's method (the primal-dual active set strategy) from a set of closed nodes.
+
+    Raises:
+        SolveError: the sets of closed nodes cycle.
+    """
+    unit = np.eye(len(gap))
+    seen = set()
+    while closed.tobytes() not in seen:
+        seen.add(closed.tobytes())
+        matrix = np.where((closed & ~held)[:, None], unit + added[:, None] * K, K)
+        right = np.where(closed, -gap - added * load, -load)
+        matrix[held], right[held] = unit[held], 0.0
+        try:
+            w = np.linalg.solve(matrix, right)
+        except np.linalg.LinAlgError:
+            break
+        P = load + K @ w
+        g = gap + w + added * P
+        stiffness = np.diagonal(K)
+        after = np.where(closed, P > 0.0, stiffness * g < 0.0) & ~held
+        if np.array_equal(after, closed):
+            return np.where(closed, np.maximum(P, 0.0), 0.0)
+        closed = after
+    raise SolveError("wear: the normal contact problem of an implicit step was not solved")
+
+
+def advance(model: WearModel, row: Row, tolerance: float, last: float) -> Row:
+    """Return the row after the next step, whose length one step against two halves accepts.
+
+    With the depths h_1 of one step and h_2 of two halves the step is accepted where
+    max |h_2 - h_1| <= tolerance max h_2, which is its estimated error; the depth is 2 h_2 - h_1.
+
+    Args:
+        model: the mechanics.
+        row: the contact; ``step`` is the length to try.
+        tolerance: largest estimated error of a step, over the depth that it wears off.
+        last: number of cycles at which the last step ends.
+
+    Raises:
+        SolveError: steps of one cycle do not meet the tolerance, or have no solution.
+    """
+    step = min(float(row["step"]), last - float(row["cycles"]))
+    while True:
+        try:
+            whole, half = model.increments(row, step), model.increments(row, 0.5 * step)
+            middle = model.settled(row, half)
+            halves = half + model.increments(middle, 0.5 * step)
+            error = np.abs(halves - whole)
+            # as much as the mean step so far has worn off, where this one wears off less
+            share = step / (step + float(row["cycles"]))
+            size = max(float(halves.max()), share * float(row["depth"].max()))
+            ratio = float(error.max()) / (tolerance * size or np.inf)
+            if ratio <= 1.0:
+                worn = np.maximum(2.0 * halves - whole, 0.0)
+                found = model.settled(middle, worn - half)
+                break
+            failure: SolveError | None = None
+        except SolveError as failed:
+            failure, ratio = failed, 4.0
+        if step <= 1.0:
+            raise failure or SolveError(
+                f"[wear] tolerance: after {row['cycles']:g} cycles a step of one cycle has an "
+                f"error of {ratio * tolerance:.2g} of its depth; raise the tolerance, the wear of "
+                "single cycles changes the contact"
+            )
+        step = max(1.0, step * max(0.1, 0.8 / ratio))
+    found["cycles"] = min(float(row["cycles"]) + step, last)
+    found["step"] = step * min(5.0, 0.8 / max(ratio, 1e-3))
+    energy, off = model.energy(worn), model.energy(error)
+    found["dissipated"] += energy.sum()
+    found["spread"] += off.sum()
+    found["estimate"] += model.depth(error)
+    return found

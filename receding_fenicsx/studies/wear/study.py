@@ -1,0 +1,216 @@
+"""Wear of a scene over many cycles: start, steps, ends, folder."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from receding_fenicsx import mpi
+from receding_fenicsx.arrays import Array, check_types
+from receding_fenicsx.atomic import sync
+from receding_fenicsx.environment import versions
+from receding_fenicsx.errors import InputError, NoEquilibrium, SolveError
+from receding_fenicsx.evolution.histories.corners import with_corners
+from receding_fenicsx.evolution.problem import Problem, problem_of_scene
+from receding_fenicsx.interface.law import State
+from receding_fenicsx.interface.system import ContactSystem
+from receding_fenicsx.output.plots.style import save
+from receding_fenicsx.scene.model import Scene, WearOptions
+from receding_fenicsx.store.summary_file import write_summary
+from receding_fenicsx.store.workspace import interruption
+from receding_fenicsx.studies import run as study
+from receding_fenicsx.studies.runner import Runner, Study, StudyOptions, run_study
+from receding_fenicsx.studies.wear.convected import Convected
+from receding_fenicsx.studies.wear.figure import profiles_figure, zones_figure
+from receding_fenicsx.studies.wear.result import WearStudy
+from receding_fenicsx.studies.wear.steps import NodePairs, Row, WearModel, advance, row_type
+from receding_fenicsx.timing import Countdown, Timer
+
+CYCLES, THROUGH = "cycles done", "stick zone worn through"
+SHAKEDOWN, EDGE = "shakedown", "contact past the fine mesh"
+"""Ends of a study."""
+LARGEST_STROKE = 0.05
+"""Stroke over the width of the contact up to which node pairs stay opposite each other."""
+NO_MORE = 1e-6
+"""Dissipation of a cycle over that of the first one below which nothing more wears."""
+ROWS = "steps.bin"
+"""File of the rows so far, from which a study is continued."""
+RESULTS = (ROWS, "wear.csv", "wear.json", "wear.npz", "profiles.png", "zones.png")
+
+
+def wear(
+    scene: Scene, out: str | Path | None = None, options: StudyOptions = StudyOptions()
+) -> WearStudy | None:
+    """Wear a contact over the cycles of the table [wear]; all ranks of an MPI job call this.
+
+    Args:
+        scene: the scene, with cycles; of its history the number of cycles does not count.
+        out: folder for ``wear.csv``, ``wear.json``, ``wear.npz`` and the figures, from which an
+            interrupted study, or one for fewer cycles, is continued. None writes nothing.
+        options: overwrite, resume, progress.
+
+    Returns:
+        The study on rank 0, None on the others.
+
+    Raises:
+        InputError: the scene cannot wear, or node pairs do not stay opposite each other.
+        SolveError: a step fails; the folder holds the record up to there.
+    """
+    comm = mpi.world()
+    check_types("wear", scene=(scene, Scene), out=(out, str, Path, None))
+    if scene.wear.coefficient is None and scene.wear.archard is None:
+        raise InputError("[wear] coefficient: is missing; give it, or archard")
+    timer = Timer(options.progress if comm.rank == 0 else None)
+    system = study.condense(scene, comm, timer.say)
+
+    def begin() -> Study[WearStudy]:
+        own, _ = with_corners(mpi.given(system), scene)
+        problem = problem_of_scene(mpi.given(system), own)
+        if not len(problem.history.loop):
+            raise InputError(
+                "[wear]: needs a history with cycles, this one is monotonic; use "
+                'kind = "cyclic", "table" or "harmonic"'
+            )
+        model, first = _model(scene, problem, _coefficient(problem.system, scene.wear))
+        # a study for more cycles continues one for fewer
+        same = replace(scene, wear=replace(scene.wear, cycles=WearOptions.cycles))
+
+        def combine(runner: Runner) -> WearStudy:
+            with timer("wear"):
+                return _wear(scene, problem.system, (model, first), runner, timer)
+
+        return Study("wear study", "wear_of.json", same, combine, results=RESULTS)
+
+    return run_study(begin, out, options=options)
+
+
+def _coefficient(system: ContactSystem, options: WearOptions) -> Array:
+    """Return depth per density of dissipated energy at the nodes."""
+    f = system.friction.largest
+    if system.kind == "normal" or not np.any(f > 0.0):
+        raise InputError("[wear]: nothing dissipates without friction; give [contact] friction")
+    if options.coefficient is not None:
+        return np.full(system.n, options.coefficient)
+    if np.any(system.friction.forward != system.friction.backward):
+        raise InputError("[wear] archard: friction differs by direction; give coefficient instead")
+    return np.divide(options.archard or 0.0, f, out=np.zeros(system.n), where=f > 0.0)
+
+
+def _wear(
+    scene: Scene, system: ContactSystem, begun: tuple[WearModel, Row], runner: Runner, timer: Timer
+) -> WearStudy:
+    """Take step after step; write what there is, also where a step fails."""
+    options, folder, (model, first) = scene.wear, runner.folder, begun
+    file = None if folder is None else folder / ROWS
+    carried = isinstance(model, Convected)
+    rows = [first]
+    if file is not None:
+        if file.exists():
+            with open(file, "r+b") as opened:
+                opened.truncate(file.stat().st_size // first.nbytes * first.nbytes)
+            rows = list(np.fromfile(file, first.dtype)) or rows
+        else:
+            _append(file, first)
+    rows = [row for row in rows if row["cycles"] <= options.cycles]
+    tell = Countdown(timer.say, "wear: cycle", "at most")
+
+    def result(end: str) -> WearStudy:
+        found = WearStudy(system, _as_array(rows), options.share, end, carried)
+        if folder is not None:
+            failure = {} if end in (CYCLES, THROUGH, SHAKEDOWN, EDGE) else {"failure": end}
+            head = {"title": scene.title, **found.summary(), **failure}
+            costs = {"timings": dict(timer.seconds), "versions": versions()}
+            found.write(folder)
+            write_summary(folder / "wear.json", head | costs, overwrite=True)
+            save(profiles_figure(found), folder / "profiles.png")
+            save(zones_figure(found), folder / "zones.png")
+        return found
+
+    try:
+        while not (end := _end(system, rows, options.cycles)):
+            rows.append(advance(model, rows[-1], options.tolerance, float(options.cycles)))
+            if file is not None:
+                _append(file, rows[-1])
+            done = int(rows[-1]["cycles"])
+            tell(done, options.cycles, f"depth {rows[-1]['depth'].max():.4g}")
+    except NoEquilibrium:
+        if not np.any(rows[0]["zone"] == State.STICK):
+            raise
+        end = THROUGH
+    except SolveError as error:
+        result(str(error))
+        raise
+    except (KeyboardInterrupt, SystemExit) as signalled:
+        if folder is None:
+            raise
+        where = f"after {rows[-1]['cycles']:.0f} of {options.cycles} cycles"
+        raise interruption(signalled, where, folder, "the steps up to there") from None
+    return result(end)
+
+
+def _model(scene: Scene, problem: Problem, coefficient: Array) -> tuple[WearModel, Row]:
+    """Return node pairs, or profiles carried along by a stroke that is not small; the first row.
+
+    Raises:
+        InputError: the stroke is not small, and the profiles cannot be carried along.
+    """
+    pairs = NodePairs(problem, coefficient)
+    first, system, n = pairs.begin(), problem.system, problem.system.n
+    first["step"] = max(1.0, 1e-3 * scene.wear.cycles)
+    on = first["P"] > 0.0
+    width = 2.0 * float(WearStudy(system, _as_array([first]), 0.5, "").contact_half_width[0])
+    stroke = 0.5 * float(first["path"][on].max(initial=0.0))
+    if stroke <= LARGEST_STROKE * width:
+        return pairs, first
+    slides = np.all(first["zone"] != State.STICK)
+    coupled = np.abs(system.K[:n, n:]).max() > 1e-8 * np.abs(system.K).max()
+    half_planes = len(scene.bodies) == 2 and all(body.is_half_plane for body in scene.bodies)
+    if not half_planes or len(scene.contacts) > 1 or coupled or not slides:
+        raise InputError(
+            f"[wear]: the stroke {stroke:.4g} is {stroke / width:.2g} of the contact's width "
+            f"{width:.4g}, above {LARGEST_STROKE:g}: nodes do not stay opposite each other; this "
+            "is modelled for two half-planes of equal materials that slide grossly"
+        )
+    found = Convected(system, coefficient, scene.wear.share)
+    found.follow(problem.history.loop, pairs.slip_at_corners, 0.5 * width)
+    return found, found.begin(first)
+
+
+def _end(system: ContactSystem, rows: list[Row], cycles: int) -> str:
+    """Return why a study ends with its last row, "" where it goes on."""
+    first, last = rows[0], rows[-1]
+    energy, before = last["energy"].sum(), first["energy"].sum()
+    if energy <= NO_MORE * before:
+        return SHAKEDOWN
+    if len(rows) > 1 and np.any(rows[-2]["zone"] == State.STICK):
+        if not np.any(last["zone"] == State.STICK):
+            return THROUGH
+    begun, touches = (row["zone"] != State.SEPARATION for row in (first, last))
+    ends = np.diff(system.edges, prepend=-1, append=-1) != 0
+    at_end = ends[:-1] | ends[1:]
+    if system.half or system.axisymmetric:
+        at_end[0] = False
+    apart = np.where(np.diff(system.edges) == 0, np.diff(system.x), 0.0)
+    spacing = np.maximum(np.append(apart, 0.0), np.append(0.0, apart))
+    coarse = spacing > 2.0 * spacing[begun].max(initial=0.0)
+    if np.any(touches & ~begun & (at_end | coarse)):
+        return EDGE
+    return CYCLES if last["cycles"] >= cycles else ""
+
+
+def _as_array(rows: list[Row]) -> NDArray[Any]:
+    found = np.zeros(len(rows), row_type(rows[0]["depth"].shape[-1]))
+    for k, row in enumerate(rows):
+        found[k] = row
+    return found
+
+
+def _append(file: Path, row: Row) -> None:
+    """Append a row to the file, to the disk."""
+    with open(file, "ab") as opened:
+        opened.write(row.tobytes())
+    sync(file)

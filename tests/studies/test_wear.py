@@ -1,0 +1,217 @@
+"""Wear over many cycles: closed forms, explicit steps, published scars, resuming, refusals."""
+
+from __future__ import annotations
+
+import csv
+import json
+from dataclasses import replace
+from pathlib import Path
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+
+import receding_fenicsx as rf
+from receding_fenicsx import cli
+from receding_fenicsx.evolution.problem import problem_of_scene
+from receding_fenicsx.studies.runner import StudyOptions
+from receding_fenicsx.studies.wear.convected import Convected
+from receding_fenicsx.studies.wear.steps import NodePairs, advance
+
+ROOT = Path(__file__).parents[2]
+comm = MPI.COMM_WORLD
+CYLINDERS = ROOT / "demos" / "half_planes.toml"
+P, F, U, R = 1.0, 0.5, 0.6, 100.0
+E_STAR = 100.0 / (1.0 - 0.3**2)
+A = np.sqrt(4.0 * P * R / (np.pi * E_STAR))
+C = 1e-3
+"""Cylinders of the demo: load, friction, shear over f P, radius, modulus, half width, wear."""
+
+
+def cylinders(elements: int, *changes: str) -> rf.Scene:
+    width = [f"body.{name}.width=2.9" for name in ("upper", "lower")]
+    steps = [f"mesh.contact_elements={elements}", f"wear.coefficient={C}", "output.cycles=[]"]
+    return rf.read_scene(CYLINDERS, [*width, *steps, *changes])
+
+
+def worn(
+    scene: rf.Scene, out: Path | None = None, options: StudyOptions = StudyOptions()
+) -> rf.WearStudy:
+    """Return the study of a scene on one rank."""
+    study = rf.wear(scene, out, options)
+    assert study is not None
+    return study
+
+
+def pairs_of(scene: rf.Scene) -> NodePairs:
+    """Return the node pairs of a scene on one rank."""
+    system = rf.condense(scene)
+    assert system is not None
+    return NodePairs(problem_of_scene(system, scene), np.full(system.n, C))
+
+
+def sliding(elements: int, slip: float, *changes: str) -> rf.Scene:
+    """Return the cylinders moved to and fro by a prescribed displacement, in gross slip."""
+    rows = [f"[[1.0, 0.0], [1.0, {slip}]]", f"[[1.0, {-slip}], [1.0, {slip}]]"]
+    found = cylinders(elements, f"history.rows={rows[0]}", f"history.cycle_rows={rows[1]}")
+    press, shear = found.loads
+    moved = replace(shear, force=None, platen=False, displacement=(1.0, "free"))
+    scene = replace(found, loads=(press, moved))
+    return rf.from_toml(rf.to_toml(scene), changes)
+
+
+@pytest.mark.one_rank
+def test_partial_slip_wears_to_the_closed_limit_with_its_stick_zone_kept() -> None:
+    b = A * np.sqrt(1.0 - U)
+    rest = P - np.pi * E_STAR * b**2 / (4.0 * R)
+    errors = []
+    for elements in (40, 80, 160):
+        study = worn(cylinders(elements, "wear.tolerance=0.2"))
+        assert study.end == "shakedown"
+        node = study.x[1] - study.x[0]
+        assert np.ptp(study.stick_half_width) == 0.0
+        assert abs(study.stick_half_width[0] - b) < node
+        # outside the stick zone nothing is left of the pressure
+        outside = np.abs(study.x) > b + node
+        assert study.pressure[-1][outside].max() < 1e-5 * P / b
+        inside = np.abs(study.x) < 0.8 * b
+        root = np.sqrt(b**2 - study.x[inside] ** 2)
+        known = E_STAR / (2.0 * R) * root + rest / (np.pi * root)
+        errors.append(np.abs(study.pressure[-1][inside] / known - 1.0).max())
+        assert study.volume[-1] == pytest.approx(C * study.dissipation[-1], rel=1e-14)
+    # the end of the stick zone is known to a node: first order
+    assert errors[-1] < 0.012 and errors[-1] < 0.5 * errors[0]
+
+
+@pytest.mark.one_rank
+def test_the_first_cycles_wear_off_what_cattaneo_and_mindlin_dissipate() -> None:
+    study = worn(cylinders(80, "wear.cycles=10"))
+    known = rf.reference.closed_forms.CattaneoMindlin(
+        rf.reference.closed_forms.Hertz(P, R, E_STAR), F, U * F * P
+    )
+    assert study.dissipation_per_cycle[0] == pytest.approx(known.dissipation(), rel=5e-3)
+    assert study.volume[-1] == pytest.approx(10.0 * C * study.dissipation_per_cycle[0], rel=2e-3)
+    assert study.table()[0] | {"contact_half_width": 0, "stick_half_width": 0} == {
+        name: 0.0 for name in study.table()[0]
+    }
+
+
+@pytest.mark.one_rank
+def test_estimates_hold_against_smaller_steps() -> None:
+    coarse, fine = (
+        worn(cylinders(60, "wear.cycles=8000", f"wear.tolerance={t}")) for t in (0.2, 0.02)
+    )
+    assert len(fine.rows) > 2 * len(coarse.rows)
+    off = np.abs(coarse.depth[-1] - fine.depth[-1])
+    assert np.mean(off <= 2.0 * coarse.rows["estimate"][-1]) >= 0.95
+    assert abs(coarse.volume[-1] - fine.volume[-1]) <= 2.0 * coarse.volume_estimate[-1]
+
+
+@pytest.mark.one_rank
+def test_gross_slip_wears_as_archard_says_explicitly_and_implicitly() -> None:
+    # a stroke of one per cent of the contact, far beyond the slip before all nodes slide
+    scene = sliding(30, 0.05, "contact.friction=0.002", "wear.cycles=1600")
+    study = worn(scene)
+    pairs = pairs_of(scene)
+    row = pairs.begin()
+    assert not np.any(row["zone"] == rf.State.STICK)
+    for _ in range(40):
+        row = pairs.settled(row, 40.0 * pairs.rate * row["energy"])
+    assert np.abs(study.depth[-1] - row["depth"]).max() < 0.01 * row["depth"].max()
+    path = study.slip[0][study.pressure[0] > 0.0].max()
+    assert study.volume[-1] == pytest.approx(1600 * C * 0.002 * P * path, rel=2e-3)
+
+
+@pytest.mark.one_rank
+def test_carried_profiles_become_node_pairs_for_small_strokes() -> None:
+    scene = sliding(60, 0.1)
+    pairs = pairs_of(scene)
+    first = pairs.begin()
+    problem = pairs.problem
+    carried = Convected(problem.system, np.full(problem.system.n, C), 0.3)
+    carried.follow(problem.history.loop, 1e-3 * pairs.slip_at_corners, A)
+    # the same sliding distance
+    carried.positions = [(load, s, 1e3 * way) for load, s, way in carried.positions]
+    row = carried.begin(first)
+    assert row["energy"].sum() == pytest.approx(first["energy"].sum(), rel=0.02)
+    rows = []
+    for model, row in ((pairs, first), (carried, row)):
+        row = row.copy()
+        row["step"] = 5.0
+        while row["cycles"] < 40.0:
+            row = advance(model, row, 0.05, 40.0)
+        rows.append(row)
+    assert np.abs(rows[0]["depth"] - rows[1]["depth"]).max() < 0.03 * rows[0]["depth"].max()
+    worn = rows[1]["worn"].sum(axis=1)
+    assert worn[0] / worn.sum() == pytest.approx(0.3, rel=1e-9)
+
+
+@pytest.mark.one_rank
+def test_a_kill_and_resume_repeat_an_undisturbed_study_bit_by_bit(tmp_path: Path) -> None:
+    scene = cylinders(40, "wear.cycles=5000")
+    whole = worn(scene, tmp_path / "whole")
+
+    def stop(text: str) -> None:
+        if text.startswith("wear: cycle") and getattr(text, "done", 0) > 1500:
+            raise KeyboardInterrupt
+
+    with pytest.raises(rf.Interrupted, match="--resume"):
+        rf.wear(scene, tmp_path / "cut", StudyOptions(progress=stop))
+    with open(tmp_path / "cut" / "steps.bin", "ab") as file:
+        file.write(b"torn")
+    again = worn(scene, tmp_path / "cut", StudyOptions(resume=True))
+    assert again.rows.tobytes() == whole.rows.tobytes()
+    rows = list(csv.DictReader((tmp_path / "cut" / "wear.csv").read_text().splitlines()))
+    assert len(rows) == len(whole.rows) and float(rows[-1]["volume"]) == whole.volume[-1]
+    summary = json.loads((tmp_path / "cut" / "wear.json").read_text())
+    assert summary["end"] == "cycles done" and summary["estimates"]["volume"] > 0.0
+    longer = worn(cylinders(40, "wear.cycles=6000"), tmp_path / "cut", StudyOptions(resume=True))
+    assert longer.cycles[-1] == 6000.0 and longer.cycles[-2] >= 5000.0
+
+
+def test_half_and_whole_bodies_wear_alike_and_end_at_the_edge_of_the_mesh() -> None:
+    block = ROOT / "demos" / "block.toml"
+    changes = ["mesh.contact_elements=40", "wear.coefficient=1e-3"]
+    studies = [
+        rf.wear(rf.read_scene(block, [*changes, f"solver.symmetry={symmetry}"]))
+        for symmetry in ("auto", "none")
+    ]
+    if comm.rank > 0:
+        return
+    half, whole = studies
+    assert half is not None and whole is not None
+    assert half.end == whole.end == "contact past the fine mesh"
+    assert np.abs(half.depth[-1] - whole.depth[-1]).max() < 1e-6 * whole.depth.max()
+    assert half.volume[-1] == pytest.approx(whole.volume[-1], rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("changes", "code", "text"),
+    [
+        (["wear.coefficient=-1.0"], 2, "must be positive"),
+        (["wear.archard=1e-6"], 2, "give one of them"),
+        (["contact.friction=0.0"], 2, "friction"),
+        (["history.cycle_rows=[]"], 2, "monotonic"),
+        (["history.rows=[[1.0, 0.0], [1.0, 0.9]]", "wear.tolerance=1e-14"], 2, "closed"),
+        (["wear.tolerance=1e-9", "wear.cycles=100"], 1, "raise the tolerance"),
+    ],
+)
+def test_what_cannot_wear_is_refused_in_one_line(
+    changes: list[str], code: int, text: str, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    sets = ["mesh.contact_elements=30", "wear.coefficient=1e-3", *changes]
+    words = [f"--set={change}" for change in sets]
+    out = comm.bcast(tmp_path) / "out"
+    assert cli.main(["wear", str(CYLINDERS), "--out", str(out), *words]) == code
+    error = capfd.readouterr().err
+    if comm.rank == 0:
+        assert text in error and len(error.strip().splitlines()) == 1
+        assert (out / "wear.csv").exists() == (code == 1)
+
+
+def test_wear_needs_a_coefficient_and_a_small_stroke_or_known_profiles() -> None:
+    with pytest.raises(rf.InputError, match="coefficient: is missing"):
+        rf.wear(rf.read_scene(CYLINDERS))
+    with pytest.raises(rf.InputError, match=r"is 0\.\d+ of the contact's width"):
+        rf.wear(sliding(30, 1.0, "material.lower.young=100.0"))
