@@ -130,7 +130,7 @@ from .studies.shakedown.study import shakedown as shakedown
 from .studies.shakedown.result import ShakedownStudy as ShakedownStudy
 from .studies.shakedown.opening import opening_limit as opening_limit
 from .studies.shakedown.cycles import range_history as range_history
-from .evolution.limit.starts import steady_states as steady_states, SteadyStates as SteadyStates
+from .studies.starts import steady_states as steady_states, SteadyStates as SteadyStates
 from .studies.shakedown.figures import steady_states_figure as steady_states_figure
 
 # Wear

@@ -168,6 +168,7 @@ def run(
     pdf: bool = False,
     error: bool = False,
     starts: int = 0,
+    workers: int | None = None,
     tolerance: float | None = None,
 ) -> None:
     """Run a study: mesh, condense, evolve, write results, draw pictures.
@@ -182,6 +183,7 @@ def run(
         error: solve on three coarser meshes too and estimate the discretisation error in space
         starts: find the limit (until = "limit") from this number of initial slips too: rest, four
             extreme ones, then random ones; report how far they differ
+        workers: find these limits on this number of new processes of this machine
         tolerance: choose the mesh so that the relative errors of the numbers are below it (the
             table [accuracy] names the numbers and the budget)
     """
@@ -223,6 +225,7 @@ def run(
                 pdf=pdf,
                 error=error,
                 starts=starts,
+                workers=workers,
                 progress=say,
             )
             with contextlib.suppress(ToleranceNotMet):  # raised below, after the table

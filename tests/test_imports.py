@@ -58,10 +58,10 @@ OUTPUT = (("plots",), ("snapshots", "report"))
 """Rooms of the output."""
 
 STUDIES = (
+    ("runner",),
     ("accuracy", "starts"),
     ("run",),
     ("cases", "sweep_table"),
-    ("runner",),
     ("sweep", "shakedown", "wear"),
     ("joint",),
 )

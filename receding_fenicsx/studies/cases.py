@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import hashlib
 import sys
 from collections.abc import Iterable, Mapping
 from pathlib import Path
@@ -24,15 +23,6 @@ Cell = float | int | str | bool | None
 
 _systems: dict[str, ContactSystem] = {}
 """Last condensed systems of this process, by the digest of their scenes."""
-
-
-def digest_of_system(system: ContactSystem) -> str:
-    """Return the digest of a condensed system without its probes."""
-    found = hashlib.sha256()
-    for name, value in vars(system).items():
-        if name != "probes":
-            found.update(value.tobytes() if isinstance(value, np.ndarray) else repr(value).encode())
-    return found.hexdigest()
 
 
 def shared_system(scene: Scene, body: str, folder: Path | None = None) -> ContactSystem:

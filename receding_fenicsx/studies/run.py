@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -20,12 +21,13 @@ from receding_fenicsx.pictures import Drawing, drawing_modules
 from receding_fenicsx.scene.model import Scene
 from receding_fenicsx.scene.validate import validate
 from receding_fenicsx.store import hdf5, summary_file
-from receding_fenicsx.store.case_file import CASES
+from receding_fenicsx.store.case_file import CASES, CaseFile
 from receding_fenicsx.store.probe_files import PROBES, write_probes
 from receding_fenicsx.store.run_folder import SYSTEM, shared_folder
 from receding_fenicsx.store.workspace import resumable
 from receding_fenicsx.studies.accuracy import meshes, study
 from receding_fenicsx.studies.accuracy.study import Solved
+from receding_fenicsx.studies.runner import Runner, StudyOptions, check_workers, on_ranks
 from receding_fenicsx.studies.starts import (
     check_landings,
     check_starts,
@@ -61,6 +63,7 @@ class RunOptions:
         pdf: draw the figures as PDF too.
         error: solve on coarser meshes too, and estimate the space errors of the headline numbers.
         starts: number of initial slips from which the limit is found too; 0: only the scene's own.
+        workers: number of new processes that find these limits; default: this process.
         tolerance: choose the mesh by the errors of the numbers, as ``accuracy.tolerance`` of the
             scene, which it replaces.
         progress: called on rank 0 with a text about each stage and each cycle.
@@ -75,6 +78,7 @@ class RunOptions:
     pdf: bool = False
     error: bool = False
     starts: int = 0
+    workers: int | None = None
     tolerance: float | None = None
     progress: Say | None = None
 
@@ -111,11 +115,12 @@ def run(
         scene = replace(scene, accuracy=replace(scene.accuracy, tolerance=options.tolerance))
     validate(scene)
     check_starts(scene, options.starts)
+    comm = comm or world()
+    check_workers(options.workers, comm)
     if scene.accuracy.tolerance is not None and options.system_file is not None:
         raise InputError("--system: a search for a tolerance makes its own systems; leave it out")
     if options.error and scene.accuracy.tolerance is None:
         scene = study.with_coarser_partner(scene)
-    comm = comm or world()
     timer = Timer(options.progress if comm.rank == 0 else None)
     chosen = {"figures": out is not None and options.pictures, "everything": options.all_pictures}
     body = options.system_file is None if options.snapshots is None else options.snapshots
@@ -125,7 +130,7 @@ def run(
     ):
         found = _found(scene, comm, timer, folder, options)
         if options.starts and found.failure is None:
-            found.extra.update(_starts(found, comm, timer, options.starts))
+            found.extra.update(_starts(found, comm, timer, folder, options))
         record, failure = found.record, found.failure
         if out is not None:
             # written before the pictures too, which may fail
@@ -179,15 +184,20 @@ def _found(
     return found
 
 
-def _starts(found: Solved, comm: MPI.Comm, timer: Timer, count: int) -> dict[str, Any]:
+def _starts(
+    found: Solved, comm: MPI.Comm, timer: Timer, folder: Path | None, options: RunOptions
+) -> dict[str, Any]:
     """Return the limits from further initial slips, on rank 0; collective."""
-    with timer("starts"):
 
-        def limits() -> dict[str, Any]:
-            system, record = mpi.given(found.system), mpi.given(found.record)
-            return limit_with_starts(system, found.scene, record, count)
+    def limits(executor: Executor | None) -> dict[str, Any]:
+        file = None if folder is None else CaseFile(folder)
+        progress = StudyOptions(progress=timer.say)
+        runner = Runner("starts", progress, file, options.workers, executor)
+        system, record = mpi.given(found.system), mpi.given(found.record)
+        return limit_with_starts(system, found.scene, record, options.starts, runner)
 
-        return mpi.on_root(comm, limits) or {}
+    with resumable(folder, "between starts"), timer("starts"):
+        return on_ranks(comm, limits) or {}
 
 
 def _evolved(

@@ -39,15 +39,18 @@ what it is of: a study of another scene, or with other ``same``, does not contin
 from __future__ import annotations
 
 import contextlib
+import hashlib
 import json
 import pickle
 import shutil
 import signal
 from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, as_completed, wait
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, is_dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
+
+import numpy as np
 
 from receding_fenicsx import mpi, workers
 from receding_fenicsx.atomic import make_folder, unwritable
@@ -150,16 +153,7 @@ def run_study(
         Interrupted: a signal asked to end; the folder can be resumed.
     """
     comm = mpi.world()
-    if count is not None:
-        if isinstance(count, bool) or not isinstance(count, int):
-            raise InputError(f"workers = {count!r}: must be a whole number")
-        if not 1 <= count <= 1024:
-            raise InputError(f"workers = {count}: must be from 1 to 1024")
-        if options.executor is not None or comm.size > 1:
-            raise InputError(
-                "workers: the cases are run by the ranks of the MPI job, or by the executor; "
-                "leave workers out"
-            )
+    check_workers(count, comm, options.executor)
     if options.shard is not None:
         number, shares = options.shard
         if out is None or not 1 <= number <= shares:
@@ -181,16 +175,52 @@ def run_study(
     def run(executor: Executor | None) -> T:
         study = begin()
         if out is None:
-            return study.combine(Runner(study, options, None, count, executor))
+            return study.combine(Runner(study.name, options, None, count, executor))
         with _opened(Path(out), study, options) as file:
-            runner = Runner(study, options, file, count, executor)
+            runner = Runner(study.name, options, file, count, executor, study.results)
             result = study.combine(runner)
             if runner.complete:
                 shutil.rmtree(Path(out) / SYSTEMS, ignore_errors=True)
             return result
 
-    if comm.size == 1 or options.executor is not None:
+    if options.executor is not None:
         return run(options.executor)
+    return on_ranks(comm, run)
+
+
+def check_workers(count: int | None, comm: MPI.Comm, executor: Executor | None = None) -> None:
+    """Raise InputError for a wrong number of new processes."""
+    if count is not None:
+        if isinstance(count, bool) or not isinstance(count, int):
+            raise InputError(f"workers = {count!r}: must be a whole number")
+        if not 1 <= count <= 1024:
+            raise InputError(f"workers = {count}: must be from 1 to 1024")
+        if executor is not None or comm.size > 1:
+            raise InputError(
+                "workers: the cases are run by the ranks of the MPI job, or by the executor; "
+                "leave workers out"
+            )
+
+
+def digest_of(*parts: Any) -> str:
+    """Return the digest of values, arrays and dataclasses of such."""
+    found = hashlib.sha256()
+    for part in parts:
+        if is_dataclass(part):
+            found.update(digest_of(*vars(part).values()).encode())
+        else:
+            found.update(part.tobytes() if isinstance(part, np.ndarray) else repr(part).encode())
+    return found.hexdigest()
+
+
+def on_ranks(comm: MPI.Comm, work: Callable[[Executor | None], T]) -> T | None:
+    """Call a function on rank 0 with an executor whose processes are the other ranks; collective.
+
+    Returns:
+        What it returned on rank 0, None on the others.
+    """
+    if comm.size == 1:
+        return work(None)
     from mpi4py.futures import MPICommExecutor
     from petsc4py import PETSc  # noqa: F401 - its start is collective
 
@@ -202,7 +232,7 @@ def run_study(
     ):
         if executor is not None:
             try:
-                result = run(executor)
+                result = work(executor)
             except BaseException as caught:
                 error = caught
 
@@ -236,7 +266,7 @@ Played = Generator[tuple[int, Outcome], None, None]
 
 
 class Runner:
-    """Runs cases in the folder of a study.
+    """Runs cases, in the folder of a study or without one.
 
     Attributes:
         folder: the folder, None without one.
@@ -246,15 +276,16 @@ class Runner:
 
     def __init__(
         self,
-        study: Study[Any],
-        options: StudyOptions,
-        file: CaseFile | None,
-        count: int | None,
-        executor: Executor | None,
+        name: str,
+        options: StudyOptions = StudyOptions(),
+        file: CaseFile | None = None,
+        count: int | None = None,
+        executor: Executor | None = None,
+        results: tuple[str, ...] = (),
     ) -> None:
-        """Hold what runs the cases, and the file that keeps them."""
-        self.study, self.options, self.file = study, options, file
-        self.count, self.executor = count, executor
+        """Hold what runs the cases, and the file that keeps them; see :func:`run_study`."""
+        self.name, self.options, self.file = name, options, file
+        self.count, self.executor, self.results = count, executor, results
         self.folder = None if file is None else file.folder
         self.systems = None if file is None else file.folder / SYSTEMS
         self.complete = True
@@ -273,10 +304,10 @@ class Runner:
         todo = {k: cases[k] for k in share if cases[k].identity and not cases[k].error}
         todo = {k: case for k, case in todo.items() if case.identity not in finished}
         lacking = [c for c in cases if not c.error and c.identity not in finished]
-        for name in self.study.results if lacking and self.folder else ():
+        for name in self.results if lacking and self.folder else ():
             (self.folder / name).unlink(missing_ok=True)  # type: ignore[operator]
         done, failed = len(share) - len(todo), 0
-        tell = Countdown(self.options.progress, f"{self.study.name}: case")
+        tell = Countdown(self.options.progress, f"{self.name}: case")
         try:
             with contextlib.closing(self._play(todo, measure)) as played:
                 for more, (number, outcome) in enumerate(played, 1):

@@ -17,7 +17,7 @@ from small import small_system
 
 import receding_fenicsx as rf
 from receding_fenicsx import cli
-from receding_fenicsx.evolution.limit import starts
+from receding_fenicsx.studies import starts
 from receding_fenicsx.studies.shakedown import study
 from receding_fenicsx.studies.shakedown.diagram import Diagram
 from receding_fenicsx.studies.shakedown.figures import diagram_figure, steady_states_figure

@@ -103,7 +103,9 @@ def test_coupled_starts_differ_and_uncoupled_ones_do_not() -> None:
     differ, same = spread_of(1.0), spread_of(0.0)
     assert not differ["same"] and differ["kinds"].keys() == {"shakedown", "cyclic slip"}
     assert same["same"] and same["dissipation"][0] > 0.0
-    (row,) = limit_rows({"limit": {"reached": False, "reason": "", "starts": differ}})[1:]
+    (row,) = limit_rows({"limit": {"reached": False, "cycle": 2, "reason": "", "starts": differ}})[
+        1:
+    ]
     assert row[0] == "limits from 21 initial slips differ"
 
 
@@ -126,3 +128,14 @@ def test_a_run_that_its_limit_has_ended_is_not_played_again(
     COMM.Barrier()
     record = rf.read_record(out / "record.h5")
     assert record.limit is None and len(record.cycles.dissipation) == 3
+
+
+def test_starts_of_a_run_are_found_by_other_processes_alike(scene: Path) -> None:
+    if COMM.size == 1:
+        found = []
+        for workers in (None, 2):
+            out = scene.parent / f"out{workers}"
+            options = rf.RunOptions(pictures=False, starts=5, workers=workers)
+            rf.run(rf.read_scene(scene), out, options)
+            found.append(json.loads((out / "summary.json").read_text())["limit"]["starts"])
+        assert found[0] == found[1]

@@ -21,5 +21,4 @@ to bottom:
    It is accepted only if it repeats itself as a steady cycle does
    (:class:`~receding_fenicsx.interface.measures.steady.SteadyWatch`). Nodes that drifted, and slip
    nowhere in the limit, stick there.
-6. **Other starts** (`starts.steady_states`): the limits from many initial slips.
 """

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import hashlib
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
@@ -40,11 +39,11 @@ from receding_fenicsx.store.summary_file import write_summary
 from receding_fenicsx.store.workspace import FolderKind
 from receding_fenicsx.studies import run as study
 from receding_fenicsx.studies.accuracy.meshes import coarser
-from receding_fenicsx.studies.cases import Cell, digest_of_system
+from receding_fenicsx.studies.cases import Cell
 from receding_fenicsx.studies.joint.backbone import NO_DISSIPATION, Backbone, first_loading
 from receding_fenicsx.studies.joint.figure import joint_figure
 from receding_fenicsx.studies.joint.result import JointCurve
-from receding_fenicsx.studies.runner import Runner, Study, StudyOptions, run_study
+from receding_fenicsx.studies.runner import Runner, Study, StudyOptions, digest_of, run_study
 from receding_fenicsx.studies.sweep import Grid, grid_of, play_scene
 from receding_fenicsx.studies.sweep_table import SweepTable
 
@@ -166,14 +165,13 @@ def joint_curve(
     def begin() -> Study[JointCurve]:
         if cyclic is None:
             grid = Grid(("amplitude",), (tuple(values.tolist()),), ())
-            body, names = digest_of_system(given), np.array(given.load_names)
+            body, names = digest_of(given), np.array(given.load_names)
             unit = np.array(names == drive, dtype=float)
             cases = []
             for value in values.tolist():
                 loop = start[-1] + np.outer([value, -value, value], unit)
                 history = History(given.load_names, np.vstack([start, loop[0]]), loop, CYCLES)
-                identity = hashlib.sha256(f"{body} {drive} {value!r}".encode()).hexdigest()
-                cases.append(Case(identity, (given, history, drive), (value,)))
+                cases.append(Case(digest_of(body, drive, value), (given, history, drive), (value,)))
         else:
             grid = grid_of(cyclic, over, options.folder)
 
@@ -191,7 +189,7 @@ def joint_curve(
                 _write(runner.folder, title, curve)
             return curve
 
-        same = {"drive": drive, "system": "" if cyclic is not None else digest_of_system(given)}
+        same = {"drive": drive, "system": "" if cyclic is not None else digest_of(given)}
         results = (TABLE, SUMMARY, PICTURE)
         # amplitudes may be added, or left out
         own = scene if isinstance(scene, Scene) else None

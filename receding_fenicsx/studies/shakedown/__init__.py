@@ -15,7 +15,7 @@ r"""Shakedown of a scene: limits of a load range, their diagram, and steady stat
    :func:`~receding_fenicsx.studies.shakedown.opening.opening_limit` finds a motion round a larger
    range by a mixed-integer program (:mod:`receding_fenicsx.interface.shakedown.opening`), and plays
    exact cycles from its slip to verify it.
-5. :func:`~receding_fenicsx.evolution.limit.starts.steady_states` plays one history from many
+5. :func:`~receding_fenicsx.studies.starts.steady_states` plays one history from many
    initial slips and collects dissipation, kind and slipping nodes of each steady state.
 6. :mod:`~receding_fenicsx.studies.shakedown.folder` writes ``shakedown.json``, ``safe_slip.csv`` (a
    profile for ``history.initial_slip``) and the diagram.

@@ -6,12 +6,12 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
 
-from receding_fenicsx.evolution.limit.starts import SteadyStates
 from receding_fenicsx.interface.law import State
 from receding_fenicsx.interface.shakedown.opening import Opening
 from receding_fenicsx.output.plots import style
 from receding_fenicsx.output.plots.labels import load_text
 from receding_fenicsx.studies.shakedown.diagram import Diagram
+from receding_fenicsx.studies.starts import SteadyStates
 
 SAFE, DEPENDS = "#bdbdbd", "#e6e6e6"
 """Fill of the regions in which the contact shakes down, and in which it depends on the start."""
