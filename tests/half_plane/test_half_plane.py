@@ -82,6 +82,18 @@ def test_integrals_of_the_logarithm_are_those_of_quadrature() -> None:
     assert np.isclose(signs[0, 5], -0.5 * 0.19 * 0.5 * 0.3)
 
 
+def test_integrals_of_two_hats_do_not_depend_on_the_other_elements() -> None:
+    """Not on how many there are either, of which so many are looked at together."""
+    x = graded(600)
+    whole = surface_integrals(x, np.stack([np.arange(599), np.arange(1, 600)], axis=1))
+    for first in (0, 350):
+        part = slice(first, first + 250)
+        own = surface_integrals(x[part], np.stack([np.arange(249), np.arange(1, 250)], axis=1))
+        for all_, found in zip(whole, own, strict=True):
+            inner = all_[part, part][1:-1, 1:-1]
+            np.testing.assert_allclose(found[1:-1, 1:-1], inner, atol=1e-13 * np.abs(inner).max())
+
+
 def test_far_elements_have_enough_points(monkeypatch: pytest.MonkeyPatch) -> None:
     x = graded(60, 0.5)
     lower = np.arange(59)

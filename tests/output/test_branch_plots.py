@@ -1,5 +1,6 @@
 """Figures of branches and of slip modes show the numbers of their trees and modes."""
 
+from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
 
@@ -14,6 +15,8 @@ from small import cyclic, small_system, table
 import receding_fenicsx as rf
 from receding_fenicsx.interface.law import State
 from receding_fenicsx.interface.mirror import mirror_of
+from receding_fenicsx.output.snapshots import mode
+from receding_fenicsx.output.snapshots.draw import Sheet, draw_sheets
 
 BLOCK = Path(__file__).parents[2] / "demos" / "block.toml"
 
@@ -115,17 +118,30 @@ def test_body_in_a_slip_mode_has_its_picture(
         drawn.append(figure)
         save(figure, path)
 
+    sheets: list[Sheet] = []
+
+    def noted(drawn_sheets: list[Sheet]) -> Iterable[Figure]:
+        sheets.extend(drawn_sheets)
+        return draw_sheets(drawn_sheets)
+
     monkeypatch.setattr(rf.style, "save", kept)
+    monkeypatch.setattr(mode, "draw_sheets", noted)
     scene = rf.read_scene(BLOCK, ["mesh.contact_elements=8", "history.cycles=1"])
     system, critical = rf.condense(scene), None
     if system is not None:
         critical = rf.critical_friction(system, rf.evolve(system, scene).at(cycle=0).state)
     file = rf.draw_slip_mode(scene, critical, shared_tmp_path / "mode.png")
-    if critical is not None:
+    if critical is not None and system is not None:
         assert file is not None
         assert file.is_file()
         (page,) = drawn
         assert any(f"{critical.factor:.4g}" in text.get_text() for text in page.texts)
+        view, shape = sheets[0].view, np.reshape(critical.mode, (2, -1)).T
+        apart = np.abs(view.points[:, None] - system.points[::2]).max(axis=2)
+        corner = apart.argmin(axis=0)  # nodes between the vertices are not drawn
+        assert apart.min(axis=0).max() < 1e-9
+        drawn_mode = (view.moved - view.points)[corner] / view.factor
+        assert drawn_mode == pytest.approx(shape[::2], abs=1e-9)
         # changes at the friction of the mode; the node on the axis has no shear
         (tractions,) = [axes for axes in page.axes if "$p$" in str(axes.get_ylabel())]
         p, q = (np.asarray(line.get_ydata()) for line in tractions.lines[-2:])

@@ -4,6 +4,7 @@ import base64
 import dataclasses
 import io
 import re
+from copy import deepcopy
 from functools import cache
 from html import unescape
 from html.parser import HTMLParser
@@ -152,8 +153,13 @@ def test_round_off_is_no_traction() -> None:
     assert extremes_of({"p_max": 0.0, "q_min": 0.0, "q_max": 0.0}) == [0.0, 0.0, 0.0]
 
 
-def test_numbers_of_the_report_are_those_of_the_summary(tmp_path: Path) -> None:
-    _, summary = run()
+@pytest.mark.parametrize("unit", [1.0, 1e-3, 1e4])
+def test_numbers_of_the_report_are_those_of_the_summary(tmp_path: Path, unit: float) -> None:
+    summary = deepcopy(run()[1])
+    for point in summary["turning_points"]:
+        point["zones"] = [[name, unit * x0, unit * x1] for name, x0, x1 in point["zones"]]
+        for key in ("contact_half_width", "stick_half_width", "p_max", "q_min", "q_max"):
+            point[key] *= unit
     write_summary(tmp_path / "summary.json", summary)
     written = rf.read_summary(tmp_path / "summary.json")
     page = Page(report_html(written))

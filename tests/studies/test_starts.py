@@ -8,6 +8,7 @@ from typing import Any
 
 from mpi4py import MPI
 
+import numpy as np
 import pytest
 from shakedown_cases import TO_AND_FRO, UPPER, two_nodes
 
@@ -95,7 +96,11 @@ def spread_of(coupling: float) -> dict[str, Any]:
     # between the limits of shakedown with coupling; above both without
     factor = 0.99 * UPPER if coupling else 0.9
     history = rf.range_history(system, {"mean": 1.0}, TO_AND_FRO, factor)
-    return starts_summary(rf.steady_states(system, history, 21))
+    found = rf.steady_states(system, history, 21)
+    slips = np.isin(found.state, (rf.State.FORWARD_SLIP, rf.State.BACKWARD_SLIP)).any(axis=1)
+    # a node that stays on its limit does not slip
+    assert np.array_equal(slips, np.array(found.kind) != "shakedown")
+    return starts_summary(found)
 
 
 @pytest.mark.one_rank
