@@ -57,14 +57,14 @@ def write_pages(demos: Path, source: Path) -> None:
     (source / "gallery").mkdir()
     parts = [
         "# Gallery",
-        "Every demo of the project: `bash demos/run.sh NAME` runs one on two ranks.",
+        "Problems to start from: `bash demos/run.sh NAME` runs one on two ranks.",
     ]
+    cards = []
     for name in names:
         title, rest = _docstring(demos / f"{name}.py")
         pictures = pictures_of(demos, name)
-        parts += [f"## [{title}](gallery/{name}.md)"]
-        parts += [f"![{title}](pictures/{picture})" for picture in list(pictures)[:1]]
-        parts += [_problem(rest)]
+        thumbnail = "".join(f"![](pictures/{picture}) " for picture in list(pictures)[:1])
+        cards.append(f"* {thumbnail}[{title}](gallery/{name}.md)")
         page = [f"# {title}", f"`bash demos/run.sh {name}`", rest]
         for picture, caption in pictures.items():
             page += [f"![{caption or title}](../pictures/{picture})", caption]
@@ -77,7 +77,7 @@ def write_pages(demos: Path, source: Path) -> None:
         (source / "gallery" / f"{name}.md").write_text("\n\n".join(page), encoding="utf-8")
     entries = (f"{name} <gallery/{name}>" for name in names)
     tree = ["```{toctree}", ":hidden:", "", *entries, "```"]
-    parts.append("\n".join(tree))
+    parts += ["\n".join(cards), "\n".join(tree)]
     (source / "gallery.md").write_text("\n\n".join(parts), encoding="utf-8")
 
 
@@ -86,13 +86,6 @@ def _docstring(path: Path) -> tuple[str, str]:
     text = ast.get_docstring(ast.parse(path.read_text(encoding="utf-8"))) or path.stem
     title, _, rest = text.partition("\n")
     return title.rstrip("."), markdown(rest.strip())
-
-
-def _problem(text: str) -> str:
-    """Return what a demo says of its problem: its first paragraph, with the list that follows."""
-    paragraphs = text.split("\n\n")
-    length = 2 if paragraphs[0].endswith(":") else 1
-    return "\n\n".join(paragraphs[:length]).removeprefix("**Problem.** ")
 
 
 def _uses(demos: Path, name: str, scene: str) -> bool:

@@ -1,19 +1,16 @@
-"""Write the tables of scene keys into the documents: ``python docs/key_tables.py``.
+"""Tables of the keys of scene files, for the site; ``python docs/key_tables.py`` prints them.
 
-Each table stands below the heading of its table in a scene file. The texts are those of the
-dataclasses' docstrings, which the JSON Schema of scene files has too.
+The texts are those of the dataclasses' docstrings, which the JSON Schema of scene files has too.
 """
 
 import dataclasses
 import json
 import re
-from pathlib import Path
 from typing import Any
 
 import receding_fenicsx as rf
 from receding_fenicsx.scene.schema import descriptions
 
-DOCS = Path(__file__).resolve().parent
 KINDS: dict[str, Any] = {
     "body": rf.Body,
     "material": rf.Material,
@@ -55,18 +52,10 @@ def _default(field: dataclasses.Field[Any]) -> str:
 
 
 def with_tables(text: str) -> str:
-    """Return a document with the tables of keys as the dataclasses have them now."""
-
-    def section(found: re.Match[str]) -> str:
-        table = key_table(KINDS[found[2]])
-        return found[1] + re.sub(
-            r"(?:^\|.*\n)+", lambda _: f"{table}\n", found[3], count=1, flags=re.M
-        )
-
-    heading = rf"(^## \[+({'|'.join(KINDS)})\]+\n)((?:(?!## ).*\n)*)"
-    return re.sub(heading, section, text, flags=re.M)
+    """Return a page with a table of keys in the place of each ``<!-- keys of TABLE -->``."""
+    return re.sub(r"<!-- keys of (\w+) -->", lambda found: key_table(KINDS[found[1]]), text)
 
 
 if __name__ == "__main__":
-    path = DOCS / "scene.md"
-    path.write_text(with_tables(path.read_text(encoding="utf-8")), encoding="utf-8")
+    for name, kind in KINDS.items():
+        print(f"[{name}]\n\n{key_table(kind)}\n")

@@ -6,6 +6,9 @@ from pathlib import Path
 
 import api_pages
 import gallery_pages
+import key_tables
+
+from receding_fenicsx.cli import app
 
 DOCS = Path(__file__).resolve().parent
 ROOT = DOCS.parent
@@ -24,8 +27,13 @@ def prepare(source: Path) -> None:
     pages = {path.name: path for path in DOCS.glob("*.md")}
     pages |= {name.lower(): ROOT / name for name in ("CHANGELOG.md", "CONTRIBUTING.md")}
     for name, path in pages.items():
-        text = relinked(path.read_text(encoding="utf-8"))
+        text = key_tables.with_tables(relinked(path.read_text(encoding="utf-8")))
         (source / name).write_text(text, encoding="utf-8")
+    (source / "command_line.md").write_text(command_line(), encoding="utf-8")
+    (source / "tutorials").mkdir()
+    for path in (DOCS / "tutorials").glob("*.py"):
+        text = page_of_notebook(path.read_text(encoding="utf-8"))
+        (source / "tutorials" / f"{path.stem}.md").write_text(text, encoding="utf-8")
     api_pages.write_pages(ROOT / api_pages.PACKAGE, source / "api")
     gallery_pages.write_pages(demos, source)
 
@@ -37,6 +45,10 @@ def relinked(text: str) -> str:
         path = found[1].removeprefix("../").removeprefix("docs/").rstrip("/")
         if path in ("CHANGELOG.md", "CONTRIBUTING.md"):
             path = path.lower()
+        elif path == f"{api_pages.PACKAGE}/cli.py":
+            path = "command_line.md"
+        elif path.startswith("tutorials/"):
+            path = path.replace(".py", ".md")
         elif path == "demos":
             path = "gallery.md"
         elif path.startswith("demos/pictures/"):
@@ -50,3 +62,23 @@ def relinked(text: str) -> str:
         return f"]({path}"
 
     return re.sub(r"\]\(((?!https?:)[^)#\s]+)", place, text)
+
+
+def page_of_notebook(text: str) -> str:
+    """Return the page of a notebook in jupytext's percent format, with links within the site."""
+    parts = []
+    for cell in re.split(r"^# %%", text, flags=re.M)[1:]:
+        kind, _, body = cell.partition("\n")
+        if "markdown" in kind:
+            parts.append(re.sub(r"^# ?", "", body, flags=re.M).strip())
+        else:
+            parts.append(f"```python\n{body.strip()}\n```")
+    page = "\n\n".join(parts).replace("](../../demos/", "](../")
+    return re.sub(r"\]\((\w+)\.py\)", r"](\1.md)", page) + "\n"
+
+
+def command_line() -> str:
+    """Return the page of all commands with their options, made of their help texts."""
+    text = app.generate_docs(output_format="markdown")
+    text = re.sub(r"## Table of Contents\n.*?(?=\*\*Commands)", "", text, flags=re.S)
+    return re.sub(r"^# .*", "# Command line", text, count=1)

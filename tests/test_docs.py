@@ -122,6 +122,15 @@ def test_links_to_files_lead_to_pages() -> None:
     )
 
 
+def test_cells_of_a_notebook_become_text_and_code() -> None:
+    text = (
+        "# %% [markdown]\n# # A\n#\n# ![b](../../demos/pictures/b.png) [c](c.py)\n\n# %%\nx = 1\n"
+    )
+    assert site_source.page_of_notebook(text) == (
+        "# A\n\n![b](../pictures/b.png) [c](c.md)\n\n```python\nx = 1\n```\n"
+    )
+
+
 def test_broken_links_of_a_site_are_found(tmp_path: Path) -> None:
     pages = {
         "index.html": '<p id="top"><a href="sub/a.html#here">',

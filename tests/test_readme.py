@@ -15,7 +15,6 @@ import pytest
 
 from receding_fenicsx import cli
 from receding_fenicsx.environment import child_environment
-from receding_fenicsx.scene.toml_file import read_scene
 
 pytestmark = pytest.mark.one_rank
 
@@ -49,8 +48,6 @@ set_up
 QUICK = {
     "bash demos/run.sh --setup": "ready: ",
     "bash demos/run.sh frictionless_block": "order of convergence",
-    "bash demos/run.sh two_blocks": "Filon's 1.338",
-    "bash demos/run.sh cattaneo_mindlin": "figure written to results/cattaneo_mindlin",
     "bash tests/run.sh tests/bulk/test_load_parts.py": "tests on 2 ranks",
     "source .venv/bin/activate; receding-fenicsx doctor": "all requirements are met",
     "source .venv/bin/activate; python docs/build.py": "pages in results/site",
@@ -114,24 +111,62 @@ def test_recipes_of_the_guide_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
     monkeypatch.chdir(tmp_path)
     names: dict[str, object] = {}
     recipes = programs("docs/extending.md")
-    assert len(recipes) == 8
+    assert len(recipes) == 7
     for recipe in recipes:
         exec(compile(recipe, "extending.md", "exec"), names)
     assert (tmp_path / "friction_used.png").is_file()
 
 
-def test_program_of_the_guide_to_sweeps_runs(beside_demos: Path) -> None:
-    (program,) = programs("docs/sweeps.md")
-    (beside_demos / "program.py").write_text(program, encoding="utf-8")
+def test_programs_of_questions_from_elsewhere_run(beside_demos: Path) -> None:
+    names: dict[str, object] = {}
+    for program in programs("docs/elsewhere.md"):
+        assert "assert " in program
+        exec(compile(program, "elsewhere.md", "exec"), names)
+
+
+@pytest.mark.parametrize("name", sorted(path.stem for path in (ROOT / "docs/tutorials").iterdir()))
+def test_tutorials_run(beside_demos: Path, name: str) -> None:
+    run_program(beside_demos, text_of(f"docs/tutorials/{name}.py"))
+
+
+def run_program(folder: Path, program: str) -> str:
+    """Run a program in a process of its own, in a folder, and return what it prints."""
+    (folder / "program.py").write_text(program, encoding="utf-8")
     run = subprocess.run(
         [sys.executable, "program.py"],
+        cwd=folder,
         env=child_environment() | {"PYTHONPATH": str(ROOT)},
         capture_output=True,
         text=True,
         check=False,
     )
     assert run.returncode == 0, run.stderr
-    assert "6 cases\n" in run.stdout and "(3, 2)" in run.stdout
+    return run.stdout
+
+
+def test_program_of_the_guide_to_sweeps_runs(beside_demos: Path) -> None:
+    (program,) = programs("docs/sweeps.md")
+    printed = run_program(beside_demos, program)
+    assert "6 cases\n" in printed and "(3, 2)" in printed
+
+
+@pytest.mark.parametrize("engine", ["dask.distributed", "submitit"])
+def test_recipes_for_clusters_run_by_their_local_executors(beside_demos: Path, engine: str) -> None:
+    pytest.importorskip(engine)
+    (program,) = (text for text in programs("docs/cluster.md") if engine in text)
+    printed = run_program(beside_demos, program)
+    assert all(f"\n{friction}" in printed for friction in (0.2, 0.35, 0.5)), printed
+
+
+def test_array_jobs_of_a_sweep_write_its_table_together(beside_demos: Path) -> None:
+    (script,) = re.findall(r"```sh\n(#!.*?)```", text_of("docs/cluster.md"), re.S)
+    (jobs,) = re.findall(r"--array=1-(\d+)", script)
+    line = script.replace("\\\n", "").splitlines()[-1]
+    for job in range(int(jobs)):
+        assert not (beside_demos / "results/map/sweep.csv").exists()
+        words = shlex.split(line.replace("${SLURM_ARRAY_TASK_ID:-1}", str(job + 1)))
+        assert cli.main([*words[1:], *CHEAPER["sweep"]]) == 0
+    assert len((beside_demos / "results/map/sweep.csv").read_text().splitlines()) == 1 + 32
 
 
 def test_commands_of_the_documents_run(
@@ -237,8 +272,6 @@ def test_no_line_for_the_shell_is_left_untried() -> None:
     }
     for name in named - {"NAME"}:
         assert (ROOT / "demos" / f"{name}.py").is_file(), name
-    for line in demos:
-        assert f"| `{line.split()[-1]}`" in text_of("README.md")
 
 
 def test_extras_that_the_documents_name_keep_the_numpy_of_the_stack() -> None:
@@ -254,12 +287,6 @@ def test_extras_that_the_documents_name_keep_the_numpy_of_the_stack() -> None:
         assert f"to_{re.split('[<>=]', requirement)[0]}()" in text_of("docs/install.md")
 
 
-def test_checks_in_the_readme_are_rows_of_the_page_of_checks() -> None:
-    rows = re.findall(r"^\| `\w+`: .*$", text_of("README.md"), re.M)
-    assert len(rows) >= 6
-    assert set(rows) <= set(text_of("docs/accuracy.md").splitlines())
-
-
 def test_links_and_pictures_of_the_documents_exist() -> None:
     for name in DOCUMENTS:
         prose = re.sub(r"```.*?```", "", text_of(name), flags=re.S)
@@ -268,29 +295,10 @@ def test_links_and_pictures_of_the_documents_exist() -> None:
                 assert (ROOT / name).parent.joinpath(link).exists(), f"{name}: {link}"
 
 
-def test_places_in_the_table_of_methods_exist() -> None:
+def test_files_of_the_package_that_the_documents_name_exist() -> None:
     package = ROOT / "receding_fenicsx"
-    names = re.findall(
-        r"`((?:\w+/)*\w+\.py)`", text_of("docs/theory.md") + text_of("docs/extending.md")
-    )
+    names = re.findall(r"`((?:\w+/)*\w+\.py)`", "".join(map(text_of, DOCUMENTS)))
     assert len(names) > 8
     for name in names:
         found = [*package.rglob(f"*{Path(name).name}"), ROOT / name]
         assert any(path.is_file() and str(path).endswith(name) for path in found), name
-
-
-def test_first_files_to_open_for_a_task_hold_the_names_told() -> None:
-    section = text_of("docs/extending.md").partition("## Where to change what")[2]
-    rows = re.findall(r"^\| (.+) \| `(\S+)` \| `(\w+)` \|$", section, re.M)
-    assert len(rows) >= 20
-    for task, file, name in rows:
-        text = (ROOT / "receding_fenicsx" / file).read_text(encoding="utf-8")
-        # where it is defined, not only used
-        assert re.search(rf"^\s*(def |class )?{name}\b\s*[(:=]", text, re.M), (task, file, name)
-
-
-def test_scene_of_the_results_is_the_papers() -> None:
-    scene = read_scene(ROOT / "demos" / "block.toml")
-    nodes = scene.mesh.degree * scene.mesh.contact_elements + 1
-    words = f"{nodes} contact nodes, f = {scene.contacts[0].friction}, ν = {scene.material.poisson}"
-    assert words in text_of("docs/results.md")
