@@ -80,7 +80,7 @@ MECHANICS = (
     "interface.equilibrium",
     "interface.exact",
     "interface.lcp",
-    "interface.measures.corner_fit",
+    "interface.measures.power_fit",
     "interface.measures.zone_ends",
     "reference.corners",
 )

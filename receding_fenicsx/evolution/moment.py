@@ -13,8 +13,7 @@ from receding_fenicsx.arrays import Array
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.evolution.record_data import RecordData, States
 from receding_fenicsx.interface.law import friction_of
-from receding_fenicsx.interface.measures.recovered import recover
-from receding_fenicsx.interface.measures.zone_ends import Tractions
+from receding_fenicsx.interface.measures.tractions import Tractions, recover
 from receding_fenicsx.interface.measures.zones import Zone, contact_zones
 
 SAME_LOAD = 1e-9
@@ -86,7 +85,7 @@ def moment_of(record: RecordData, table: States, row: int) -> Moment:
 def recovered_tractions(record: RecordData, moment: Moment) -> tuple[Array, Array]:
     """Return tractions p and q without the zigzag of elements of order 2.
 
-    See :mod:`receding_fenicsx.interface.measures.recovered`. Resultants, p >= 0, |q| <= f p, and
+    See :mod:`receding_fenicsx.interface.measures.tractions`. Resultants, p >= 0, |q| <= f p, and
     |q| = f p at slipping nodes hold as for ``moment.p`` and ``moment.q``, which are returned on
     elements of order 1 and beside ends of contact.
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.errors import InputError
-from receding_fenicsx.interface.measures.axis import begins_on_axis
+from receding_fenicsx.interface.measures.zones import begins_on_axis
 from receding_fenicsx.interface.normal_form import eliminate_tangential
 from receding_fenicsx.interface.system import ContactSystem
 from receding_fenicsx.scene.model import Scene

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from receding_fenicsx.arrays import Array, Ints
 from receding_fenicsx.interface.branches.choice import Choice
 from receding_fenicsx.interface.law import Friction, friction_of
-from receding_fenicsx.interface.measures.axis import begins_on_axis
+from receding_fenicsx.interface.measures.zones import begins_on_axis
 
 
 @dataclass

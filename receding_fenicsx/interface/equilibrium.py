@@ -27,9 +27,6 @@ SHORT = 1e-10
 RESULTANT = 1e-13
 """Resultant along a rigid motion, over the sum of all held reactions, that is none."""
 
-PRESSING = 1e-8
-"""Total pressure, over the sum of all held reactions, below which nothing presses any more."""
-
 
 @dataclass(frozen=True)
 class Limit:
@@ -78,7 +75,7 @@ def furthest(system: ContactSystem, a: Array, b: Array) -> Limit | None:
     else:
         pressure = float((load @ system.r_star)[system.n :] @ _lift(system))
         size = float(np.abs(np.vstack([a, b]) @ system.r_star).sum(axis=1).max())
-        lifts = _lift(system).any() and pressure <= PRESSING * size
+        lifts = _lift(system).any() and pressure <= 1e-8 * size
         kind = "lift-off" if lifts else "overturning"
     return Limit(with_friction, system.load_text(load), kind)
 
@@ -109,10 +106,7 @@ def _lift(system: ContactSystem) -> Array:
 
 
 def _reach(system: ContactSystem, a: Array, b: Array, bounded: bool = True) -> float:
-    """Return the largest s in [0, 1] with balancing reactions.
-
-    Tangential reactions are free where they are not ``bounded`` by friction.
-    """
+    """Return the largest s in [0, 1] with balancing reactions."""
     n, R = system.n, system.rigid
     loose, pressed = ~system.held[:n], ~system.held[n:]
     P = np.flatnonzero(pressed)

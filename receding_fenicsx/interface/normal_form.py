@@ -74,12 +74,7 @@ SLIDE_TOLERANCE = 1e-10
 
 
 def _check_resultants(system: ContactSystem, resultant: Array) -> None:
-    """Raise where a load has a resultant along the rigid motion that nothing resists.
-
-    Args:
-        system: the condensed body.
-        resultant: (n_loads,) size of each load's resultant.
-    """
+    """Raise where a load has a resultant along the rigid motion that nothing resists."""
     # relative to all reactions: two mirrored bodies have normal ones only
     if np.any(resultant > SLIDE_TOLERANCE * np.abs(system.r_star).sum(axis=1)):
         name = system.load_names[int(np.argmax(resultant))]

@@ -14,14 +14,12 @@ from receding_fenicsx.interface.tolerances import (
     TOO_FAR_ON_SPRINGS,
 )
 
-OPEN_SCALE = 1e-2
-"""Part of the reactions with all nodes held that counts as force scale where nothing presses."""
-
 
 def largest_force(system: ContactSystem, load: Array, r: Array, so_far: float) -> float:
     """Return the history's largest nodal force, the scale of every residual and force tolerance.
 
-    An open contact has no force of its own: there the held reactions sum lambda r* set the scale.
+    An open contact has no force of its own: there a hundredth of the held reactions sum lambda r*
+    sets the scale.
 
     Args:
         system: the condensed body.
@@ -30,7 +28,7 @@ def largest_force(system: ContactSystem, load: Array, r: Array, so_far: float) -
         so_far: largest force before it.
     """
     held = float(np.abs(load @ system.r_star).max(initial=0.0))
-    return max(so_far, float(np.abs(r).max(initial=0.0)), OPEN_SCALE * held)
+    return max(so_far, float(np.abs(r).max(initial=0.0)), 1e-2 * held)
 
 
 def round_off(system: ContactSystem, u: Array, force_scale: float) -> float:

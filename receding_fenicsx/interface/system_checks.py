@@ -8,17 +8,9 @@ from receding_fenicsx.arrays import Array, brief, check_types
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.interface.system import ContactSystem, ProbeMatrix
 
-OPTIONAL = ("f_backward", "edge", "slip_map")
-"""Arrays of a system that may be None."""
-ARRAYS = ("x", "points", "weight", "K", "r_star", "f", "g0", "held", "rigid", *OPTIONAL)
-"""Arrays of a system."""
-
 UNSYMMETRIC = 1e-8
 """Difference between K and its transpose, over the largest entry of K, up to which it is round-off
 of the condensation."""
-
-NOT_RIGID = 1e-8
-"""Force that a rigid motion may cause, over the largest entry of K times that of the motion."""
 
 LARGEST, SMALLEST = 1e200, 1e-200
 """Range of forces, stiffnesses and energies that can be multiplied with each other's ratios."""
@@ -30,10 +22,12 @@ def check_system(system: ContactSystem) -> None:
     Raises:
         InputError: with the name of the array, and the node where there is one.
     """
-    for name in (*ARRAYS, "load_compliance", "load_sign"):
+    optional = ("f_backward", "edge", "slip_map")
+    arrays = ("x", "points", "weight", "K", "r_star", "f", "g0", "held", "rigid")
+    for name in (*arrays, *optional, "load_compliance", "load_sign"):
         value = getattr(system, name)
         numbers = isinstance(value, np.ndarray) and value.dtype.kind in "bfiu"
-        if not numbers and not (value is None and name in OPTIONAL):
+        if not numbers and not (value is None and name in optional):
             raise InputError(
                 f"{name} of the contact system has to be an array of numbers, not {brief(value)}"
             )
@@ -106,7 +100,7 @@ def check_system(system: ContactSystem) -> None:
     if system.rigid.size:
         rows = slice(2 * n - m, None)
         force = np.where(system.held[rows, None], 0.0, K @ system.rigid[rows])
-        if float(np.abs(force).max()) > NOT_RIGID * largest * float(np.abs(system.rigid).max()):
+        if float(np.abs(force).max()) > 1e-8 * largest * float(np.abs(system.rigid).max()):
             raise InputError(
                 "rigid of the contact system holds a motion that its K resists: K @ rigid has to "
                 "vanish"

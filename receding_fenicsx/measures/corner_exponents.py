@@ -11,7 +11,7 @@ import numpy as np
 from receding_fenicsx.errors import SolveError
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.interface.law import STATE_NAMES, State
-from receding_fenicsx.interface.measures.corner_fit import corner_exponent_fit
+from receding_fenicsx.interface.measures.power_fit import corner_exponent_fit
 from receding_fenicsx.interface.measures.zone_ends import kolosov
 from receding_fenicsx.interface.measures.zones import FRICTIONLESS_CONTACT
 from receding_fenicsx.measures.half_widths import tractions

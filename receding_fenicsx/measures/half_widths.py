@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from receding_fenicsx.evolution.record import Record
+from receding_fenicsx.interface.measures.tractions import Tractions
 from receding_fenicsx.interface.measures.zone_ends import (
-    Tractions,
     ZoneEnd,
     contact_half_width_estimate,
     dundurs_beta,

@@ -19,7 +19,7 @@ from receding_fenicsx.bulk.stress import STRESSES, stresses
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.evolution.evolve import evolve
 from receding_fenicsx.evolution.record import Record
-from receding_fenicsx.interface.measures.axis import on_axis
+from receding_fenicsx.interface.measures.zones import on_axis
 from receding_fenicsx.output.plots.series import loop_of
 from receding_fenicsx.output.report.summary import summarise
 from receding_fenicsx.scene.history import history_from_scene

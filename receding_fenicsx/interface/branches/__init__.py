@@ -15,5 +15,5 @@ The rate problem is that of the instant: a path that could be left in a segment,
 events, could be left at every instant of it. Such branches are followed from the segment's start.
 
 **Critical friction** (``critical_friction``): the smallest common factor of all coefficients at
-which a slip mode appears on a given contact, bounded from both sides (``sign_radius``).
+which a slip mode appears on a given contact, bounded from both sides.
 """

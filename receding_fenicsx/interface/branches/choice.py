@@ -27,13 +27,7 @@ FIRST, LEAST, MOST = "first", "least dissipation", "most dissipation"
 RULES = (FIRST, LEAST, MOST)
 """Rules by name; a number n takes the n-th continuation, or the last where there are fewer."""
 
-SAME_DISSIPATION = 1e-9
-"""Difference of dissipation rates, over the largest, below which the next term decides."""
-
 NO_CHOICE = "no choice between several continuations was made on the way"
-
-LISTED = 3
-"""Choices that a message names at most."""
 
 Key = tuple[int, int, int]
 """Cycle, leg, and number of a choice on the leg."""
@@ -224,7 +218,8 @@ class Chooser:
         sign = 1.0 if self.rule == LEAST else -1.0
         for order in (0, 1):
             rates = sign * np.array([option.dissipation[order] for option in options])
-            close = rates[left].min() + SAME_DISSIPATION * np.abs(rates).max()
+            # of equal rates the next term decides
+            close = rates[left].min() + 1e-9 * np.abs(rates).max()
             left = [k for k in left if rates[k] <= close]
         return left[0] + 1
 
@@ -239,11 +234,11 @@ class Chooser:
         if not self.log:
             return NO_CHOICE
         parts = [
-            f"cycle {c.cycle}, leg {c.leg}, s = {c.s:.6g} (nodes {list(c.nodes)[:LISTED]}, "
+            f"cycle {c.cycle}, leg {c.leg}, s = {c.s:.6g} (nodes {list(c.nodes)[:3]}, "
             f"{c.taken} of {c.solutions})"
-            for c in self.choices[:LISTED]
+            for c in self.choices[:3]
         ]
-        more = f" and {len(self.log) - LISTED} more" if len(self.log) > LISTED else ""
+        more = f" and {len(self.log) - 3} more" if len(self.log) > 3 else ""
         return (
             f"choices between several continuations were made before, in {'; '.join(parts)}{more}: "
             "another one may go on (solver.branch, or rf.branches for all)"

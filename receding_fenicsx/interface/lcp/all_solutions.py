@@ -24,27 +24,27 @@ from numpy.typing import NDArray
 
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.interface.law import BACKWARD, FORWARD, SEPARATION, STICK
-from receding_fenicsx.interface.lcp import enumerate_states, lemke
 from receding_fenicsx.interface.lcp.contact import (
+    BATCH,
     COVERS,
+    EXHAUSTED,
+    Choices,
     Indices,
     Undecided,
+    batches,
     choices,
     condensed,
+    number_of_sets,
     problem_of_nodes,
+    solutions,
     states_by_covers,
 )
+from receding_fenicsx.interface.lcp.lemke import solve
 from receding_fenicsx.interface.system import ContactSystem
 from receding_fenicsx.interface.tolerances import SAME_RATES, TOO_FAR
 
-TRIED_AT_ONCE = enumerate_states.BATCH
+TRIED_AT_ONCE = BATCH
 """Sets of states up to which all are tried, without looking at sides: those of six nodes."""
-
-MOST_SIDES = 3**6
-"""Combinations of sides of touching nodes that are gone through."""
-
-DEFINITE = 1e-12
-"""Smallest eigenvalue of the symmetric part of M, over the largest, that counts as positive."""
 
 
 @dataclass(frozen=True)
@@ -111,21 +111,21 @@ class _Problem:
 
     def candidates(self) -> tuple[Iterator[NDArray[np.int8]], bool]:
         """Return (k, m) sets of states that may be solutions, and whether there are no others."""
-        sets = enumerate_states.count(self.may)
+        sets = number_of_sets(self.may)
         free = np.flatnonzero([SEPARATION in c for c in self.may])
-        sides: enumerate_states.Choices = [
+        sides: Choices = [
             (SEPARATION, STICK) if self.smooth[i] else (SEPARATION, FORWARD, BACKWARD) for i in free
         ]
-        combinations = max(enumerate_states.count(sides), 1)
-        if sets <= TRIED_AT_ONCE or combinations > MOST_SIDES:
-            few = sets <= enumerate_states.EXHAUSTED
-            return (enumerate_states.batches(self.may), True) if few else (iter(()), False)
+        combinations = number_of_sets(sides)
+        if sets <= TRIED_AT_ONCE or combinations > 3**6:
+            few = sets <= EXHAUSTED
+            return (batches(self.may), True) if few else (iter(()), False)
         found: list[NDArray[np.int8]] = []
         complete = True
         for chosen in product(*sides):
             states = np.array([c[-1] for c in self.may], dtype=np.int8)
             states[free] = chosen
-            part, unique = self._with_sides(states, enumerate_states.EXHAUSTED // combinations)
+            part, unique = self._with_sides(states, EXHAUSTED // combinations)
             found += part
             complete = complete and unique
         return iter(found), complete
@@ -133,10 +133,7 @@ class _Problem:
     def _with_sides(
         self, sides: NDArray[np.int8], most: int
     ) -> tuple[list[NDArray[np.int8]], bool]:
-        """Return candidates with given sides of all nodes, and whether there are no others.
-
-        Up to ``most`` sets of states are tried where M is not definite.
-        """
+        """Return candidates with given sides, at most so many sets; whether there are no others."""
         S, s, m = self.S, self.s, len(sides)
         pairs = np.flatnonzero(((sides == FORWARD) | (sides == BACKWARD)) & ~self.smooth)
         sign = np.where(sides[pairs] == FORWARD, 1.0, -1.0)
@@ -156,13 +153,14 @@ class _Problem:
         definite = _is_definite(M)
         states = np.where(np.isin(np.arange(m), pairs), STICK, sides).astype(np.int8)
         if not definite and 2.0 ** len(pairs) <= most:
-            slips: enumerate_states.Choices = [
+            slips: Choices = [
                 (STICK, side) if i in pairs else (side,) for i, side in enumerate(sides)
             ]
-            return list(enumerate_states.batches(slips)), True
+            return list(batches(slips)), True
         found = []
-        for cover in _covers(len(pairs)):
-            z = lemke.solve(M, q, [cover])
+        random = np.random.default_rng(0).uniform(0.1, 1.0, (COVERS - 1, len(pairs)))
+        for cover in np.vstack([np.ones(len(pairs)), random]):
+            z = solve(M, q, cover)
             if z is not None:
                 found.append(states.copy())
                 found[-1][pairs[z > 0.0]] = sides[pairs[z > 0.0]]
@@ -171,18 +169,13 @@ class _Problem:
         return [np.array(found)] if found else [], definite and bool(found)
 
     def distinct(self, tried: Iterator[NDArray[np.int8]]) -> NDArray[np.int8]:
-        """Return those sets of states that are solutions, one for each different u.
-
-        Where the round-off of a stiffness that vanishes carries the loads there is no solution.
-        """
+        """Return those sets of states that are solutions, one for each different u."""
         k = np.abs(np.diagonal(self.S))
         far = TOO_FAR * float(np.abs(self.s).max(initial=0.0))
         kept: list[NDArray[np.int8]] = []
         rates: list[Array] = []
         for states in tried:
-            found = enumerate_states.solutions(
-                self.S, self.s, self.friction, states, self.may, self.smooth
-            )
+            found = solutions(self.S, self.s, self.friction, states, self.may, self.smooth)
             for state, u in zip(*found, strict=True):
                 if self.stiffness * float(np.abs(u).max(initial=0.0)) > far:
                     continue
@@ -194,12 +187,6 @@ class _Problem:
         return np.array(kept, dtype=np.int8).reshape(-1, len(self.may))
 
 
-def _covers(m: int) -> Array:
-    """Return covering vectors of Lemke's method, (COVERS, m)."""
-    random = np.random.default_rng(0).uniform(0.1, 1.0, (COVERS - 1, m))
-    return np.vstack([np.ones(m), random])
-
-
 def _is_definite(M: Array) -> bool:
     """Return whether the symmetric part of M is positive definite."""
     if len(M) == 0:
@@ -208,4 +195,4 @@ def _is_definite(M: Array) -> bool:
     if d.min() == 0.0:
         return False
     size = np.linalg.eigvalsh(0.5 * (M + M.T) / d / d[:, None])
-    return bool(size[0] > DEFINITE * size[-1])
+    return bool(size[0] > 1e-12 * size[-1])

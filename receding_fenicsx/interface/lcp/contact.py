@@ -1,4 +1,4 @@
-"""The contact law of many nodes at once as a linear complementarity problem.
+"""The contact law of many nodes at once: linear complementarity, and search of all sets of states.
 
 With the slip split into v = z+ - z- and the gap g, Coulomb's and Signorini's conditions at a node
 are
@@ -8,31 +8,119 @@ are
 each pair complementary (A. Klarbring, 1986). A node that is known to be in contact on one side of
 the friction cone keeps one pair. The unknowns may be rates (of nodes on a limit) or the whole
 displacements of the static problem of a first load.
+
+Every set of states makes the law a linear system, whose answer is a solution if it keeps the
+inequalities of section 2 of Ahn & Barber (2008): where few nodes are undecided all sets are tried,
+and failure proves that there is no solution.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import islice, pairwise, product
 
 import numpy as np
 import scipy.linalg as sla
 from numpy.typing import NDArray
 
 from receding_fenicsx.arrays import Array
-from receding_fenicsx.interface.law import BACKWARD, FORWARD, SEPARATION, STICK, Friction
-from receding_fenicsx.interface.lcp import enumerate_states, lemke
+from receding_fenicsx.interface.law import BACKWARD, FORWARD, SEPARATION, STICK, Friction, State
+from receding_fenicsx.interface.lcp.lemke import solve
 from receding_fenicsx.interface.rigid_motions import neutral_motions
 from receding_fenicsx.interface.system import ContactSystem
 
+EXHAUSTED = 2**16
+"""Largest number of sets of states that is gone through: eight nodes with all four states."""
+
+BATCH = 4096
+"""Sets of states solved at once."""
+
+Choices = list[tuple[int, ...]]
+
+
+def number_of_sets(choices: Choices) -> int:
+    """Return the number of sets of states."""
+    return math.prod(map(len, choices))
+
+
+def batches(choices: Choices) -> Iterator[NDArray[np.int8]]:
+    """Yield all sets of states, (k, m) with k up to ``BATCH`` at once."""
+    every = product(*choices)
+    while batch := list(islice(every, BATCH)):
+        yield np.array(batch, dtype=np.int8)
+
+
+def solutions(
+    S: Array,
+    s: Array,
+    friction: Friction,
+    states: NDArray[np.int8],
+    choices: Choices,
+    smooth: NDArray[np.bool_],
+) -> tuple[NDArray[np.int8], Array]:
+    """Return those of (k, m) sets of states that are solutions, and their (j, 2m) changes u.
+
+    Args:
+        S: (2m, 2m) stiffness, order [v; w]: x = S u + s with the changes u of displacement and x of
+            reaction.
+        s: (2m,) change of reaction with the nodes held.
+        friction: (m,) coefficients of friction.
+        states: (k, m) sets of states to try.
+        choices: the states that each node may take. A node that may not separate keeps its
+            pressure, and one that may slip in one direction only is at that limit of friction.
+        smooth: (m,) nodes that know only contact (stick) and separation, at whatever v does not
+            concern.
+    """
+    m = len(friction.forward)
+    S_t, S_n, s_t, s_n = S[:m], S[m:], s[:m], s[m:]
+    A, B = friction[:, None].margins(S_t, S_n)
+    a, b = friction.margins(s_t, s_n)
+    stick, forward, backward, open_ = (
+        states == state
+        for state in (State.STICK, State.FORWARD_SLIP, State.BACKWARD_SLIP, State.SEPARATION)
+    )
+    eye = np.eye(2 * m)
+    pick = [mask[:, :, None] for mask in (forward, backward, open_)]
+    rows_t = np.where(pick[0], A, np.where(pick[1], B, np.where(pick[2], S_t, eye[:m])))
+    right_t = np.where(forward, -a, np.where(backward, -b, np.where(open_, -s_t, 0.0)))
+    rows_n, right_n = np.where(pick[2], S_n, eye[m:]), np.where(open_, -s_n, 0.0)
+    # a smooth node's tangential freedom is not in the problem
+    rows_t = np.where(smooth[:, None], eye[:m], rows_t)
+    right_t = np.where(smooth, 0.0, right_t)
+    matrix = np.concatenate([rows_t, rows_n], axis=1)
+    right = np.concatenate([right_t, right_n], axis=1)[:, :, None]
+    try:
+        u = np.linalg.solve(matrix, right)[:, :, 0]
+    except np.linalg.LinAlgError:
+        # a set that leaves a motion without stiffness: least squares, checked below like all
+        u = np.array(
+            [np.linalg.lstsq(M, r[:, 0], rcond=None)[0] for M, r in zip(matrix, right, strict=True)]
+        )
+    x = u @ S.T + s
+    balance = np.abs(np.einsum("kij,kj->ki", matrix, u) - right[:, :, 0]).max(axis=1)
+    v, w, Q, P = u[:, :m], u[:, m:], x[:, :m], x[:, m:]
+    # violation of an inequality, over the largest term of its kind, up to which a set is accepted
+    force = np.maximum(np.abs(x).max(axis=1), np.abs(s).max())[:, None] * 1e-9
+    way = np.abs(u).max(axis=1)[:, None] * 1e-9
+    can_open, can_forward, can_backward = (
+        np.array([state in c for c in choices])
+        for state in (State.SEPARATION, State.FORWARD_SLIP, State.BACKWARD_SLIP)
+    )
+    on_A, on_B = (can_forward | can_open) & ~smooth, (can_backward | can_open) & ~smooth
+    margin_A, margin_B = friction.margins(Q, P)
+    good = ~(stick & on_A) | (margin_A >= -force)
+    good &= ~(stick & on_B) | (margin_B >= -force)
+    good &= ~(~open_ & can_open) | (P >= -force)
+    good &= ~forward | (v >= -way)
+    good &= ~backward | (v <= way)
+    good &= ~open_ | (w >= -way)
+    solved = np.flatnonzero(good.all(axis=1) & (balance <= force[:, 0]))
+    return states[solved], u[solved]
+
+
 Indices = NDArray[np.intp]
-
-DECIDE_TOLERANCE = 1e-12
-"""Part of the largest variable below which a complementary variable counts as zero."""
-
-NO_REACTION = 1e-14
-"""Reaction, over the largest one, that is left by round-off where loads have no effect."""
 
 COVERS = 8
 """Covering vectors of Lemke's method that are tried: an added pressure, uniform and then random.
@@ -78,13 +166,18 @@ def solve_states(
     Returns:
         (N,) states of the undecided nodes, 0 elsewhere; None when no solution was found.
     """
-    S, s = condensed(system, r0, undecided, open_dofs)
-    problem = _Pairs(undecided, system.friction)
-    M, q = problem.outputs(problem.columns(S)), problem.outputs(s)
-    z = lemke.solve(M, q, problem.covers())
-    if z is None:
-        return _exhaust(system, undecided, S, s)
-    return problem.states_of(system, z, M @ z + q)
+    for found in states_by_covers(system, r0, undecided, open_dofs):
+        return found
+    if not is_exhaustible(undecided):
+        return None
+    problem = problem_of_nodes(system, undecided, *condensed(system, r0, undecided, open_dofs))
+    for sets in batches(problem[3]):
+        solved, _ = solutions(*problem[:3], sets, *problem[3:])
+        if len(solved):
+            state = np.zeros(system.n, dtype=np.int8)
+            state[list(choices(undecided))] = solved[0]
+            return state
+    return None
 
 
 def states_by_covers(
@@ -98,7 +191,7 @@ def states_by_covers(
     problem = _Pairs(undecided, system.friction)
     M, q = problem.outputs(problem.columns(S)), problem.outputs(s)
     for cover in problem.covers():
-        z = lemke.solve(M, q, [cover])
+        z = solve(M, q, cover)
         if z is not None:
             yield problem.states_of(system, z, M @ z + q)
 
@@ -169,18 +262,13 @@ class _Pairs:
         return found
 
     def states_of(self, system: ContactSystem, z: Array, y: Array) -> NDArray[np.int8]:
-        """Return the (N,) states that a solution stands for, 0 at nodes that are not undecided.
-
-        Args:
-            system: the condensed body in 2N form.
-            z: variables of the solution.
-            y: what is complementary to them.
-        """
+        """Return the (N,) states that a solution stands for, 0 at nodes that are not undecided."""
         nodes, state = self.undecided, np.zeros(system.n, dtype=np.int8)
         stiffness = float(np.abs(np.diagonal(system.K)).max())
         tiny = float(np.finfo(float).tiny)
-        small = DECIDE_TOLERANCE * max(float(np.abs(z).max(initial=0.0)), tiny)
-        force = max(DECIDE_TOLERANCE * float(np.abs(y).max(initial=0.0)), stiffness * small)
+        # part of the largest variable below which a complementary variable counts as zero
+        small = 1e-12 * max(float(np.abs(z).max(initial=0.0)), tiny)
+        force = max(1e-12 * float(np.abs(y).max(initial=0.0)), stiffness * small)
         ahead, back, plus, minus, gap, smooth_gap = (z[i:j] for i, j in pairwise(self._ends))
         P, smooth_P = y[self._ends[4] : self._ends[5]], y[self._ends[5] :]
         state[nodes.forward] = np.where(ahead > small, FORWARD, STICK)
@@ -203,15 +291,26 @@ def condensed(
     n = system.n
     rubbing = np.concatenate([undecided.forward, undecided.backward, undecided.touching])
     rows = np.concatenate([rubbing, n + rubbing, n + undecided.smooth])
-    S, s = _eliminate(system, r0, rows, open_dofs)
-    s[np.abs(s) <= NO_REACTION * float(np.abs(r0).max(initial=0.0))] = 0.0
+    K, S, s = system.K, system.K[np.ix_(rows, rows)], r0[rows]
+    if len(open_dofs):
+        # rigid motions that move nothing but these are kept from moving
+        kept = np.ones(len(K), dtype=bool)
+        kept[open_dofs] = False
+        motions = neutral_motions(system.rigid, kept)[open_dofs]
+        pinned = float(np.abs(np.diagonal(K)).max()) * motions @ motions.T
+        coupling = K[np.ix_(open_dofs, rows)]
+        factor = sla.cho_factor(K[np.ix_(open_dofs, open_dofs)] + pinned)
+        S = S - coupling.T @ sla.cho_solve(factor, coupling)
+        s = s - coupling.T @ sla.cho_solve(factor, r0[open_dofs])
+    # round-off where loads have no effect
+    s[np.abs(s) <= 1e-14 * float(np.abs(r0).max(initial=0.0))] = 0.0
     return S, s
 
 
 def problem_of_nodes(
     system: ContactSystem, undecided: Undecided, S: Array, s: Array
-) -> tuple[Array, Array, Friction, enumerate_states.Choices, NDArray[np.bool_]]:
-    """Return the arguments of :func:`enumerate_states.exhaust` for the nodes of :func:`choices`.
+) -> tuple[Array, Array, Friction, Choices, NDArray[np.bool_]]:
+    """Return the arguments of :func:`solutions`, but for sets, for the nodes of :func:`choices`.
 
     Args:
         system: the condensed body in 2N form.
@@ -238,42 +337,5 @@ def choices(undecided: Undecided) -> dict[int, tuple[int, ...]]:
 
 def is_exhaustible(undecided: Undecided) -> bool:
     """Return whether all sets of states are tried where the finite method finds nothing."""
-    return (
-        0 < enumerate_states.count(list(choices(undecided).values())) <= enumerate_states.EXHAUSTED
-    )
-
-
-def _exhaust(
-    system: ContactSystem, undecided: Undecided, S: Array, s: Array
-) -> NDArray[np.int8] | None:
-    """Try all sets of states, where they are few; S and s are those of :func:`condensed`."""
-    if not is_exhaustible(undecided):
-        return None
-    found = enumerate_states.exhaust(*problem_of_nodes(system, undecided, S, s))
-    if found is None:
-        return None
-    state = np.zeros(system.n, dtype=np.int8)
-    state[list(choices(undecided))] = found
-    return state
-
-
-def _eliminate(
-    system: ContactSystem, r0: Array, rows: Indices, free: Indices
-) -> tuple[Array, Array]:
-    """Return stiffness and reactions at ``rows``, the ``free`` dofs having no reaction.
-
-    Rigid motions that move nothing but these are kept from moving.
-    """
-    K = system.K
-    S, s = K[np.ix_(rows, rows)], r0[rows]
-    if len(free) == 0:
-        return S, s
-    kept = np.ones(len(K), dtype=bool)
-    kept[free] = False
-    motions = neutral_motions(system.rigid, kept)[free]
-    pinned = float(np.abs(np.diagonal(K)).max()) * motions @ motions.T
-    coupling = K[np.ix_(free, rows)]
-    factor = sla.cho_factor(K[np.ix_(free, free)] + pinned)
-    return S - coupling.T @ sla.cho_solve(factor, coupling), s - coupling.T @ sla.cho_solve(
-        factor, r0[free]
-    )
+    may = choices(undecided)
+    return len(may) > 0 and number_of_sets(list(may.values())) <= EXHAUSTED

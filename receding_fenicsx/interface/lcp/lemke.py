@@ -1,14 +1,11 @@
 """Linear complementarity: find z >= 0 with y = M z + q >= 0 and y_i z_i = 0.
 
-The finite methods behind the quick ones: Lemke's with lexicographic ratios, which cannot cycle but
-may end on a ray, and enumeration, which is proof for few unknowns.
+Lemke's method with lexicographic ratios cannot cycle, but may end on a ray.
 
 Source: R. W. Cottle, J.-S. Pang, R. E. Stone, *The Linear Complementarity Problem* (1992), ch. 4.4.
 """
 
 from __future__ import annotations
-
-from collections.abc import Iterable, Iterator
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,29 +15,14 @@ from receding_fenicsx.arrays import Array
 PIVOT_TOLERANCE = 1e-11
 """Entry of the scaled tableau below which it is not used as a pivot."""
 
-CHECK_TOLERANCE = 1e-9
-"""Violation of y >= 0 or z >= 0, in the scaled problem, up to which an answer is accepted."""
 
-ROUND_OFFS = 64.0
-"""Round-offs of y, as a sum, that are accepted beside that."""
-
-MOST_EXCUSED = 0.1
-"""Violation, in the scaled problem, beyond which round-off excuses none: z has no meaning there."""
-
-ENUMERATED = 12
-"""Largest number of complementary pairs that :func:`enumerate_all` goes through."""
-
-
-def solve(M: Array, q: Array, covers: Iterable[Array]) -> Array | None:
-    """Return a solution z, or None when Lemke's method ends on rays and no enumeration finds one.
+def solve(M: Array, q: Array, cover: Array) -> Array | None:
+    """Return a solution z (n,), or None where Lemke's method ends on a ray.
 
     Args:
         M: (n, n) matrix.
         q: (n,) vector.
-        covers: covering vectors to try in turn, (n,) positive each.
-
-    Returns:
-        (n,) solution; None proves nonexistence only for n <= ``ENUMERATED``.
+        cover: (n,) positive covering vector.
     """
     n = len(q)
     if n == 0:
@@ -54,16 +36,12 @@ def solve(M: Array, q: Array, covers: Iterable[Array]) -> Array | None:
     if size == 0.0:
         return np.zeros(n)
     b = b / size
-    for cover in covers:
-        z = lemke(scaled, b, d * cover / np.abs(d * cover).max())
-        if z is not None:
-            # where the chosen unknowns leave a singular block only the answer of the pivots is one
-            for answer in (_solved_again(scaled, b, z), z):
-                if is_solution(scaled, b, answer):
-                    return d * answer * size
-    if n <= ENUMERATED:
-        for z in enumerate_all(scaled, b):
-            return d * z * size
+    z = lemke(scaled, b, d * cover / np.abs(d * cover).max())
+    if z is not None:
+        # where the chosen unknowns leave a singular block only the answer of the pivots is one
+        for answer in (_solved_again(scaled, b, z), z):
+            if is_solution(scaled, b, answer):
+                return d * answer * size
     return None
 
 
@@ -79,14 +57,14 @@ def _solved_again(M: Array, q: Array, z: Array) -> Array:
 
 
 def is_solution(M: Array, q: Array, z: Array) -> bool:
-    """Return whether z solves the (scaled) problem within ``CHECK_TOLERANCE``.
+    """Return whether z solves the (scaled) problem within 1e-9.
 
     Large z, of a nearly singular M, excuse in y = M z + q no more than its own round-off.
     """
     y = M @ z + q
-    off_z = CHECK_TOLERANCE * max(1.0, float(np.abs(z).max(initial=0.0)))
-    round_off = ROUND_OFFS * np.finfo(float).eps * (np.abs(M) @ np.abs(z))
-    off_y = CHECK_TOLERANCE + np.minimum(round_off, MOST_EXCUSED)
+    off_z = 1e-9 * max(1.0, float(np.abs(z).max(initial=0.0)))
+    # 64 round-offs of the sum; from 0.1 on z has no meaning
+    off_y = 1e-9 + np.minimum(64.0 * np.finfo(float).eps * (np.abs(M) @ np.abs(z)), 0.1)
     return bool(np.all(y >= -off_y) and np.all(z >= -off_z) and np.all((y <= off_y) | (z <= off_z)))
 
 
@@ -146,18 +124,3 @@ def _ratio_test(tableau: Array, basic: NDArray[np.intp], entering: int, n: int) 
         if len(rows) == 1:
             break
     return int(rows[0])
-
-
-def enumerate_all(M: Array, q: Array) -> Iterator[Array]:
-    """Yield the solutions of a small problem, one for each complementary basis that has one."""
-    n = len(q)
-    for bits in range(2**n):
-        chosen = np.flatnonzero([(bits >> i) & 1 for i in range(n)])
-        z = np.zeros(n)
-        if len(chosen):
-            block = M[np.ix_(chosen, chosen)]
-            if np.linalg.cond(block) > 1.0 / PIVOT_TOLERANCE:
-                continue
-            z[chosen] = np.linalg.solve(block, -q[chosen])
-        if is_solution(M, q, z):
-            yield z

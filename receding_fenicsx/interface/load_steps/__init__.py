@@ -8,13 +8,13 @@ bottom:
 1. **Leg** (`path`: `GaussSeidelPath.trace_leg`). The leg is divided into equal load steps, and cut
    at complete unloading: a step across it would keep slip that unloading undoes. A body with gaps
    that carries nothing first rolls to where it rests (`exact.rolling.at_rest`).
-2. **Equilibrium** (`leg_in_steps`: `LegInSteps.check_equilibrium`). A step beyond the load at which
+2. **Equilibrium** (`steps`: `LegInSteps.check_equilibrium`). A step beyond the load at which
    no reactions balance the loads (`interface.equilibrium.furthest`) is an error.
 3. **Sweeps** (`steps`: `StepTrials.attempt`, `gauss_seidel.sweeps.solve_step`). With the load at
    the end of the step, $r = \sum_k \lambda_k r^*_k + K u$, node after node is solved with the slip
    of the step in place of the slip rate (eqs. 14, 15), until the displacements settle (eq. 16) and
    the residual of the contact law is small.
-4. **Straight path** (`continuation`: `Continuation.is_straight`). If load, $u$ and $r$ change in
+4. **Straight path** (`steps`: `Continuation.is_straight`). If load, $u$ and $r$ change in
    proportion over the step and both of its ends satisfy the law in the end's states, the straight
    line is a quasi-static path: the step is accepted. Every step without change of state passes.
 5. **Exact path** (`Continuation.follow`). Otherwise the path through the step is followed from

@@ -1,7 +1,7 @@
 """Legs in equal load steps, each by the Gauss-Seidel method (section 2.1 of the paper).
 
 No step may pass over a jump. Each accepted step either is a straight quasi-static path or ends near
-the end of the exact path through it (:mod:`receding_fenicsx.interface.load_steps.continuation`);
+the end of the exact path through it (:mod:`receding_fenicsx.interface.load_steps.steps`);
 one that does neither is divided. Where its sweeps cycle or creep, the exact path through it is
 taken; where they run out, that is an error. Where the exact path through a step ends, it is
 followed to that place, and a vanishing step from there decides: if the displacements change by a
@@ -24,19 +24,12 @@ from receding_fenicsx.interface.exact.ties import tied
 from receding_fenicsx.interface.exact.unloading import carries_nothing, zero_crossing
 from receding_fenicsx.interface.gauss_seidel.sweeps import GaussSeidelOptions, solve_step
 from receding_fenicsx.interface.law import BACKWARD, FORWARD, STICK
-from receding_fenicsx.interface.load_steps.leg_in_steps import LegInSteps
-from receding_fenicsx.interface.load_steps.steps import StepTrials
+from receding_fenicsx.interface.load_steps.steps import LegInSteps, StepTrials
 from receding_fenicsx.interface.system import ContactState, ContactSystem, Leg
 from receding_fenicsx.interface.tolerances import JUMP_STEP
 
 MAX_PARTS = 300
 """Parts in which one load step is tried at most."""
-
-SAME_DISTANCE = 1e-6
-"""Relative difference of distances from a limit that a step does not resolve."""
-
-GROWTH = 10.0
-"""Factor by which a part of a load step may exceed the one before."""
 
 
 class GaussSeidelPath:
@@ -148,15 +141,15 @@ class GaussSeidelPath:
             s, targets = reached, [target for target in targets if target > reached]
             if not targets:
                 return
-            if targets[-1] - s > GROWTH * part:
-                targets.append(s + GROWTH * part)
+            if targets[-1] - s > 10.0 * part:
+                targets.append(s + 10.0 * part)  # grow gradually
         raise SolveError(
             f"the load step before {self.system.load_text(now.load(s_end))} was taken in "
             f"{MAX_PARTS} parts without finding whether the contact jumps in it; use method events"
         )
 
     def _ties(self, now: LegInSteps, before: ContactState, s: float) -> list[Changes]:
-        """Return the nodes on limits at the end of a step, and those that might have been within.
+        """Return nodes on limits at the end of a step, and those that might have been within.
 
         A stuck node might have reached its nearer limit if it was no further from it than a node
         that has begun to slip.
@@ -170,7 +163,8 @@ class GaussSeidelPath:
         stuck = segments.frictional & (before.state == STICK)
         begun = stuck & ((end.state == FORWARD) | (end.state == BACKWARD))
         reach = np.where(end.state == FORWARD, A, B)[begun].max(initial=0.0)
-        stuck &= (end.state == STICK) & (np.minimum(A, B) <= reach * (1.0 + SAME_DISTANCE))
+        # a step does not resolve smaller differences of distances
+        stuck &= (end.state == STICK) & (np.minimum(A, B) <= reach * (1.0 + 1e-6))
         if begun.any():
             side = np.where(A < B, FORWARD, BACKWARD)
             other = np.where(stuck, side, before.state).astype(np.int8)
@@ -178,11 +172,7 @@ class GaussSeidelPath:
         return found
 
     def _take_exact_path(self, now: LegInSteps, s_end: float) -> bool:
-        """Take the exact path from the leg's start where it continues; return whether it does.
-
-        Then the error of the steps in time has led to a jump, for example near complete unloading,
-        where small forces decide.
-        """
+        """Take the exact path from the leg's start where it continues; return whether it does."""
         if now.leg.jumps:
             return False
         problem = replace(

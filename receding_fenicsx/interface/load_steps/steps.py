@@ -1,33 +1,277 @@
-"""One part of a load step: accepted where a quasi-static path leads through it, else divided."""
+"""Search for a quasi-static path through a load step; without one the body jumps.
+
+A finite step solves eqs. (4) to (12) at its end only. Where the path has ended on the way the
+answer is another equilibrium, at a finite distance however small the step. Two checks:
+
+* **Straight path.** If u, r and the loads change in proportion over the step and satisfy the
+  contact law throughout, they are a quasi-static path themselves. The law is linear in each set of
+  states, so that both ends decide: a node that is open at the end has had no reaction at the start,
+  a node that slips has been at its friction limit. Every step without change of state passes, at
+  hardly any cost.
+* **Exact path.** Otherwise the path is followed through the step from event to event. Where it ends
+  no rates satisfy the contact law. Where it goes on it must lead to the end of the step, but for a
+  part of its length: the error of a step in time falls with its length, a jump does not.
+"""
 
 from __future__ import annotations
 
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from receding_fenicsx.arrays import Array
-from receding_fenicsx.errors import NoEquilibrium, NotConverged, SolveError
+from receding_fenicsx.errors import (
+    NoEquilibrium,
+    NoQuasiStaticContinuation,
+    NotConverged,
+    SolveError,
+)
+from receding_fenicsx.interface.changes import Changes
+from receding_fenicsx.interface.equilibrium import Limit
 from receding_fenicsx.interface.exact.first_loading import load_from_rest
-from receding_fenicsx.interface.exact.unloading import is_at_rest, is_closed
+from receding_fenicsx.interface.exact.jumps import check_jumps, find_jump
+from receding_fenicsx.interface.exact.legs import LegProblem
+from receding_fenicsx.interface.exact.segments import Segments
+from receding_fenicsx.interface.exact.unloading import is_at_rest, is_closed, stops_short
 from receding_fenicsx.interface.gauss_seidel.sweeps import (
     GaussSeidelOptions,
     Stalled,
     Step,
     solve_step,
 )
-from receding_fenicsx.interface.load_steps.continuation import Continuation
-from receding_fenicsx.interface.load_steps.leg_in_steps import LegInSteps
-from receding_fenicsx.interface.residual import is_carried_by_round_off
+from receding_fenicsx.interface.law import SLIP_SIGN, State
+from receding_fenicsx.interface.residual import (
+    is_carried_by_round_off,
+    largest_force,
+    local_stiffness,
+    relative_residual,
+)
 from receding_fenicsx.interface.system import ContactState, ContactSystem, Leg
-from receding_fenicsx.interface.tolerances import STEP_ON_LIMIT
+from receding_fenicsx.interface.tolerances import REMAINING_LOAD, STEP_ON_LIMIT
+
+if TYPE_CHECKING:
+    from receding_fenicsx.interface.exact.loop import Loop
+    from receding_fenicsx.interface.exact.walk import Walk
+
+
+@dataclass(frozen=True)
+class ExactPath:
+    """The exact path through a part of a leg.
+
+    Attributes:
+        walk: at the place where the path ends, or at the end of the part.
+        error: why it ends, None at the end of the part.
+        at_rest: the part ends at complete unloading, just beyond the walk.
+    """
+
+    walk: Walk
+    error: SolveError | None
+    at_rest: bool
+
+    @property
+    def s(self) -> float:
+        """Place on the leg up to which it leads."""
+        return self.walk.s
+
+    @property
+    def end(self) -> ContactState:
+        """State there."""
+        return self.walk.here()
+
+    def finish(self) -> Leg:
+        """Return the path to the end of the part; raise SolveError where its residual is large."""
+        return self.walk.finish(self.at_rest)
+
+
+class Continuation:
+    """Looks for quasi-static paths through load steps; keeps the rates of known states.
+
+    Attributes:
+        system: the condensed body in 2N form.
+        segments: rates in known sets of states.
+    """
+
+    def __init__(self, system: ContactSystem) -> None:
+        """Start with nothing remembered."""
+        self.system, self.segments = system, Segments(system)
+        self._loop: Loop | None = None
+        self._stiffness = np.concatenate(local_stiffness(system))
+
+    def size(self, change: Array) -> float:
+        """Return the size of a change of displacement (2N,), as a nodal force."""
+        return float(np.abs(self._stiffness * change).max(initial=0.0))
+
+    def distance(self, end: ContactState, exact: ContactState) -> float:
+        """Return the distance of two ends as a nodal force.
+
+        How far a body drifts along the rigid motions that its states leave free is not determined.
+        """
+        change, free = end.u - exact.u, self.segments.free_motions(exact.state)
+        return self.size(change - free @ (free.T @ change))
+
+    def is_straight(self, start: ContactState, end: ContactState, force_scale: float) -> bool:
+        """Return whether the straight path from start to end keeps the contact law throughout."""
+        n, system, none = self.system.n, self.system, STEP_ON_LIMIT * force_scale
+        frictional, normal = self.segments.frictional, ~system.held[n:]
+        open_ = end.state == State.SEPARATION
+        contact, rubs = normal & ~open_, frictional & ~open_
+        if np.any(np.abs(start.P[normal & open_]) > none):
+            return False
+        if np.any(np.abs(start.Q[frictional & open_]) > none):
+            return False
+        if np.any((self._stiffness[n:] * (system.g0 + start.w))[contact] > none):
+            return False
+        sign, coefficient = SLIP_SIGN[end.state], system.friction.at_slip(end.state)
+        slip = self._stiffness[:n] * (end.v - start.v)
+        off_limit = np.where(sign == 0.0, np.abs(slip), np.abs(start.Q + coefficient * start.P))
+        return bool(np.all(off_limit[rubs] <= none) and np.all((sign * slip)[rubs] >= -none))
+
+    def follow(self, problem: LegProblem, s_end: float, limit: Limit | None) -> ExactPath:
+        """Follow the exact path through a part of a leg.
+
+        Args:
+            problem: the leg, from the state at the start of the part.
+            s_end: place on the leg where the part ends.
+            limit: where equilibrium ends on the leg.
+        """
+        # loads Numba, which takes longer than all the rest
+        from receding_fenicsx.interface.exact.compilation import loop_of
+        from receding_fenicsx.interface.exact.walk import Walk
+
+        self._loop = loop = self._loop or loop_of(self.segments)
+        start, ends = problem.start, problem.ends
+        scale = problem.force_scale
+        scale = max(largest_force(self.system, load, start.r, scale) for load in ends)
+        s_limit = np.inf if limit is None else limit.s
+        problem = replace(problem, force_scale=scale)
+        walk = Walk(loop, problem, lambda ends: s_limit)
+        short = stops_short(self.segments, problem.load(s_end))
+        try:
+            walk.run(max(s_end - REMAINING_LOAD, problem.s_start) if short else s_end)
+            return ExactPath(walk, None, short)
+        except SolveError as error:
+            return ExactPath(walk, error, short)
+
+
+class LegInSteps:
+    """Leg under way in load steps.
+
+    Attributes:
+        system: the condensed body in 2N form.
+        problem: the leg, from the state at its start.
+        limit: where equilibrium ends on the leg, None where it does not.
+        leg: what has been followed so far.
+    """
+
+    def __init__(self, system: ContactSystem, problem: LegProblem, limit: Limit | None) -> None:
+        """Start at the beginning of a leg."""
+        self.system, self.problem, self.limit = system, problem, limit
+        self.leg = Leg(
+            end=problem.start,
+            dissipation=np.zeros(system.n),
+            force_scale=problem.force_scale,
+        )
+
+    @property
+    def end(self) -> ContactState:
+        """State reached so far."""
+        return self.leg.end
+
+    def load(self, s: float) -> Array:
+        """Return the (n_loads,) load factors at s."""
+        return self.problem.load(s)
+
+    def rest(self, s: float, force_scale: float) -> LegProblem:
+        """Return the exact path's problem from the state reached, at s."""
+        return LegProblem(self.end, self.problem.ends, force_scale, s_start=s)
+
+    def check_equilibrium(self, s: float) -> None:
+        """Raise NoEquilibrium where equilibrium ends before s."""
+        if self.limit is not None and s > self.limit.s:
+            raise NoEquilibrium(self.limit.text)
+
+    def add(self, found: Step | Leg, part: tuple[float, float]) -> None:
+        """Add an accepted step, or a piece of the exact path, between two places."""
+        leg = self.leg
+        if isinstance(found, Leg):
+            leg.work += found.work
+            leg.ties = Changes.joined(leg.ties, found.ties)
+        else:
+            mean = 0.5 * (self.load(part[0]) + self.load(part[1]))
+            leg.work += float(mean @ self.system.r_star @ (found.end.u - leg.end.u))
+        seen = seen_changes(found, leg.end, part[1], [part[0]])
+        leg.events = Changes.joined(leg.events, *seen)
+        leg.dissipation = leg.dissipation + found.dissipation
+        leg.residual = max(leg.residual, found.residual)
+        leg.force_scale = max(leg.force_scale, found.force_scale)
+        leg.end = found.end
+        leg.stops.append((part[1], found.end.u))
+
+    def replace(self, found: Leg, s: float) -> None:
+        """Replace everything so far by the exact path from the start of the leg to s."""
+        leg = self.leg
+        leg.samples, leg.stops = found.samples, [*found.stops, (s, found.end.u)]
+        at_start = leg.events.select(leg.events.s == 0.0)
+        stops = [place for place, _ in found.samples]
+        seen = seen_changes(found, self.problem.start, s, stops)
+        leg.events = Changes.joined(at_start, *seen)
+        leg.dissipation, leg.work, leg.end = found.dissipation, found.work, found.end
+        leg.ties = found.ties
+        leg.residual = max(leg.residual, found.residual)
+
+    def add_jump(
+        self, segments: Segments, part: tuple[float, float], on_jump: str, error: SolveError
+    ) -> None:
+        """Pass a jump, as the exact path does.
+
+        Args:
+            segments: of the condensed body.
+            part: places of the jump and of the state after it.
+            on_jump: "stop" raises ``error``, "static" passes the jump.
+            error: why the path ends.
+        """
+        if on_jump != "static" or not isinstance(error, NoQuasiStaticContinuation):
+            raise error
+        leg, system, load, start = self.leg, self.system, self.load(part[1]), self.end
+        check_jumps(self.system, len(leg.jumps), load)
+        jump = find_jump(segments, start, load, load)
+        leg.jumps.append((part[0], jump.released))
+        leg.work += jump.work
+        jumped = Changes.between(part[1], start.state, jump.end.state)
+        leg.events = Changes.joined(leg.events, jumped)
+        slip = (jump.end.u - start.u)[: system.n]
+        residual = relative_residual(
+            system, jump.end, slip, local_stiffness(system), leg.force_scale
+        )
+        leg.residual = max(leg.residual, residual)
+        leg.end = jump.end
+        leg.stops.append((part[1], jump.end.u))
+
+
+def seen_changes(
+    found: Step | Leg, start: ContactState, s: float, stops: list[float]
+) -> list[Changes]:
+    """Return the changes of state of a step, at its end, or of the exact path, at their places.
+
+    Args:
+        found: step or exact path from ``start`` to ``s``.
+        start: state at its start.
+        s: its end.
+        stops: places of its start or of stored states; a change there is moved just beyond.
+    """
+    state, passed = start.state.copy(), list[Changes]()
+    if isinstance(found, Leg):
+        at = found.events.s
+        at = np.where(np.isin(at, stops), np.nextafter(at, 1.0), at)
+        passed.append(replace(found.events, s=at))
+        state[found.events.node] = found.events.new  # of several changes of a node the last
+    return [*passed, Changes.between(s, state, found.end.state)]
+
 
 SMALLEST_PART = 1e-9
 """Part of the leg that is not divided further: what changes there by a finite amount jumps."""
-
-FINITE_CHANGE = 1e-5
-"""Change of displacement, as a force over the largest nodal force, above which it is finite."""
 
 STEP_ERROR = 0.5
 """Distance between the ends of a load step and of the exact path, over the length of the latter, up
@@ -112,7 +356,8 @@ class StepTrials:
                     step = self._solve(leg, load, patient=True)
             if step is not None:
                 change = self.continuation.size(step.end.u - leg.end.u) / step.force_scale
-                return Trial(step if change <= FINITE_CHANGE else path.error, s_to)
+                # finite is a change, as a force over the largest nodal force, of more than
+                return Trial(step if change <= 1e-5 else path.error, s_to)
             return Trial(path.error, s_to)
         if path.s - s > SMALLEST_PART:
             with suppress(SolveError):
@@ -139,10 +384,7 @@ class StepTrials:
     def _nearest(
         self, leg: LegInSteps, load: Array, exact: ContactState, step: Step, allowed: float
     ) -> Step | None:
-        """Return the step that ends nearest to the exact path, None where the error is too large.
-
-        Where sweeps from the start of the step have not ended there, those from its end may.
-        """
+        """Return the step that ends nearest to the exact path, None if the error is too large."""
         length = self.continuation.size(exact.u - leg.end.u)
 
         def error(step: Step) -> float:

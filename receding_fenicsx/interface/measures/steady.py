@@ -19,15 +19,12 @@ UNLOADED_FORCE = 1e-3
 """Largest force at the end of a cycle, over the largest so far, below which the contact is
 unloaded: the change of its forces is then relative to the largest, as its own are round-off."""
 
-FORCE_ROUND_OFF, LARGEST_ROUND_OFF = 32.0 * 2.0**-52, 1e-6
-"""Round-off of a force over its terms; and the largest over the largest force that is excused."""
+FORCE_ROUND_OFF = 32.0 * 2.0**-52
+"""Round-off of a force over its terms."""
 
 NO_SLIP = 1e-11
 """Slip of a node in a cycle times K_ii, over the terms sum_j |K_ij u_j| of its force, that is none:
 where a limit is found its drifts are some 1e-12 of these off."""
-
-FAINT = 1e-9
-"""Largest P of a node in a cycle, over the terms of its forces, that counts as none."""
 
 
 @dataclass(frozen=True)
@@ -180,7 +177,7 @@ class SteadyWatch:
         if change >= FORCE_ROUND_OFF * self._largest_terms * _largest(end.reach):
             return False
         noise = FORCE_ROUND_OFF * _largest(self._terms @ end.reach)
-        return change < min(noise, LARGEST_ROUND_OFF * largest)
+        return change < min(noise, 1e-6 * largest)
 
     def _slips(self, end: CycleEnd) -> tuple[Array, Array]:
         """Return the (N,) slips in a cycle, zero where they are round-off, and the least ones."""
@@ -190,7 +187,8 @@ class SteadyWatch:
             terms = np.full_like(terms, terms.max(initial=0.0))
         else:
             terms = np.maximum(terms, np.where(self._coupled, terms, 0.0).max(axis=1, initial=0.0))
-        limit = self.friction * np.maximum(end.pressed, FAINT * terms)
+        # a smaller largest P counts as none
+        limit = self.friction * np.maximum(end.pressed, 1e-9 * terms)
         slip = np.divide(end.dissipation, limit, out=np.zeros_like(limit), where=limit > 0.0)
         least = np.maximum(NO_SLIP * terms, end.residual * end.force)
         least = np.divide(least, stiffness, out=np.zeros_like(least), where=stiffness > 0.0)

@@ -26,16 +26,14 @@ interval is the hull of several fits, widened by that.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from receding_fenicsx.arrays import Array
-from receding_fenicsx.interface.law import MIRRORED, SLIP_SIGN, Friction, State, friction_of
-from receding_fenicsx.interface.measures.axis import begins_on_axis
+from receding_fenicsx.interface.law import MIRRORED, SLIP_SIGN, State
 from receding_fenicsx.interface.measures.power_fit import fit_end
-from receding_fenicsx.interface.measures.tractions import cell_means, midside_nodes
+from receding_fenicsx.interface.measures.tractions import Tractions, cell_means, midside_nodes
 from receding_fenicsx.interface.measures.zones import (
     NO_NODES,
     NodeRange,
@@ -52,19 +50,8 @@ QUADRATIC_WINDOWS: tuple[Window, ...] = ((1, 6, 3), (1, 4, 2), (1, 3, 2), (1, 8,
 """Fits on elements of order 2; the first one that the zone has room for gives the value."""
 LINEAR_WINDOWS: tuple[Window, ...] = ((1, 8, 2), (1, 6, 2), (2, 10, 2), (1, 10, 3))
 """Fits on nodes of order 1."""
-QUADRATIC_SHIFT = 0.3
-"""Largest shift of an end, in node spacings, by the error of elements of order 2."""
 LINEAR_SHIFT = 0.4
 """Largest shift of an end, in node spacings, by the error of elements of order 1."""
-LARGEST_REACH = {2: 0.6, 3: 0.4}
-"""Largest reach of a fit, over the length on which a zone's traction is smooth, by its terms."""
-LARGEST_SPREAD = 0.6
-"""Largest distance between the ends of several fits, in node spacings, at which they are used."""
-FALL_TO_END = 0.75
-"""Traction of an edge's last node, over that of the node before, up to which the zone may end
-between them: with the end at the last node a square root falls to 0.55, a power of 1/3 to 0.65."""
-SEARCH_RANGE = (-1.0, 2.0)
-"""Range in which an end is searched for, in node spacings from the zone's last node."""
 
 
 @dataclass(frozen=True)
@@ -79,48 +66,6 @@ class ZoneEnd:
     low: float
     high: float
     fitted: bool
-
-
-@dataclass(frozen=True)
-class Tractions:
-    """Nodal forces and states of one instant, from which zone ends are estimated.
-
-    Attributes:
-        x: (N,) positions, increasing.
-        weight: (N,) integrals of the shape functions over the contact edge.
-        P, Q: (N,) nodal forces, Q positive towards greater x.
-        state: (N,) values of :class:`State`.
-        f: (N,) coefficient of friction.
-        beta: Dundurs' constant of the body against the other side; None when it is not known.
-        half: True when all is its own mirror image about x = 0.
-        radius: (N,) distances of the nodes from the axis when axisymmetric.
-        f_backward: (N,) coefficient of friction for backward slip; None stands for ``f``.
-        known: ends of zones that were estimated before, by the zone's last node, side and kind.
-    """
-
-    x: Array
-    weight: Array
-    P: Array
-    Q: Array
-    state: NDArray[np.integer]
-    f: Array
-    beta: float | None = None
-    half: bool = False
-    radius: Array | None = None
-    f_backward: Array | None = None
-    known: dict[tuple[int, int, bool], ZoneEnd] = field(
-        default_factory=dict, init=False, repr=False, compare=False
-    )
-
-    @property
-    def begins_on_axis(self) -> bool:
-        """Whether the contact edge begins on the axis r = 0."""
-        return self.radius is not None and begins_on_axis(self.radius, self.weight)
-
-    @property
-    def friction(self) -> Friction:
-        """Coefficients of friction for both directions of slip."""
-        return friction_of(self.f, self.f_backward)
 
 
 def dundurs_beta(
@@ -192,6 +137,7 @@ def _between(at: Tractions, last: int) -> ZoneEnd:
 
 
 def _turned(end: ZoneEnd) -> ZoneEnd:
+    """Return the mirror image of an end."""
     return ZoneEnd(-end.value, -end.high, -end.low, end.fitted)
 
 
@@ -226,25 +172,18 @@ def zone_end(at: Tractions, last: int, side: int, stick: bool = False) -> ZoneEn
         The end; where the zone has the edge's last node, the edge's own end, with an interval to
         the node before if the traction falls so much that it may vanish between them.
     """
-    key = last, side, stick
-    if key not in at.known:
-        if side > 0:
-            at.known[key] = _zone_end(at, last, stick)
-        else:
-            at.known[key] = _turned(_zone_end(_mirrored(at), len(at.x) - 1 - last, stick))
-    return at.known[key]
-
-
-def _zone_end(at: Tractions, last: int, stick: bool) -> ZoneEnd:
-    """Estimate where a zone ends beyond its last node, towards greater x."""
+    if side < 0:
+        return _turned(zone_end(_mirrored(at), len(at.x) - 1 - last, 1, stick))
     midside = midside_nodes(at.x, at.weight, at.radius)
     quadratic = len(midside) > 0
-    shift = QUADRATIC_SHIFT if quadratic else LINEAR_SHIFT
+    # by the error of elements, in node spacings
+    shift = 0.3 if quadratic else LINEAR_SHIFT
     if last == len(at.x) - 1:
         value = low = float(at.x[-1])
         y = np.minimum(*at.friction.margins(at.Q, at.P)) if stick else at.P
         mean = y / np.where(at.weight > 0.0, at.weight, np.inf)
-        if last > 0 and 0.0 < mean[-1] <= FALL_TO_END * mean[-2]:
+        # with the end at the last node a square root falls to 0.55, a power of 1/3 to 0.65
+        if last > 0 and 0.0 < mean[-1] <= 0.75 * mean[-2]:
             low = float(at.x[-2] - shift * (at.x[-1] - at.x[-2]))
         return ZoneEnd(value, low, value, fitted=False)
     low, high = float(at.x[last]), float(at.x[last + 1])
@@ -258,11 +197,12 @@ def _zone_end(at: Tractions, last: int, stick: bool) -> ZoneEnd:
     y, exponents, first = quantity
     left, right, mean = cell_means(at.x, at.weight, y, midside)
     inside = np.flatnonzero((right <= low) & (left >= at.x[first]))[::-1]
-    search = SEARCH_RANGE[0] * spacing, SEARCH_RANGE[1] * spacing
+    search = -spacing, 2.0 * spacing
     windows = []
     for a, b, terms in QUADRATIC_WINDOWS if quadratic else LINEAR_WINDOWS:
         chosen = inside[a : b + 1]
-        reach = LARGEST_REACH[terms] * (low - at.x[first])
+        # over the length on which the traction is smooth
+        reach = {2: 0.6, 3: 0.4}[terms] * (low - at.x[first])
         if len(chosen) > b - a and low - left[chosen[-1]] <= reach:
             windows.append((chosen, terms))
     ends: list[float] = []
@@ -274,7 +214,7 @@ def _zone_end(at: Tractions, last: int, stick: bool) -> ZoneEnd:
         found = [low + fit for fit in fits if fit is not None]
         if (
             len(found) == len(fits)
-            and max(found) - min(found) <= LARGEST_SPREAD * spacing
+            and max(found) - min(found) <= 0.6 * spacing
             and bracket.low <= min(found)
             and max(found) <= bracket.high
         ):
@@ -304,14 +244,11 @@ def _mirrored(at: Tractions) -> Tractions:
 
 
 def _vanishing(at: Tractions, last: int) -> tuple[Array, tuple[float, ...], int] | None:
-    """Return the quantity that vanishes at the end beyond a node.
-
-    Returns:
-        Its nodal forces, the powers that it may have, and the node from which on it is smooth; None
-        when its power is not known.
-    """
+    """Return forces of what vanishes beyond a node, its powers, and from where it is smooth."""
     here, beyond = State(int(at.state[last])), State(int(at.state[last + 1]))
-    first = _first_alike(at, last)
+    # the first node of the run of equal states that ends here
+    other = np.flatnonzero(np.asarray(at.state[: last + 1]) != at.state[last])
+    first = int(other[-1]) + 1 if len(other) else 0
     friction = at.friction[last]
     if beyond == State.SEPARATION:
         if not friction.present:
@@ -330,9 +267,3 @@ def _vanishing(at: Tractions, last: int) -> tuple[Array, tuple[float, ...], int]
         smooth = (first + last) // 2
         return A if beyond == State.FORWARD_SLIP else B, (power, power + 1.0), smooth
     return None
-
-
-def _first_alike(at: Tractions, last: int) -> int:
-    """Return the first node of the run of equal states that ends at a node."""
-    other = np.flatnonzero(np.asarray(at.state[: last + 1]) != at.state[last])
-    return int(other[-1]) + 1 if len(other) else 0

@@ -1,4 +1,4 @@
-"""Zones of stick, slip and separation along the contact edge, and their widths.
+"""Zones of stick, slip and separation along the contact edge, their widths, values on the axis.
 
 A zone's end lies midway between its last node and the next one; the outermost zones end at the
 outermost nodes. Where an axisymmetric contact edge begins on the axis r = 0, x is the distance from
@@ -149,14 +149,11 @@ def central_zone(
         low, high = _midway(x, first, last)
         if inside[first] and (first == 0 if begins_on_axis else low <= centre <= high):
             node = max(x[last] - x[max(last - 1, 0)], x[min(first + 1, len(x) - 1)] - x[first])
-            even = begins_on_axis or abs(low + high - 2.0 * centre) <= SYMMETRY_TOLERANCE * node
+            # the halves differ by a spacing at most
+            even = begins_on_axis or abs(low + high - 2.0 * centre) <= (1.0 + 1e-9) * node
             return (int(first), int(last)) if even else None
         first = last + 1
     return None
-
-
-SYMMETRY_TOLERANCE = 1.0 + 1e-9
-"""Difference of a zone's two halves, over the spacing of its nodes, up to which it is symmetric."""
 
 
 def _midway(x: Array, first: int, last: int) -> tuple[float, float]:
@@ -168,3 +165,43 @@ def _midway(x: Array, first: int, last: int) -> tuple[float, float]:
 def pattern(found: Sequence[Zone]) -> list[str]:
     """Return the names of the zones in their order."""
     return [name for name, _, _ in found]
+
+
+def begins_on_axis(radius: Array, weight: Array) -> bool:
+    """Return whether an axisymmetric contact edge begins on the axis r = 0.
+
+    At order 2 the node on the axis has no weight and is left out. The next one is the middle of an
+    element from r = 0 to h = 2 r_0, with a weight in proportion to h^2 / 3; the node behind it has
+    h (h + h') / 6, with h' of the next element, 0 where there is none.
+
+    Args:
+        radius: (N,) distance of the edge's contact nodes from the axis, in their order.
+        weight: (N,) integrals of the shape functions times r.
+    """
+    if len(radius) == 0 or radius[0] <= 1e-6 * radius[-1]:
+        return len(radius) > 0
+    h = 2.0 * radius[0]
+    if len(radius) < 2 or abs(radius[1] - h) > 1e-6 * h:
+        return False
+    beyond = radius[3] - radius[1] if len(radius) > 3 else 0.0
+    expected = 2.0 * h * weight[1]
+    return bool(abs(weight[0] * (h + beyond) - expected) <= 1e-6 * expected)
+
+
+def on_axis(x: Array, values: Array) -> Array:
+    """Return the value at r = 0 of a field that is even in r, by least squares of a + b r^2.
+
+    A node on the axis itself is left out: its weight is the smallest by far (at order 2 it has
+    none), and so its traction is the least certain.
+
+    Args:
+        x: (N,) distances from the axis along the edge, increasing.
+        values: (N,) or (n, N) tractions or normal displacements.
+
+    Returns:
+        The value on the axis, or (n,) of them.
+    """
+    near = np.flatnonzero(x > 0.0)[:5]
+    basis = np.stack([np.ones(len(near)), (x[near] / x[near[-1]]) ** 2], axis=1)
+    fit = np.linalg.lstsq(basis, np.asarray(values)[..., near].T, rcond=None)[0]
+    return np.asarray(fit[0])

@@ -15,7 +15,7 @@ A slip that satisfies all of them is *safe* at $\lambda$: a contact that has it 
    ($Q = P = 0$) are eliminated; held nodes have no margins; friction may differ between the two
    directions. As $v$ is the same at all corners, only the corner with the smallest change can bind
    in a row, so that $2 N$ rows are left of $2 N V$.
-   :func:`~receding_fenicsx.interface.shakedown.mean_loads.prepared` refuses mean loads that no
+   :func:`~receding_fenicsx.interface.shakedown.margins.prepared` refuses mean loads that no
    residual slip can hold.
 2. :func:`~receding_fenicsx.interface.shakedown.limits.upper_limit`: $\lambda_2 = \max \lambda$ over
    $(v, \lambda)$, one linear program. Above it no start shakes down with the contact closed. Its
@@ -28,6 +28,6 @@ A slip that satisfies all of them is *safe* at $\lambda$: a contact that has it 
 4. :func:`~receding_fenicsx.interface.shakedown.programs.minimise` solves each program by HiGHS,
    polishes the answer on the rows that bind, and accepts it if the margins hold to 1e-9 and the
    multipliers prove the value to 1e-8.
-   :func:`~receding_fenicsx.interface.shakedown.residual.margin_residual` evaluates the
+   :func:`~receding_fenicsx.interface.shakedown.margins.margin_residual` evaluates the
    margins of the safe slip once more, from $K$.
 """

@@ -15,13 +15,16 @@ from receding_fenicsx.interface.mirror import mirror_of
 from receding_fenicsx.interface.shakedown.margins import (
     BACKWARD,
     FORWARD,
+    REFUSE,
     LoadRange,
     Loads,
     Margins,
+    largest_margin,
     load_range,
+    margin_residual,
+    prepared,
     with_bound,
 )
-from receding_fenicsx.interface.shakedown.mean_loads import REFUSE, largest_margin, prepared
 from receding_fenicsx.interface.shakedown.programs import (
     BINDS,
     VANISHES,
@@ -29,11 +32,8 @@ from receding_fenicsx.interface.shakedown.programs import (
     dual_bound,
     minimise,
 )
-from receding_fenicsx.interface.shakedown.residual import margin_residual
 from receding_fenicsx.interface.system import ContactSystem
 
-FREE = 1e-10
-"""Margins that a slip changes, over the largest, below which it is a free motion."""
 PROVED, CONJECTURE = "proved", "conjecture"
 
 
@@ -241,7 +241,7 @@ def assembled(
     if lower is not None and lower.value > mu:
         lower = None
     # the smallest slip with the same margins: nothing resists a free motion along the plane
-    y = np.linalg.lstsq(margins.G, margins.G @ y, rcond=FREE)[0]
+    y = np.linalg.lstsq(margins.G, margins.G @ y, rcond=1e-10)[0]
     v = margins.slip(y)
     top = mu * margins.range_scale
     residual = margin_residual(system, loads, v, top if bounded else 0.0, away)

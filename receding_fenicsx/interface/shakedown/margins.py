@@ -10,18 +10,18 @@ import scipy.optimize
 from numpy.typing import NDArray
 
 from receding_fenicsx.arrays import Array, Ints
-from receding_fenicsx.errors import InputError
+from receding_fenicsx.errors import InputError, NoEquilibrium
+from receding_fenicsx.interface.exact.path import EventPath
+from receding_fenicsx.interface.law import SEPARATION, STICK
 from receding_fenicsx.interface.residual import local_stiffness
-from receding_fenicsx.interface.system import ContactSystem
+from receding_fenicsx.interface.shakedown.programs import VANISHES, Answer, minimise
+from receding_fenicsx.interface.system import ContactState, ContactSystem, reactions
 
 FORWARD, BACKWARD, UNLOADS, TOUCHES = "forward slip", "backward slip", "unloads", "touches"
 """Names of the margins A = Q + f P, B = f P - Q, P and the gap: what happens where they vanish."""
 
-HULL_TOLERANCE = 1e-9
-"""Distance of the mean load from the polygon of the range, over the range, that is none."""
-
-UNCOUPLED = 1e-10
-"""Change of pressures and gaps by residual slip, over that of shear, that is round-off."""
+REFUSE, STAY = "refuse", "stay"
+"""Nodes separated under the mean loads: an error, or taken as separated throughout."""
 
 Loads = Mapping[str, float]
 """Load factors by the names of their loads; loads that are not named have the factor 0."""
@@ -107,7 +107,7 @@ def load_range(system: ContactSystem, mean: Loads, vertices: Sequence[Loads]) ->
     weights = np.vstack([found.vertices.T / size, np.ones(len(vertices))])
     target = np.append(np.zeros(len(system.load_names)), 1.0)
     _, distance = scipy.optimize.nnls(weights, target)
-    if distance > HULL_TOLERANCE:
+    if distance > 1e-9:
         raise InputError(
             "range: the mean loads are not among its convex combinations, so that the range does "
             "not shrink to them; move the mean, or add {} to the range"
@@ -188,7 +188,7 @@ def margins_of(
         np.ones(m),
         1.0,
         n,
-        bool(np.abs(normal).max() > UNCOUPLED * np.abs(r[nodes, :m]).max()),
+        bool(np.abs(normal).max() > 1e-10 * np.abs(r[nodes, :m]).max()),
     )
     return _scaled(bare, local_stiffness(system)[0][nodes])
 
@@ -252,3 +252,98 @@ def _scaled(bare: Margins, stiffness: Array) -> Margins:
         slip_scale=slip,
         range_scale=size,
     )
+
+
+def prepared(
+    system: ContactSystem, loads: LoadRange, separated: str = REFUSE
+) -> tuple[Margins, NDArray[np.bool_]]:
+    """Return the margins of a range and the separated nodes; refuse what has no limits.
+
+    Raises:
+        InputError: as :func:`shakedown_limits`.
+    """
+    if system.kind == "normal" or not np.any(system.friction.present):
+        raise InputError("shakedown: the scene has no friction; give [contact] friction")
+    if separated not in (REFUSE, STAY):
+        raise InputError(f'separated: "{separated}" is unknown; use "{REFUSE}" or "{STAY}"')
+    away = np.zeros(system.n, dtype=bool)
+    if separated == STAY:
+        away = _mean_state(system, loads.mean).state == SEPARATION
+    margins = margins_of(system, loads, away)
+    answer = largest_margin(margins)
+    if answer.value <= 1.0 + VANISHES:
+        return margins, away
+    nodes = np.unique(margins.node[answer.multipliers > VANISHES])
+    reason = "change the mean loads or the friction"
+    if separated == REFUSE:
+        try:
+            away = _mean_state(system, loads.mean).state == SEPARATION
+        except NoEquilibrium as error:
+            reason = str(error)
+        if np.any(away):
+            raise InputError(
+                f"mean: {_named(system, np.flatnonzero(away))} separated under the mean loads; "
+                "press the contact together, or take these nodes as separated throughout by "
+                f'separated = "{STAY}"'
+            )
+    raise InputError(
+        f"mean: no residual slip can hold the mean loads: {_named(system, nodes)} beyond the "
+        f"limit; {reason}"
+    )
+
+
+def _mean_state(system: ContactSystem, mean: Array) -> ContactState:
+    """Return the state under the mean loads, applied to the contact at rest."""
+    n = system.n
+    state = np.where(system.g0 > 0.0, SEPARATION, STICK).astype(np.int8)
+    rest = ContactState(np.zeros(2 * n), np.zeros(2 * n), state)
+    return EventPath(system).trace_leg(rest, (np.zeros_like(mean), mean), 0.0).end
+
+
+def _named(system: ContactSystem, nodes: NDArray[np.integer]) -> str:
+    """Return nodes with their positions and a verb, for messages."""
+    names = [f"{i} (x = {system.x[i]:.4g})" for i in nodes[:6]]
+    more = f" and {len(nodes) - 6} more" if len(nodes) > 6 else ""
+    one = len(nodes) == 1
+    return f"node{'' if one else 's'} {', '.join(names)}{more} {'is' if one else 'are'}"
+
+
+def largest_margin(margins: Margins) -> Answer:
+    """Return the residual slip whose smallest margin t <= 1 under the mean loads is the largest.
+
+    The answer's value is 1 - t: at most 1 where a residual slip holds the mean loads.
+    """
+    shift = np.hstack([margins.G, np.ones((len(margins.c), 1))])
+    cost = np.append(np.zeros(margins.G.shape[1]), 1.0)
+    # t = 1 - z with z >= 0
+    return minimise(cost, shift, margins.c - 1.0)
+
+
+def margin_residual(
+    system: ContactSystem, loads: LoadRange, v: Array, top: float, away: NDArray[np.bool_]
+) -> float:
+    """Return the largest violation of a margin at all vertices, over the largest nodal force.
+
+    Displacements follow from v, closed gaps and forces that vanish, independently of the programs.
+    """
+    n, K = system.n, system.K
+    loose = ~system.held[:n]
+    known = np.concatenate([~loose | (system.friction.present & ~away), ~away | system.held[n:]])
+    u = np.concatenate([v, np.where(system.held[n:], 0.0, -system.g0)])
+    e = np.flatnonzero(~known)
+    worst, force = 0.0, 0.0
+    for vertex in loads.vertices:
+        load = loads.mean + top * vertex
+        u[e] = 0.0
+        if len(e):
+            u[e] = -np.linalg.solve(K[np.ix_(e, e)], reactions(system, load, u)[e])
+        r = reactions(system, load, u)
+        A, B = system.friction.margins(r[:n], r[n:])
+        slips = known[:n] & loose & ~system.held[n:] & system.friction.present
+        pressed = ~away & ~system.held[n:]
+        margins = np.concatenate([A[slips], B[slips], r[n:][pressed]])
+        gaps = np.diagonal(K)[n:][away] * (u[n:] + system.g0)[away]
+        worst = max(worst, -float(margins.min()), -float(gaps.min(initial=0.0)))
+        worst = max(worst, float(np.abs(r[e]).max(initial=0.0)))
+        force = max(force, float(np.abs(r).max()))
+    return worst / force

@@ -38,16 +38,8 @@ from receding_fenicsx.interface.system import ContactSystem
 LARGEST = 10.0
 """Largest reaction over that of the largest loads with all nodes held, and displacement over that
 of such a force, that the programs look at (the big M of the binaries)."""
-GAIN = 1e-6
-"""Relative growth of lambda by two more changes of the set below which no more are tried."""
-AT_ONCE = 2
-"""Most nodes that open or close at such a change."""
 FREE = -1
 """State of a node between two points that the program chooses."""
-WHOLE = 30
-"""Most binaries of the program that chooses the states of all nodes between all points."""
-TREE = 10_000
-"""Most nodes of the tree of one program; the best motion found by then is taken, and said so."""
 CHANGES = 2
 """Changes of the set on each leg of a range with more than two corners."""
 
@@ -139,11 +131,12 @@ def largest_opening(
         chain = found.sets[np.append(True, changed)]
         more = _solved(task, np.vstack([unknown, chain, unknown]), found)
         proved = more.proved
-        if more.mu <= found.mu * (1.0 + GAIN):
+        if more.mu <= found.mu * (1.0 + 1e-6):
             break
         found = more
     intervals = task.legs * (1 + CHANGES) if task.legs > 1 else max(many + 1, len(found.sets))
-    best = intervals * many <= WHOLE
+    # all states chosen by one program of at most so many binaries
+    best = intervals * many <= 30
     if best:
         found = _solved(task, np.repeat(unknown, intervals, axis=0), found)
         best = proved = found.proved
@@ -155,13 +148,7 @@ def largest_opening(
 
 
 def _solved(task: _Task, pattern: Ints, known: _Motion | None) -> _Motion:
-    """Return the motion of the largest range with given states, or what was known before.
-
-    The program is solved again with the states that it chose, without round-off of binaries.
-
-    Raises:
-        SolveError: there is no motion, and none was known.
-    """
+    """Return the motion of the largest range with given states, or what was known before."""
     chosen = _program(task, pattern, 0.0 if known is None else known.mu * (1.0 - BINDS))
     final = None if chosen is None else _program(task, chosen.sets, 0.0)
     if final is None or (known is not None and final.mu <= known.mu):
@@ -185,7 +172,7 @@ def _program(task: _Task, pattern: Ints, at_least: float) -> _Motion | None:
         constraints=scipy.optimize.LinearConstraint(
             sparse.vstack(rows.matrices, format="csr"), np.concatenate(rows.least), np.inf
         ),
-        options={"node_limit": TREE},
+        options={"node_limit": 10_000},  # the best motion found by then is taken, and said so
     )
     if found.x is None:
         return None
@@ -257,7 +244,8 @@ class _Rows:
                 nodes = (states == FREE) & (known != FREE)
                 sign = np.where(known == 1, 1.0, -1.0)[nodes]
                 stay = sparse.csr_matrix(sign) @ self.z[k][nodes]
-                self.add(stay, float((sign > 0.0).sum()) - AT_ONCE)
+                # two nodes open or close at such a change
+                self.add(stay, float((sign > 0.0).sum()) - 2)
 
     def bounds(self, pattern: Ints, at_least: float) -> scipy.optimize.Bounds:
         """Return the bounds of all unknowns."""

@@ -13,17 +13,10 @@ from receding_fenicsx.errors import SolveError
 
 FEASIBLE = 1e-9
 """Largest violated margin, over the largest one of the mean loads, of an accepted answer."""
-GAP = 1e-8
-"""Difference between an answer and its dual bound, over one plus the answer, that is accepted."""
 VANISHES = 1e-9
 """Sum of a target's margins, over the largest margin of the mean loads, that is zero."""
-INFEASIBLE, UNBOUNDED = 2, 3
-"""Verdicts of the solver."""
 BINDS = 1e-7
 """Margin below which a row binds."""
-WAYS = (("highs-ds", 1e-9), ("highs-ds", 1e-7), ("highs-ipm", 1e-9), ("highs-ds", 1e-10))
-"""Methods and tolerances of the solver, tried until an answer passes the checks; the dual simplex
-method gives up at times for no reason of the program."""
 
 
 @dataclass(frozen=True)
@@ -65,7 +58,9 @@ def minimise(
     """
     is_equation = np.isin(np.arange(len(c)), equations)
     reasons = []
-    for method, tolerance in WAYS:
+    # the dual simplex method gives up at times for no reason of the program
+    ways = (("highs-ds", 1e-9), ("highs-ds", 1e-7), ("highs-ipm", 1e-9), ("highs-ds", 1e-10))
+    for method, tolerance in ways:
         found = scipy.optimize.linprog(
             cost,
             A_ub=-G[~is_equation],
@@ -79,13 +74,13 @@ def minimise(
                 "dual_feasibility_tolerance": tolerance,
             },
         )
-        if found.status in (INFEASIBLE, UNBOUNDED):
-            value = np.inf if found.status == INFEASIBLE else -np.inf
+        if found.status in (2, 3):  # infeasible, unbounded
+            value = np.inf if found.status == 2 else -np.inf
             return Answer(np.full(len(cost), np.nan), value, -np.inf, np.zeros(len(c)))
         if found.status == 0:
             answer = _answer(found, (cost, G, c, top), is_equation)
             violated, gap = -float((G @ answer.z + c).min()), abs(answer.value - answer.bound)
-            if violated <= FEASIBLE and gap <= GAP * (1.0 + abs(answer.value)):
+            if violated <= FEASIBLE and gap <= 1e-8 * (1.0 + abs(answer.value)):
                 return answer
             found.message = f"margins violated by {violated:.1e}, dual bound off by {gap:.1e}"
         reasons.append(found.message)

@@ -15,9 +15,13 @@ from receding_fenicsx.arrays import Array
 from receding_fenicsx.interface.exact.segments import Segments
 from receding_fenicsx.interface.exact.static import end_in_states, states_by_newton
 from receding_fenicsx.interface.law import BACKWARD, FORWARD, SEPARATION, STICK
-from receding_fenicsx.interface.lcp import enumerate_states
 from receding_fenicsx.interface.lcp.all_solutions import all_solutions
-from receding_fenicsx.interface.lcp.contact import Undecided, choices, states_by_covers
+from receding_fenicsx.interface.lcp.contact import (
+    Undecided,
+    choices,
+    number_of_sets,
+    states_by_covers,
+)
 from receding_fenicsx.interface.residual import (
     largest_force,
 )
@@ -63,7 +67,7 @@ def solutions_from_rest(
     others = np.where(near, STICK, SEPARATION)
     try:
         # six nodes with friction
-        if enumerate_states.count(list(choices(undecided).values())) <= 4**6:
+        if number_of_sets(list(choices(undecided).values())) <= 4**6:
             found = all_solutions(*problem)
             return np.where(found.states > 0, found.states, others), found.complete
         ends = [known]

@@ -10,8 +10,7 @@ import numpy as np
 
 from receding_fenicsx.arrays import aligned
 from receding_fenicsx.evolution.record import Record
-from receding_fenicsx.interface.measures.axis import on_axis
-from receding_fenicsx.interface.measures.zones import contact_zones
+from receding_fenicsx.interface.measures.zones import contact_zones, on_axis
 from receding_fenicsx.measures.corner_exponents import corners_of
 from receding_fenicsx.measures.half_widths import (
     contact_betas,

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from receding_fenicsx.arrays import Array, Ints
 from receding_fenicsx.evolution.instants import Instant
 from receding_fenicsx.interface.law import State
-from receding_fenicsx.interface.measures.axis import begins_on_axis
+from receding_fenicsx.interface.measures.zones import begins_on_axis
 from receding_fenicsx.interface.mirror import AXIS_TOLERANCE, mirror_nodes
 from receding_fenicsx.scene.one_body import in_order
 from receding_fenicsx.scene.profiles import evaluate

@@ -15,9 +15,8 @@ import numpy as np
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.evolution.probe_history import history_of, probe_names
 from receding_fenicsx.evolution.record import DISSIPATION_ROUND_OFF, Record
-from receding_fenicsx.interface.measures.axis import on_axis
 from receding_fenicsx.interface.measures.zone_ends import zone_end
-from receding_fenicsx.interface.measures.zones import NO_NODES, contact_zone, stick_zone
+from receding_fenicsx.interface.measures.zones import NO_NODES, contact_zone, on_axis, stick_zone
 from receding_fenicsx.measures.corner_exponents import corners_of
 from receding_fenicsx.measures.half_widths import contact_betas, estimates_at, tractions
 

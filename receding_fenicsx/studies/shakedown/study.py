@@ -17,8 +17,13 @@ from receding_fenicsx.interface.shakedown.limits import (
     lower_limit,
     upper_limit,
 )
-from receding_fenicsx.interface.shakedown.margins import LoadRange, Margins, load_range, with_bound
-from receding_fenicsx.interface.shakedown.mean_loads import prepared
+from receding_fenicsx.interface.shakedown.margins import (
+    LoadRange,
+    Margins,
+    load_range,
+    prepared,
+    with_bound,
+)
 from receding_fenicsx.interface.shakedown.programs import Answer
 from receding_fenicsx.interface.system import ContactSystem
 from receding_fenicsx.scene.model import Scene

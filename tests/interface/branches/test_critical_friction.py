@@ -9,7 +9,7 @@ import pytest
 from small import small_system
 
 import receding_fenicsx as rf
-from receding_fenicsx.interface.branches.sign_radius import search_signs
+from receding_fenicsx.interface.branches.critical_friction import search_signs
 from receding_fenicsx.interface.law import SEPARATION
 
 

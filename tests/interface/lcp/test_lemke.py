@@ -4,17 +4,13 @@ from itertools import product
 import numpy as np
 import pytest
 from models import block_system
+from small import small_system
 
 from receding_fenicsx.interface.gauss_seidel.sweeps import GaussSeidelOptions, solve_step
-from receding_fenicsx.interface.law import State
+from receding_fenicsx.interface.law import BACKWARD, FORWARD, SEPARATION, STICK, Friction, State
+from receding_fenicsx.interface.lcp import contact
 from receding_fenicsx.interface.lcp.contact import Undecided, solve_states
-from receding_fenicsx.interface.lcp.lemke import (
-    ENUMERATED,
-    enumerate_all,
-    is_solution,
-    lemke,
-    solve,
-)
+from receding_fenicsx.interface.lcp.lemke import is_solution, lemke, solve
 from receding_fenicsx.interface.system import ContactState, reactions
 
 NONE = np.zeros(0, dtype=np.intp)
@@ -50,7 +46,7 @@ def test_lemke_finds_the_one_solution_of_a_p_matrix(n: int) -> None:
         z = lemke(M, q, rng.uniform(0.1, 1.0, n))
         assert z is not None
         assert z == pytest.approx(wanted, abs=1e-9)
-        assert solve(M, q, [np.ones(n)]) == pytest.approx(wanted, abs=1e-9)
+        assert solve(M, q, np.ones(n)) == pytest.approx(wanted, abs=1e-9)
 
 
 def test_lemke_processes_copositive_matrices() -> None:
@@ -85,34 +81,17 @@ def test_a_problem_without_solution_ends_on_a_ray() -> None:
     M, q = np.array([[-1.0, 0.0], [0.0, 1.0]]), np.array([-1.0, 1.0])
     assert all_solutions(M, q) == []
     assert lemke(M, q, np.ones(2)) is None
-    assert solve(M, q, [np.ones(2), np.array([0.2, 1.0])]) is None
-    assert list(enumerate_all(M, q)) == []
-
-
-def test_enumeration_lists_what_an_independent_search_finds() -> None:
-    rng = np.random.default_rng(5)
-    counts = set()
-    for _ in range(80):
-        n = int(rng.integers(1, 6))
-        M, q = rng.standard_normal((n, n)), rng.standard_normal(n)
-        wanted = all_solutions(M, q)
-        found = list(enumerate_all(M, q))
-        assert len(found) == len(wanted)
-        for z in found:
-            assert min(np.abs(z - one).max() for one in wanted) <= 1e-9
-        counts.add(len(found))
-        assert (solve(M, q, [np.ones(n)]) is None) == (not wanted)
-    assert {0, 1, 2} <= counts
+    assert solve(M, q, np.ones(2)) is None and solve(M, q, np.array([0.2, 1.0])) is None
 
 
 def test_solve_is_indifferent_to_the_unit_of_each_pair() -> None:
     rng = np.random.default_rng(6)
     for _ in range(30):
-        n = ENUMERATED + 4
+        n = 16
         M, q = p_matrix(rng, n), rng.standard_normal(n)
-        z = solve(M, q, [np.ones(n)])
+        z = solve(M, q, np.ones(n))
         d = 10.0 ** rng.uniform(-6, 6, n)
-        scaled = solve(d[:, None] * M * d, d * q, [d])
+        scaled = solve(d[:, None] * M * d, d * q, d)
         assert z is not None and scaled is not None
         assert scaled * d == pytest.approx(z, rel=1e-6, abs=1e-8)
 
@@ -160,3 +139,63 @@ def test_large_unknowns_excuse_no_violation() -> None:
     assert not is_solution(M, np.array([-1e-3, 0.0]), z)
     assert not is_solution(M, np.array([1e-3, 0.0]), z)
     assert not is_solution(M, np.array([-0.2, 0.0]), 1e10 * z)
+
+
+ANY = (STICK, SEPARATION, FORWARD, BACKWARD)
+KINDS = [ANY, (STICK, FORWARD), (STICK, BACKWARD)]
+
+
+def tried(
+    S: np.ndarray, s: np.ndarray, f: np.ndarray, may: contact.Choices, smooth: bool = False
+) -> list[int] | None:
+    """Return the first of all sets of states of nodes that keeps the law of rates."""
+    kind = np.full(len(f), smooth)
+    for sets in contact.batches(may):
+        found, _ = contact.solutions(S, s, Friction(f, f), sets, may, kind)
+        if len(found):
+            return found[0].tolist()
+    return None
+
+
+def complementary(S: np.ndarray, s: np.ndarray, f: np.ndarray, kinds: list[int]) -> bool:
+    """Return whether the same problem has a solution as linear complementarity (Klarbring)."""
+    m = len(f)
+    t, n = np.eye(2 * m)[:m], np.eye(2 * m)[m:]
+    A, B = t + f[:, None] * n, f[:, None] * n - t
+    pairs = [
+        [(A[i], t[i]), (B[i], -t[i]), (n[i], n[i])][slice(*[(0, 3), (0, 1), (1, 2)][kinds[i]])]
+        for i in range(m)
+    ]
+    E, Z = (np.array([pair[k] for node in pairs for pair in node]) for k in (0, 1))
+    return len(all_solutions(E @ S @ Z.T, E @ s)) > 0
+
+
+def test_trying_all_sets_finds_a_solution_exactly_where_complementarity_has_one() -> None:
+    solved = 0
+    for seed in range(150):
+        m, rng = 1 + seed % 3, np.random.default_rng(seed)
+        G, s, f = rng.standard_normal((2 * m, 3 * m)), rng.standard_normal(2 * m), rng.random(m)
+        kinds = rng.integers(0, 3, m).tolist()
+        found = tried(G @ G.T, s, 12.0 * f, [KINDS[kind] for kind in kinds])
+        assert (found is not None) == complementary(G @ G.T, s, 12.0 * f, kinds), seed
+        solved += found is not None
+    assert 60 < solved < 140
+
+
+def test_where_no_cover_leads_to_an_answer_all_sets_are_tried(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    # K_tt = K_nn = 1, K_tn = -0.9, f = 2, at the limit of forward slip: v = -s_t / (1 - 0.9 f), so
+    # that both stick and slip answer a push, and nothing a pull
+    system = small_system([[1.0, -0.9], [-0.9, 1.0]], {"a": [0.0, 1.0]}, 2.0)
+    node = Undecided(np.zeros(1, dtype=np.intp), NONE, NONE, NONE)
+    monkeypatch.setattr(contact, "solve", lambda M, q, cover: None)
+    for push in (1.0, -1.0):
+        found = solve_states(system, np.array([push, 0.0]), node, NONE)
+        assert (found is None) == (push < 0.0) and contact.is_exhaustible(node)
+    smooth = Undecided(NONE, NONE, NONE, np.zeros(1, dtype=np.intp))
+    for press, state in ((1.0, STICK), (-1.0, SEPARATION)):
+        assert solve_states(system, np.array([0.0, press]), smooth, NONE) == [state]
+    assert contact.number_of_sets([ANY] * 8) == contact.EXHAUSTED
+    for n in (8, 9):
+        assert contact.is_exhaustible(Undecided(NONE, NONE, np.arange(n), NONE)) == (n == 8)

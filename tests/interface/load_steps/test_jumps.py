@@ -18,8 +18,7 @@ from receding_fenicsx.interface.gauss_seidel.sweeps import (
     solve_step,
 )
 from receding_fenicsx.interface.law import State
-from receding_fenicsx.interface.load_steps.continuation import Continuation
-from receding_fenicsx.interface.load_steps.leg_in_steps import LegInSteps
+from receding_fenicsx.interface.load_steps.steps import Continuation, LegInSteps
 from receding_fenicsx.interface.system import ContactState, ContactSystem, Leg
 from receding_fenicsx.scene.history import History
 from receding_fenicsx.scene.model import OutputOptions, SolverOptions

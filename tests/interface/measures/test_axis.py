@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from nodal import nodal_forces, with_middles
 
-from receding_fenicsx.interface.measures.axis import begins_on_axis
+from receding_fenicsx.interface.measures.zones import begins_on_axis
 
 ENDS = {
     "disc": (0.0, np.arange(6.0), True),

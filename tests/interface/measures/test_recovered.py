@@ -13,9 +13,7 @@ from small import cyclic
 
 import receding_fenicsx as rf
 from receding_fenicsx.evolution.moment import moment_of
-from receding_fenicsx.interface.measures.recovered import recover
-from receding_fenicsx.interface.measures.tractions import midside_nodes
-from receding_fenicsx.interface.measures.zone_ends import Tractions
+from receding_fenicsx.interface.measures.tractions import Tractions, midside_nodes, recover
 
 Array = np.ndarray
 
@@ -65,7 +63,7 @@ def test_parabola_is_recovered_on_unequal_elements(shape: str) -> None:
 def test_middle_of_an_element_gets_the_parabola_in_one_pass(
     shape: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("receding_fenicsx.interface.measures.recovered.PASSES", 1)
+    monkeypatch.setattr("receding_fenicsx.interface.measures.tractions.PASSES", 1)
     x, weight, P = nodal(np.linspace(0.2, 1.0, 9), lambda at: 2.0 - at**2, RADII[shape])
     radius = RADII[shape]
     p, _ = recover(sliding(np.full(len(x), 0.3), x, weight, P, radius=radius and radius(x)))

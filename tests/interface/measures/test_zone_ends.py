@@ -11,8 +11,8 @@ from scipy.integrate import quad
 
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.interface.law import State
+from receding_fenicsx.interface.measures.tractions import Tractions
 from receding_fenicsx.interface.measures.zone_ends import (
-    Tractions,
     contact_half_width_estimate,
     dundurs_beta,
     stick_half_width_estimate,

@@ -13,8 +13,7 @@ from small import small_system, walker
 
 import receding_fenicsx as rf
 from receding_fenicsx.interface.shakedown.limits import lower_limit, upper_limit
-from receding_fenicsx.interface.shakedown.margins import load_range
-from receding_fenicsx.interface.shakedown.mean_loads import prepared
+from receding_fenicsx.interface.shakedown.margins import load_range, prepared
 
 
 def random_case(seed: int) -> Case:
