@@ -106,7 +106,7 @@ build_environment() {
         rm -rf "$venv"
         "$base_python" -I -m venv "${venv_options[@]}" "$venv" || die "could not create $venv; is the disk full?"
         mkdir "$venv/tmp"
-        if ! TMPDIR=$venv/tmp "$python" -m pip install --retries 2 --editable "${root}[test,dev]" >"$log" 2>&1 </dev/null; then
+        if ! TMPDIR=$venv/tmp "$python" -m pip install --retries 2 --editable "${root}[test,dev,dolfinx]" >"$log" 2>&1 </dev/null; then
             grep -E '^ *(ERROR|error):|No space left|Connection|Temporary failure' "$log" | tail -n 4 >&2 || true
             unavailable "pip could not install the Python packages (messages in $log). Check the network, the proxy or index" \
                 "(PIP_INDEX_URL) and the disk space"

@@ -46,7 +46,7 @@ BROUGHT_BY_DOLFINX = {"basix", "dolfinx", "dolfinx_solver", "mpi4py", "petsc4py"
 """Modules of Debian's python3-dolfinx-real, and of PyPI's dolfinx-solver-real."""
 DISTRIBUTIONS = {"PIL": "pillow", "imageio_ffmpeg": "imageio-ffmpeg"}
 """Distribution of each module that has another name."""
-NOT_IMPORTED = {"vtk": "release for pyvista", "dolfinx-solver-real": "brings DOLFINx"}
+NOT_IMPORTED = {"vtk": "release for pyvista"}
 """Dependencies that the package does not import itself, and their purpose."""
 
 

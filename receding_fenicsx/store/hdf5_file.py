@@ -15,7 +15,7 @@ import numpy as np
 from receding_fenicsx.atomic import new_file
 from receding_fenicsx.errors import InputError
 
-FORMAT_VERSION = 3
+FORMAT_VERSION = 1
 TITLE_BYTES = 512
 """Size of the title, HDF5's user block: kind, format version and digest of all that follows it."""
 COMPRESSED_SIZE = 4096

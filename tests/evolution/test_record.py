@@ -117,7 +117,7 @@ def test_record_file_has_the_agreed_layout(record: Record, tmp_path: Path) -> No
         assert file["cycles/slip_increment"].shape == (3, n)
         assert list(file.attrs["load_names"]) == ["p0"]
         assert from_toml(file.attrs["scene_toml"]).title == "Ahn & Barber block"
-        assert file.attrs["format_version"] == 3
+        assert file.attrs["format_version"] == 1
 
 
 def test_record_parses_its_scene_once(record: Record) -> None:

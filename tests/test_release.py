@@ -1,0 +1,143 @@
+"""Files of a release agree with each other, with .ci/run and with what is in the project.
+
+Workflows, containers and the recipe do not run here: they are parsed, and what they call is there.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+import tomllib
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+
+import receding_fenicsx as rf
+
+pytestmark = pytest.mark.one_rank
+
+ROOT = Path(__file__).parents[1]
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+EXTRAS = PROJECT["optional-dependencies"]
+WORKFLOWS = sorted((ROOT / ".github" / "workflows").glob("*.yml"))
+FORMS = [p for p in (ROOT / ".github/ISSUE_TEMPLATE").glob("*.yml") if p.stem != "config"]
+CONDA_NAMES = {"gmsh": "python-gmsh", "matplotlib": "matplotlib-base", "tomli_w": "tomli-w"}
+CONDA_NAMES |= {"annotated_types": "python-annotated-types"}
+
+
+def loaded(path: Path) -> Any:
+    return yaml.safe_load(path.read_text(encoding="utf-8"))
+
+
+def text_of(name: str) -> str:
+    return (ROOT / name).read_text(encoding="utf-8")
+
+
+def test_the_version_is_the_same_everywhere_and_the_address_in_one_place() -> None:
+    citation, zenodo = loaded(ROOT / "CITATION.cff"), json.loads(text_of(".zenodo.json"))
+    assert PROJECT["version"] == rf.__version__ == citation["version"]
+    assert zenodo["creators"] == citation["authors"] == PROJECT["authors"]
+    assert zenodo["license"] == citation["license"] == PROJECT["license"]
+    assert zenodo["keywords"] == PROJECT["keywords"] and zenodo["upload_type"] == "software"
+    address = "/".join(PROJECT["urls"]["Repository"].split("/")[-2:])
+    folders = ("", ".github", ".devcontainer", ".conda", "docs")
+    files = [path for name in folders for path in (ROOT / name).glob("*.*") if path.is_file()]
+    holding = [path.name for path in files if address in path.read_text(encoding="utf-8")]
+    assert holding == ["pyproject.toml"]
+
+
+def commands(workflow: Any) -> Iterator[str]:
+    """Yield the lines that a workflow's steps run."""
+    for job in workflow["jobs"].values():
+        for step in job["steps"]:
+            assert ("run" in step) != ("uses" in step)
+            assert "@" in step.get("uses", "@")
+            yield from step.get("run", "").strip().splitlines()
+
+
+@pytest.mark.parametrize("path", WORKFLOWS, ids=lambda path: path.stem)
+def test_workflows_run_scripts_and_extras_of_the_project(path: Path) -> None:
+    workflow = loaded(path)
+    assert workflow["name"] == path.stem and True in workflow  # YAML 1.1 takes "on" for true
+    check_commands(commands(workflow))
+
+
+def check_commands(lines: Iterator[str] | list[str]) -> None:
+    """Scripts that are called, and extras that are installed, have to be there."""
+    for line in lines:
+        for script in re.findall(r"(?:bash|python3?) ([\w./]+)", line):
+            assert (ROOT / script).is_file(), line
+        for extras in re.findall(r"\.\[([\w,]+)\]", line):
+            assert set(extras.split(",")) <= set(EXTRAS), line
+
+
+def test_workflows_run_what_ci_runs() -> None:
+    tests = list(commands(loaded(ROOT / ".github/workflows/tests.yml")))
+    assert "bash .ci/run" in tests
+    for script in re.findall(r"bash (\S+)", " ".join(tests)):
+        assert script == ".ci/run" or script in text_of(".ci/run")
+    # on images, as tests/run.sh runs them: on one rank and on two
+    for line in (line for line in tests if "pytest" in line):
+        words = line.replace("python3", '"$python"').replace("mpirun", '"$mpirun"')
+        assert words in text_of("tests/run.sh")
+
+
+def test_commands_of_the_site_and_the_hooks_are_those_of_the_project() -> None:
+    check_commands(loaded(ROOT / ".readthedocs.yaml")["build"]["commands"])
+    hooks = [h for repo in loaded(ROOT / ".pre-commit-config.yaml")["repos"] for h in repo["hooks"]]
+    assert {hook["name"] for hook in hooks} == {"ruff check", "ruff format", "mypy"}
+    for hook in hooks:
+        assert set(hook.get("additional_dependencies", [])) <= set(EXTRAS["dev"])
+        command = hook["entry"].removeprefix(".venv/bin/").removesuffix(" --force-exclude")
+        assert f".venv/bin/{command}" in text_of(".ci/run")
+
+
+def test_containers_build_on_an_image_that_is_tested() -> None:
+    device = json.loads(text_of(".devcontainer/devcontainer.json"))
+    docker = text_of(f".devcontainer/{device['build']['dockerfile']}")
+    (image,) = re.findall(r"^FROM dolfinx/dolfinx:(.+)$", docker, re.M)
+    matrix = loaded(ROOT / ".github/workflows/tests.yml")["jobs"]["dolfinx"]["strategy"]["matrix"]
+    assert image in matrix["image"]
+    check_commands([device["postCreateCommand"], docker])
+    (libraries,) = re.findall(r'^graphics="(.+)"$', text_of("demos/setup.sh"), re.M)
+    assert libraries in docker
+
+
+def test_conda_recipe_asks_for_the_dependencies_of_the_project() -> None:
+    recipe = re.sub(r"{%.*?%}", "", text_of(".conda/meta.yaml"))
+    recipe = re.sub(r"{{.*?}}", "x", recipe)
+    needs = yaml.safe_load(recipe)["requirements"]["run"]
+    asked = {text.split()[0]: text for text in needs}
+    for dependency in PROJECT["dependencies"]:
+        requirement, _, marker = dependency.partition("; ")
+        if "<" in marker:  # Debian's Python
+            continue
+        name, limits = re.split(r"(?=[<>=])", requirement, maxsplit=1)
+        name = CONDA_NAMES.get(name, name)
+        assert asked.pop(name) == f"{name} {limits}"
+    assert set(asked) == {"python", "fenics-dolfinx"}
+
+
+@pytest.mark.parametrize("path", FORMS, ids=lambda path: path.stem)
+def test_issue_forms_have_what_the_platform_asks_for(path: Path) -> None:
+    form = loaded(path)
+    assert {"name", "description", "body"} <= set(form)
+    ids = [field["id"] for field in form["body"]]
+    assert len(set(ids)) == len(ids)
+    for field in form["body"]:
+        assert field["type"] in ("textarea", "input", "dropdown", "markdown")
+        assert field["attributes"]["label"]
+
+
+def test_paper_has_the_sections_of_the_journal_and_cites_what_is_in_its_bibliography() -> None:
+    text, bibliography = (text_of(f"docs/paper/paper.{kind}") for kind in ("md", "bib"))
+    head = yaml.safe_load(text.split("---\n")[1])
+    assert {"title", "tags", "authors", "affiliations", "date", "bibliography"} <= set(head)
+    wanted = ["Summary", "Statement of need", "State of the field", "Software design"]
+    wanted += ["Research impact", "AI usage disclosure", "References"]
+    assert re.findall(r"^# (.+)$", text, re.M) == wanted
+    cited = set(re.findall(r"@(\w+)", text.split("---\n", 2)[2]))
+    assert cited == set(re.findall(r"^@\w+{(\w+),", bibliography, re.M))
