@@ -158,6 +158,17 @@ def test_recipes_for_clusters_run_by_their_local_executors(beside_demos: Path, e
     assert all(f"\n{friction}" in printed for friction in (0.2, 0.35, 0.5)), printed
 
 
+@pytest.mark.parametrize("name", ["README.md", "docs/index.md"])
+def test_first_scene_of_a_newcomer_runs_by_the_command_beside_it(
+    beside_demos: Path, name: str
+) -> None:
+    (scene,) = re.findall(r"```toml\n(.*?)```", text_of(name), re.S)
+    (beside_demos / "block.toml").write_text(scene, encoding="utf-8")
+    (line,) = re.findall(r"^receding-fenicsx (run .*)$", text_of(name), re.M)
+    assert cli.main([*line.split(), *CHEAPER["run"]]) == 0
+    assert (beside_demos / "results/mine/report.html").is_file()
+
+
 def test_array_jobs_of_a_sweep_write_its_table_together(beside_demos: Path) -> None:
     (script,) = re.findall(r"```sh\n(#!.*?)```", text_of("docs/cluster.md"), re.S)
     (jobs,) = re.findall(r"--array=1-(\d+)", script)

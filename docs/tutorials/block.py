@@ -12,9 +12,7 @@ import numpy as np
 import receding_fenicsx as rf
 
 scene = rf.read_scene("demos/block.toml", ["history.cycles=20"])
-record = rf.run(
-    scene
-)  # mesh, condense, 20 exact cycles; a second argument names a folder for files
+record = rf.run(scene)  # mesh, condense, 20 exact cycles; rf.run(scene, "folder") writes files too
 print(len(record.x), "contact nodes,", record.n_events, "changes of state")
 
 # %% [markdown]
