@@ -361,8 +361,9 @@ def test_a_run_writes_and_prints_its_errors(shared_tmp_path: Path) -> None:
         assert found["value"] == numbers[name].value
         assert 0.0 < found["error"] < abs(found["value"])
         assert name.partition("[")[0] in HEADLINE_NAMES
-    D = record.cycles.dissipation
+    D, first = record.cycles.dissipation, record.dissipation_first_loading
     assert summary["errors"]["dissipation_ratio"]["value"] == D[-1] / D[0]
+    assert summary["errors"]["dissipation_first_loading"]["value"] == first > 0.0
     assert summary["timings"]["errors"] > 0.0
     printed = run_table(summary, everything=True)
     for name, found in summary["errors"].items():

@@ -73,10 +73,14 @@ def test_a_corner_held_at_a_point_is_still_a_corner() -> None:
 
 def test_a_node_held_normally_has_no_pressure() -> None:
     """What a clamped side carries at the corner of the contact is no contact pressure."""
-    clamped = (rf.Support("xy", edge="left"),)
-    record = study.run(replace(scene(True, 1), supports=clamped))
+    clamped, half = (rf.Support("xy", edge="left"),), scene(True, 1)
+    rough = {"forward": 0.35, "backward": 0.3}
+    contacts = tuple(replace(contact, friction=rough) for contact in half.contacts)
+    record = study.run(replace(half, supports=clamped, contacts=contacts))
     if record is None:
         return
+    assert record.f_backward is not None
+    assert record.f[0] == record.f_backward[0] == 0.0 < record.f_backward[1]
     table = record.turning_points
     assert np.all(table.P[:, 0] == 0.0) and np.all(table.Q[:, 0] == 0.0)
     assert np.all(table.P >= 0.0)

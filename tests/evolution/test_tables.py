@@ -1,6 +1,6 @@
 """A record asked by names, and as labelled tables."""
 
-from dataclasses import replace
+from dataclasses import fields, replace
 from functools import cache
 
 import models
@@ -189,6 +189,8 @@ def test_dataset_answers_as_the_record_does() -> None:
     low = data.isel(instant=int(np.flatnonzero((data.cycle == 2) & (data.leg == 0))[0]))
     assert np.array_equal(low.q.values, found.at(2, "minimum").q)
     assert float(low.load_factor.sel(load="p0")) == 0.25
+    with pytest.raises(InputError, match="events: are a plain table"):
+        found.to_xarray("events")
     assert found.to_xarray("cycles").dissipation.sel(cycle=3) == found.cycles.dissipation[2]
     assert dict(data.sizes) == {"instant": 7, "node": len(found.x), "load": 1}
 
@@ -218,7 +220,13 @@ def test_contact_edges_of_a_dataset_are_selected_by_name() -> None:
     # two edges with the same x, as those of a dovetail
     edge = np.repeat([0, 1], [n // 2, n - n // 2])
     x = np.concatenate([found.x[: n // 2], found.x[: n - n // 2]])
-    two = replace(found, x=x, edge=edge, edge_names=("left", "right"))
+    two = replace(found, x=x, edge=edge, edge_names=("left", "right"), f_backward=0.5 * found.f)
+    # all that belongs to a node is that of the edge's nodes
+    right = two.by_edge()["right"]
+    for field in fields(two):
+        value = getattr(two, field.name)
+        if isinstance(value, np.ndarray) and value.shape[:1] == (n,):
+            assert np.array_equal(getattr(right, field.name), value[n // 2 :]), field.name
     part = two.to_xarray().sel(edge="right")
     assert np.array_equal(part.P.values, found.turning_points.P[:, n // 2 :])
     nearest = part.sel(x=x[2] + 1e-3, method="nearest")

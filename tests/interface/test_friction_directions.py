@@ -109,6 +109,14 @@ def test_the_mirror_image_exchanges_forward_and_backward(seed: int, method: str)
     assert b.cycles.dissipation == pytest.approx(a.cycles.dissipation, rel=1e-9)
 
 
+def test_a_node_with_friction_in_one_direction_only_is_said_to_stick() -> None:
+    system = random_system(1, 8, 0.45)
+    one_way = replace(system, f=np.zeros(8), f_backward=system.f)
+    record = played(one_way, CORNERS, "events")
+    names = [{name for name, *_ in record.at(0, leg=leg).zones} for leg in range(len(CORNERS) - 1)]
+    assert "stick" in set().union(*names) and "contact" not in set().union(*names)
+
+
 def test_equal_coefficients_for_both_directions_change_no_bit() -> None:
     system = random_system(1, 8, 0.45)
     for method in METHODS:

@@ -503,6 +503,8 @@ def test_figures_are_those_that_the_record_holds_something_for() -> None:
     # of the first loading its tractions and zones, of cycles the last one
     assert names(record("monotonic"), False) == FIGURES[:1]
     assert names(record("unloading"), False) == FIGURES[:2]
+    shown = rf.figures.FIGURES["tractions_last_cycle"].needs(record())
+    assert {moment.cycle for moment in shown} == {len(record().cycles.dissipation)}
     few = ["zones_last_cycle", "dissipation_per_cycle", "hysteresis", "tractions_last_cycle"]
     assert names(record(), False) == few
     wide = {"zones_by_cycle", "hysteresis", "trajectories"}

@@ -116,13 +116,20 @@ def test_step_of_one_node_by_hand() -> None:
     np.testing.assert_allclose(slipping.u, [0.0, 0.25], atol=1e-12)
 
 
-def test_nodes_held_normally_are_no_contacts_and_nodes_held_sideways_have_no_friction() -> None:
+def test_nodes_held_normally_are_no_contacts_and_nodes_held_sideways_have_no_friction(
+    tmp_path: Path,
+) -> None:
     system = block_system(16, 8)
     assert system.held[0] and step_problem(system, LOAD).mu[0] == 0.0
     held = system.held.copy()
     held[system.n + 5] = True
     problem = step_problem(replace(system, held=held, rigid=np.zeros((2 * system.n, 0))), LOAD)
     assert 5 not in problem.nodes and len(problem.mu) == system.n - 1
+    write_fclib(tmp_path / "step.h5", problem)
+    with h5py.File(tmp_path / "step.h5") as file:
+        found: list[int] = []
+        file.visititems(lambda name, item: found.extend(item) if "contact_nodes" in name else None)
+    assert found == np.delete(np.arange(system.n), 5).tolist()
 
 
 def test_fclib_s_own_library_reads_the_file(tmp_path: Path) -> None:
