@@ -99,7 +99,7 @@ def measure(scene: Scene, half: bool, repeat: int) -> dict[str, float]:
         clock = processor_time()
         condense(Stack(scene, (bulk,)))
         lap("condense")
-        peak, size = memory("VmHWM"), 2 * len(bulk.contact.x)
+        peak, size = memory("VmHWM"), 2 * len(bulk.contact.node)
         clock = processor_time()
         dense_cholesky(size)
         lap("cholesky")

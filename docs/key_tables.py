@@ -16,6 +16,7 @@ KINDS: dict[str, Any] = {
     "material": rf.Material,
     "mesh": rf.MeshOptions,
     "contact": rf.Contact,
+    "tie": rf.Tie,
     "load": rf.Load,
     "support": rf.Support,
     "spring": rf.Spring,

@@ -15,6 +15,7 @@ from .scene.model import (
     Bolt as Bolt,
     Spring as Spring,
     Support as Support,
+    Tie as Tie,
     Probe as Probe,
     HistoryOptions as HistoryOptions,
     Harmonic as Harmonic,

@@ -33,7 +33,7 @@ import numpy as np
 from scipy.optimize import linprog
 
 from receding_fenicsx.arrays import Array, Ints
-from receding_fenicsx.bulk.contact_nodes import ContactNodes
+from receding_fenicsx.bulk.contact_operator import ContactPoints
 from receding_fenicsx.bulk.join_bodies import JoinedBodies
 from receding_fenicsx.bulk.rigid_motions import scaled
 from receding_fenicsx.errors import InputError
@@ -132,7 +132,7 @@ def shifted(joined: JoinedBodies, S: Array) -> JoinedBodies:
     )
 
 
-def interference_depth(scene: Scene, contact: ContactNodes) -> Array:
+def interference_depth(scene: Scene, contact: ContactPoints) -> Array:
     """Return the depth (N,) of the interference at the contact nodes.
 
     Raises:
@@ -149,7 +149,7 @@ def interference_depth(scene: Scene, contact: ContactNodes) -> Array:
     return depth
 
 
-def with_interference(joined: JoinedBodies, scene: Scene, contact: ContactNodes) -> JoinedBodies:
+def with_interference(joined: JoinedBodies, scene: Scene, contact: ContactPoints) -> JoinedBodies:
     """Return joined bodies with an interference, if the scene has one, as their last load.
 
     Raises:

@@ -1,8 +1,9 @@
-"""Contact nodes: positions, directions t and n, weights, held components and rigid motions."""
+"""Contact nodes of a body: edges, directions t and n, held components and rigid motions."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from dolfinx import fem
@@ -12,7 +13,7 @@ from receding_fenicsx.arrays import Array, Ints
 from receding_fenicsx.bulk.constraints import Constraints, find_constraints
 from receding_fenicsx.bulk.edges import EdgeFacets, integrate, measure, tagged_facets
 from receding_fenicsx.bulk.mesh.meshing import BodyMesh, ContactFacets
-from receding_fenicsx.bulk.mesh.rectangle import POSITION_TOLERANCE
+from receding_fenicsx.bulk.mesh.raw_mesh import Line
 from receding_fenicsx.bulk.rigid_motions import free_motions, motions, scaled
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.mpi import on_all
@@ -23,17 +24,42 @@ NORMAL_TOLERANCE = 1e-10
 
 
 @dataclass(frozen=True)
-class ContactNodes:
-    """The contact nodes, known alike on every rank, sorted along the edge.
+class ContactSide:
+    """A contact edge of a body, or a tied one.
 
     Attributes:
-        x: (N,) position along the node's edge from its middle; increasing on each edge.
-        edge: (N,) number of the node's contact edge, not decreasing.
+        node: (n,) its nodes among the body's, sorted along the edge.
+        x: (n,) position along the first body's edge from its middle.
+        points: (n, 2) coordinates.
+        normal: (n, 2) unit vectors n into the first body.
+        weight: (n,) integral of N_i over the modelled edge, axisymmetric times r.
+        facets: (k, 2 or 3) places in ``node`` of the nodes of each facet: ends, middle; -1 for one
+            without weight, on the axis of revolution.
+        carries: (n,) whether a node may be a contact point. Nodes of two edges and obliquely held
+            ones are none, nor are the middles of chords, which lie off their curve.
+        slave: whether the contact points are this side's nodes where those of both do not match.
+    """
+
+    node: Ints
+    x: Array
+    points: Array
+    normal: Array
+    weight: Array
+    facets: Ints
+    carries: NDArray[np.bool_]
+    slave: bool
+
+
+@dataclass(frozen=True)
+class ContactNodes:
+    """The nodes of all contact and tied edges of a body, each once, known alike on every rank.
+
+    Attributes:
         points: (N, 2) coordinates.
         node: (N,) global number of the node, whose displacements are 2 node and 2 node + 1.
         tangent: (N, 2) unit vectors t = (n_y, -n_x).
-        normal: (N, 2) unit vectors n into the body; on the second body of a contact, out of it.
-        weight: (N,) integral of N_i over the modelled contact edge, axisymmetric times r.
+        normal: (N, 2) unit vectors n into the first body of the contact; y of nodes that are no
+            contact points.
         held: (2N,) degrees of freedom [v; w] fixed by symmetry or supports.
         modes: (2N, 3) displacements [v; w] of the rigid motions of the body: translations in x and
             y, rotation about a pivot, the middle of all contacts.
@@ -41,22 +67,18 @@ class ContactNodes:
             motions are orthogonal to all rows.
         null: (2N, n) rigid motions that are free while no contact node is held: null vectors of
             the condensed stiffness.
-        oblique: (k, 2) coordinates of the ends of contact edges that a support holds obliquely to
-            the edge. These nodes belong to the support and are no contact nodes.
+        sides: the edges.
     """
 
-    x: Array
-    edge: Ints
     points: Array
     node: Ints
     tangent: Array
     normal: Array
-    weight: Array
     held: NDArray[np.bool_]
     modes: Array
     constraints: Array
     null: Array
-    oblique: Array = field(default_factory=lambda: np.empty((0, 2)))
+    sides: tuple[ContactSide, ...] = ()
 
     @property
     def rigid(self) -> Array:
@@ -85,11 +107,7 @@ def _turn(values: Array, rotation: Array) -> Array:
 
 
 def find_contact(
-    scene: Scene,
-    space: fem.FunctionSpace,
-    body: BodyMesh,
-    resisted: Array,
-    left_out: Array | None = None,
+    scene: Scene, space: fem.FunctionSpace, body: BodyMesh, resisted: Array
 ) -> tuple[ContactNodes, Constraints]:
     """Find the contact nodes and the constraints of the body; collective.
 
@@ -98,24 +116,36 @@ def find_contact(
         space: displacement space.
         body: the mesh.
         resisted: (m, 3) components of the rigid motions that springs resist.
-        left_out: (k, 2) coordinates of further nodes that are no contact nodes.
 
     Raises:
         InputError: constraints that do not fit the mesh, each other or the contact; on all ranks.
     """
     edges = [_edge_nodes(scene, space, body, contact) for contact in body.contacts]
-    found = find_constraints(scene, space, body, np.concatenate([e[0] for e in edges]))
-    normals = [-contact.line.outward + 0.0 for contact in body.contacts]
-    ends = [_held_obliquely(*e[:2], n, found.given) for e, n in zip(edges, normals, strict=True)]
-    oblique = np.vstack(ends)
-    none = oblique if left_out is None else left_out
-    if len(none):
-        near = POSITION_TOLERANCE * body.size
-        apart = [np.linalg.norm(e[1][:, None] - none, axis=2).min(axis=1) > near for e in edges]
-        edges = [tuple(part[on] for part in e) for e, on in zip(edges, apart, strict=True)]
-    node, points, x, weight = (np.concatenate([e[k] for e in edges]) for k in range(4))
-    count = [len(e[0]) for e in edges]
-    normal = np.repeat(np.array(normals), count, axis=0)
+    every = np.concatenate([facets.nodes[0] for facets in edges])
+    found = find_constraints(scene, space, body, every)
+    node, first, times = np.unique(every, return_index=True, return_counts=True)
+    # in the order of the edges
+    order = np.argsort(first)
+    node, first, times = node[order], first[order], times[order]
+    place = {int(number): i for i, number in enumerate(node)}
+    sides = []
+    for edge, contact in zip(edges, body.contacts, strict=True):
+        own, points, x, weight = edge.nodes
+        at = np.array([place[int(number)] for number in own])
+        normal = contact.inward(points)
+        carries = times[at] == 1
+        carries &= ~_held_obliquely(own, points, normal, found.given, carries)
+        rows = {int(number): i for i, number in enumerate(own)}
+        facets = np.array([[rows.get(int(n), -1) for n in facet] for facet in edge.facets])
+        if not isinstance(contact.line, Line):
+            # chords have only their ends on the curve
+            carries[facets[:, 2:]] = False
+        sides.append(ContactSide(at, x, points, normal, weight, facets, carries, contact.slave))
+    points, normal, carries = (
+        np.concatenate([getattr(side, name) for side in sides])[first]
+        for name in ("points", "normal", "carries")
+    )
+    normal = np.where(carries[:, None], normal, [0.0, 1.0])
     tangent = np.column_stack([normal[:, 1], -normal[:, 0]]) + 0.0
 
     # a body of revolution moves along its axis only
@@ -125,26 +155,29 @@ def find_contact(
     on_nodes = motions(points, body.pivot, body.size)
     modes = np.concatenate([np.einsum("nc,nck->nk", axis, on_nodes) for axis in (tangent, normal)])
     nodes = ContactNodes(
-        x=x,
-        edge=np.repeat(np.arange(len(edges)), count),
         points=points,
         node=node,
         tangent=tangent,
         normal=normal,
-        weight=weight,
         held=_held_at_contact(found.given[at_contact], node, tangent, normal),
         modes=modes,
         constraints=np.vstack([found.rows, excluded]),
         null=scaled(modes @ free_motions(np.vstack([found.rows[~at_contact], excluded]))),
-        oblique=oblique,
+        sides=tuple(sides),
     )
     return nodes, found
 
 
+class _Edge(NamedTuple):
+    """Number, coordinates, position and weight of the nodes of an edge, sorted, and its facets."""
+
+    nodes: tuple[Ints, Array, Array, Array]
+    facets: Ints
+
+
 def _edge_nodes(
     scene: Scene, space: fem.FunctionSpace, body: BodyMesh, contact: ContactFacets
-) -> tuple[Ints, Array, Array, Array]:
-    """Return number, coordinates, position and weight of the nodes of one contact edge, sorted."""
+) -> _Edge:
     comm = body.mesh.comm
     facets = on_all(comm, lambda: tagged_facets(space, body, (contact.tag,)))
     every = [part for part in comm.allgather(facets) if len(part)]
@@ -160,7 +193,7 @@ def _edge_nodes(
     if scene.axisymmetric:
         # at order 2 the node on the axis has no weight: it gets no contact condition
         order = order[weight[order] > 1e-9 * weight.max()]
-    return node[order], points[order], x[order], weight[order]
+    return _Edge((node[order], points[order], x[order], weight[order]), facets.nodes)
 
 
 def _held_at_contact(dofs: Ints, node: Ints, tangent: Array, normal: Array) -> NDArray[np.bool_]:
@@ -179,25 +212,27 @@ def _held_at_contact(dofs: Ints, node: Ints, tangent: Array, normal: Array) -> N
     return held
 
 
-def _held_obliquely(node: Ints, points: Array, normal: Array, dofs: Ints) -> Array:
-    """Return the coordinates (k, 2) of the ends of an edge that are held obliquely to it.
+def _held_obliquely(
+    node: Ints, points: Array, normal: Array, dofs: Ints, carries: NDArray[np.bool_]
+) -> NDArray[np.bool_]:
+    """Return which nodes, ends of the edge, a support holds in one direction oblique to it.
 
     Args:
         node: numbers of the nodes, sorted along the edge.
         points: their coordinates.
-        normal: (2,) unit normal of the edge.
+        normal: (n, 2) unit normals.
         dofs: all held degrees of freedom.
+        carries: which nodes may be contact points.
 
     Raises:
         InputError: another node is held so.
     """
     fixed = np.isin(2 * node[:, None] + [0, 1], dofs)
-    single = np.flatnonzero(fixed[:, 0] != fixed[:, 1])
-    if np.abs(normal).max() > 1.0 - NORMAL_TOLERANCE:
-        return points[:0]
-    for i in single[(single > 0) & (single < len(node) - 1)]:
+    single = (fixed[:, 0] != fixed[:, 1]) & carries
+    single &= np.abs(normal).max(axis=1) <= 1.0 - NORMAL_TOLERANCE
+    for i in np.flatnonzero(single[1:-1]) + 1:
         raise InputError(
             f"[[support]]: holds the contact node at ({points[i, 0]:g}, {points[i, 1]:g}), inside "
             'the contact, obliquely to its edge; fix "xy", or move it'
         )
-    return points[single]
+    return single

@@ -16,7 +16,6 @@ import numpy as np
 import ufl
 from dolfinx import fem
 
-from receding_fenicsx.arrays import Array
 from receding_fenicsx.bulk import _dolfinx
 from receding_fenicsx.bulk.contact_nodes import find_contact
 from receding_fenicsx.bulk.elastic_body import ElasticBody
@@ -28,13 +27,12 @@ from receding_fenicsx.mpi import on_all
 from receding_fenicsx.scene.model import Scene
 
 
-def build(scene: Scene, body: BodyMesh, left_out: Array | None = None) -> ElasticBody:
+def build(scene: Scene, body: BodyMesh) -> ElasticBody:
     """Assemble the body's stiffness and loads, and find its contact nodes and supports; collective.
 
     Args:
         scene: the scene of this body alone.
         body: its mesh; a half body is held at u_x = 0 on x = 0.
-        left_out: (k, 2) coordinates of nodes on contact edges that are no contact nodes.
 
     Returns:
         The discretised body.
@@ -51,9 +49,7 @@ def build(scene: Scene, body: BodyMesh, left_out: Array | None = None) -> Elasti
     stiffness = _dolfinx.assemble_matrix(form)
     on_all(body.mesh.comm, lambda: add_springs(stiffness, space, body, scene))
     stiffness.assemble()
-    contact, constraints = find_contact(
-        scene, space, body, spring_rows(space, body, scene), left_out
-    )
+    contact, constraints = find_contact(scene, space, body, spring_rows(space, body, scene))
     P = constraints.matrix(stiffness)
     if P is not None:
         untied, stiffness = stiffness, stiffness.PtAP(P)

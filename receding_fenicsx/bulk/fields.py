@@ -106,7 +106,7 @@ def probe_matrix(bodies: Stack, scene: Scene) -> ProbeMatrix | None:
         for k, (here, own) in enumerate(found):
             if own is not None:
                 part = bodies.parts[k]
-                n = 2 * len(part.contact.x)
+                n = 2 * len(part.contact.node)
                 of_loads = np.zeros((*own.shape[:-1], len(every)))
                 of_loads[..., [every.index(name) for name in part.load_names]] = own[..., n:]
                 rows[here] = joined.rows(k, own[..., :n], of_loads)

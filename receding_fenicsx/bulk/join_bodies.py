@@ -1,28 +1,31 @@
-"""Condensed bodies that meet at their contact nodes, joined to one contact system.
+"""Condensed bodies joined to one contact system by the relative displacements of their nodes.
 
-Each contact lies between a first and a second body, or between a first body and a rigid plane. With
-u = u_first - u_second (on a plane u_first), n pointing into the first body, and r the force on it,
-body b has the reactions +r at its contacts as first body, -r at those as second body:
+With u the relative displacements at the contact points, r the forces there, and G_b, T_b the
+operators of :mod:`~receding_fenicsx.bulk.contact_operator`, the displacements u_b of the contact
+nodes of the bodies satisfy, with T_b of the ties,
 
-    +-r = r*_b + K_b u_b.
+    sum_b G_b u_b = u,   sum_b T_b u_b = 0,   r*_b + K_b u_b = G_b^T r + T_b^T r_tie.
 
-At each contact between two bodies let e be the stiffer and s the softer side, and y = u_e, so that
-u_s = y +- u. Then u_b = A_b u + Y_b y for every body, with Boolean Y_b and signs A_b, and
+Each row determines one freedom, its pivot, by the others y, so that u_b = A_b u + Y_b y, and
 
     K_uu = sum A_b^T K_b A_b,  C = sum Y_b^T K_b A_b,  H = sum Y_b^T K_b Y_b,  L = sum Y_b^T r*_b,
     y = -H^-1 (C u + L),   K = K_uu - C^T H^-1 C,   r* = sum A_b^T r*_b - C^T H^-1 L.
 
-For two bodies a and b this is K = K_a S K_b, r* = K_b S r*_a - K_a S r*_b, S = (K_a + K_b)^-1:
+This is K = (sum G_b K_b^-1 G_b^T)^-1 without the inverses, which bodies free to move lack. For two
+bodies a and b with matching nodes, K = K_a S K_b, r* = K_b S r*_a - K_a S r*_b and
+S = (K_a + K_b)^-1:
 
 >>> import numpy as np
+>>> from scipy.sparse import csr_matrix
 >>> K_a, K_b = np.array([[3.0, 1.0], [1.0, 2.0]]), np.array([[5.0, -1.0], [-1.0, 4.0]])
 >>> r_a, r_b = np.array([[0.3, -1.0]]), np.array([[-0.2, 0.5]])
 >>> def body(K, r_star):  # one contact node, one load (a force), no rigid motion
 ...     return CondensedBody(K, r_star, compliance=np.zeros((1, 1)), sign=-np.ones(1),
 ...                          held=np.zeros(2, dtype=bool), driven=np.zeros((1, 2)),
 ...                          modes=np.eye(2, 3), constraints=np.eye(3))
->>> first, second = (Place(np.array([0]), np.array([side]), np.array([0])) for side in (1, -1))
->>> joined = join([body(K_a, r_a), body(K_b, r_b)], [first, second], ("p",))
+>>> one, links = csr_matrix(np.eye(2)), (frozenset({0}), frozenset({0}))
+>>> pair = Relative((one, -one), 2, np.zeros(2, dtype=int), np.array([-1]), links, np.eye(2))
+>>> joined = join([body(K_a, r_a), body(K_b, r_b)], pair, ("p",))
 >>> S = np.linalg.inv(K_a + K_b)
 >>> np.allclose(joined.K, K_a @ S @ K_b)
 True
@@ -32,8 +35,8 @@ True
 >>> np.allclose(joined.displacement(1, u, load), S @ (K_b @ u - (r_a + r_b).T @ load) - u)
 True
 
-K is thus the stiffness of the softer bodies less a correction by the stiffer ones. That loses no
-digits when one body is much stiffer, and a node may be held on one body only.
+Where nodes match, pivots are on the softer side: K is then the stiffness of the softer bodies less
+a correction by the stiffer ones, which loses no digits when one body is much stiffer.
 """
 
 from __future__ import annotations
@@ -41,14 +44,18 @@ from __future__ import annotations
 import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import sparse
 from scipy.linalg import LinAlgError, LinAlgWarning, solve
 
 from receding_fenicsx.arrays import Array, Ints
+from receding_fenicsx.bulk.contact_operator import Relative, eliminate
 from receding_fenicsx.bulk.rigid_motions import common_motions, free_motions, independent, scaled
-from receding_fenicsx.bulk.symmetric_matrix import block, norm, symmetrise
+from receding_fenicsx.bulk.symmetric_matrix import norm, symmetrise
 from receding_fenicsx.errors import InputError, SolveError
 
 BALANCE_TOLERANCE = 1e-9
@@ -81,33 +88,11 @@ class CondensedBody:
     constraints: Array
 
 
-@dataclass(frozen=True)
-class Place:
-    """Where the contact nodes of one body are among the N nodes of all contacts.
+class Motion(NamedTuple):
+    """Displacements of one body, u_b = A u + Y y."""
 
-    Attributes:
-        node: (N_b,) numbers of the body's nodes.
-        side: (N_b,) +1 where it is the contact's first body, -1 where it is the second one.
-        contact: (N_b,) numbers of the contacts.
-    """
-
-    node: Ints
-    side: Ints
-    contact: Ints
-
-    def dofs(self, n: int) -> Ints:
-        """Return the (2N_b,) numbers of the degrees of freedom in the 2n of all contacts."""
-        return np.concatenate([self.node, n + self.node])
-
-
-@dataclass(frozen=True)
-class Motion:
-    """Displacements of one body: u_b = factor * u[dofs], plus y[rest] at its freedoms ``on``."""
-
-    dofs: Ints
-    factor: Array
-    on: Ints
-    rest: Ints
+    A: sparse.csr_matrix
+    Y: sparse.csr_matrix
 
 
 @dataclass(frozen=True)
@@ -146,8 +131,7 @@ class JoinedBodies:
     def displacement(self, body: int, u: Array, load: Array) -> Array:
         """Return the contact displacements (2N_b,) of a body for u and load as joined."""
         motion, y = self.motions[body], self.rest[0] @ u + self.rest[1] @ load
-        moved = motion.factor * u[motion.dofs]
-        moved[motion.on] += y[motion.rest]
+        moved: Array = motion.A @ u + motion.Y @ y
         return moved
 
     def rows(self, body: int, on_body: Array, on_loads: Array) -> Array:
@@ -159,65 +143,78 @@ class JoinedBodies:
             on_loads: (..., unit loads) rows.
         """
         motion, (T, G) = self.motions[body], self.factors
-        follow = on_body[..., motion.on]
-        on_u = follow @ self.rest[0][motion.rest]
-        on_u[..., motion.dofs] += on_body * motion.factor
+        flat = on_body.reshape(-1, on_body.shape[-1])
+        follow = flat @ motion.Y
+        on_u = (follow @ self.rest[0] + flat @ motion.A).reshape(*on_body.shape[:-1], -1)
         on_u[..., self.held] = 0.0
-        on_loads = on_loads + follow @ self.rest[1][motion.rest]
+        on_loads = on_loads + (follow @ self.rest[1]).reshape(on_loads.shape)
         on_u = on_u + on_loads @ G
         return np.concatenate([on_u, on_loads @ T + on_u @ self.shift.T], axis=-1)
 
 
 def join(
-    bodies: Sequence[CondensedBody], places: Sequence[Place], load_names: tuple[str, ...]
+    bodies: Sequence[CondensedBody], relative: Relative, load_names: tuple[str, ...]
 ) -> JoinedBodies:
     """Join bodies; the module's docstring has the equations.
 
     Args:
         bodies: the bodies, with the same loads (zero where they act on others).
-        places: the contact nodes of each.
+        relative: the relative displacements of their nodes.
         load_names: names of the loads.
 
     Raises:
-        InputError: a load moves bodies in a motion that no support holds, or is a force on one
-            body and a displacement on another.
+        InputError: a load moves bodies in a motion that no support holds, is a force on one body
+            and a displacement on another, or parts tied nodes.
         SolveError: K does not keep the rigid motions.
     """
     sign = common_sign(np.array([body.sign for body in bodies]), load_names)
-    motions, held = _motions(bodies, places)
-    size, free = len(held), 1 + max(motion.rest.max(initial=-1) for motion in motions)
+    size = relative.size
+    diagonal = [np.diagonal(body.K) for body in bodies]
+    every = np.concatenate([body.held for body in bodies])
+    A, Y, rest, held = eliminate(relative, every, diagonal)
+    held = held[:size]
+    starts = np.cumsum([0, *(len(body.held) for body in bodies)])
+    motions = tuple(Motion(A[i:j, :size], Y[i:j]) for i, j in pairwise(starts.tolist()))
+    driven = np.zeros((len(sign), relative.rows))
+    for body, G in zip(bodies, relative.on, strict=True):
+        driven += (G @ body.driven.T).T
+    for k in np.flatnonzero(np.abs(driven[:, size:]).max(axis=1, initial=0.0)):
+        raise InputError(
+            f"load '{load_names[k]}': moves nodes of a [[tie]] on one side only; drive another "
+            "edge, or both sides alike"
+        )
     # one body on planes has K already
-    alone = len(bodies) == 1 and not free
+    alone = len(bodies) == 1 and not len(rest) and _is_identity(motions[0].A)
     K = bodies[0].K if alone else np.zeros((size, size))
-    H, C = np.zeros((free, free)), np.zeros((free, size))
-    r_star, L = np.zeros((len(sign), size)), np.zeros((free, len(sign)))
-    driven = np.zeros_like(r_star)
-    for body, motion, place in zip(bodies, motions, places, strict=True):
-        at, on, rest = motion.dofs, motion.on, motion.rest
-        driven[:, at] += np.tile(place.side, 2) * body.driven
-        H[block(rest, rest)] += body.K[block(on, on)]
-        L[rest] += body.r_star[:, on].T
-        if motion.factor.any():
-            if not alone:
-                K[block(at, at)] += motion.factor[:, None] * body.K * motion.factor
-            C[block(rest, at)] += body.K[on] * motion.factor
-            r_star[:, at] += body.r_star * motion.factor
-    sides = [dict(zip(p.contact.tolist(), p.side.tolist(), strict=True)) for p in places]
-    common = common_motions([body.constraints for body in bodies], sides)
-    _pin(H, L, common, bodies, motions, load_names)
-    y = -_solve(H, np.hstack([C, L])) if free else np.zeros((0, size + len(sign)))
-    if free:
+    H, C = np.zeros((len(rest), len(rest))), np.zeros((len(rest), size))
+    r_star, L = np.zeros((len(sign), size)), np.zeros((len(rest), len(sign)))
+    for body, motion in zip(bodies, motions, strict=True):
+        if motion.A.nnz:
+            r_star += body.r_star @ motion.A
+            KA = None if alone else body.K @ motion.A
+            if KA is not None:
+                K += motion.A.T @ KA
+                C += motion.Y.T @ KA
+        if motion.Y.nnz:
+            H += motion.Y.T @ (body.K @ motion.Y)
+            L += motion.Y.T @ body.r_star.T
+    common = common_motions([body.constraints for body in bodies], relative.links)
+    _pin(H, L, common, bodies, rest, load_names)
+    y = -_solve(H, np.hstack([C, L])) if len(rest) else np.zeros((0, size + len(sign)))
+    if len(rest):
         K += C.T @ y[:, :size]
+    if not alone:
         symmetrise(K)
     r_star += (C.T @ y[:, size:]).T
     compliance = sum(body.compliance for body in bodies) + sign[:, None] * (L.T @ y[:, size:])
-    own = [body.modes @ free_motions(body.constraints) for body in bodies]
-    for k, (motion, place) in enumerate(zip(motions, places, strict=True)):
-        moved = np.zeros((size, own[k].shape[1]))
-        moved[motion.dofs] = np.tile(place.side, 2)[:, None] * own[k]
-        own[k] = scaled(moved)
+    parts = zip(relative.on, bodies, strict=True)
+    own = np.hstack([scaled(G @ (b.modes @ free_motions(b.constraints))) for G, b in parts])
+    if relative.rows > size:
+        # the motions that part no tie
+        _, values, right = np.linalg.svd(own[size:])
+        own = own[:size] @ right[int(np.sum(values > 1e-9)) :].T
     # one less for each common motion
-    rigid = independent(np.hstack(own), sum(found.shape[1] for _, found in common))
+    rigid = scaled(independent(own, sum(found.shape[1] for _, found in common)))
     error = np.abs((K @ rigid)[~held]).max(initial=0.0) / norm(K)
     if not error <= 1e-11:
         raise SolveError(
@@ -228,43 +225,24 @@ def join(
     follow = y[:, :size], y[:, size:]
     factors = np.eye(len(sign)), np.zeros_like(r_star)
     return JoinedBodies(
-        K, r_star, compliance, sign, held, driven, rigid, follow, motions, factors, 0.0 * r_star
+        K,
+        r_star,
+        compliance,
+        sign,
+        held,
+        driven[:, :size],
+        rigid,
+        follow,
+        motions,
+        factors,
+        0.0 * r_star,
     )
 
 
-def _motions(
-    bodies: Sequence[CondensedBody], places: Sequence[Place]
-) -> tuple[tuple[Motion, ...], NDArray[np.bool_]]:
-    """Return how each body follows u and y, and the (2N,) degrees of freedom held on both sides.
-
-    Where neither side is held y = u_e is free; where only s is held u_e = -+ u; where e is held, as
-    a plane is, u_s = +- u.
-    """
-    n = 1 + max(place.node.max() for place in places)
-    # of the first and the second side; a plane is held and stiff
-    held = np.stack([np.zeros(2 * n, dtype=bool), np.ones(2 * n, dtype=bool)])
-    stiffness = np.outer([0.0, np.inf], np.ones(1 + max(p.contact.max() for p in places)))
-    where = np.zeros(n, dtype=int)
-    for body, place in zip(bodies, places, strict=True):
-        second = (place.side < 0).astype(int)
-        held[np.tile(second, 2), place.dofs(n)] = body.held
-        own = np.diagonal(body.K).reshape(2, -1).sum(axis=0)
-        for k in np.unique(place.contact):
-            on = place.contact == k
-            stiffness[second[on][0], k] = own[on].sum()
-        where[place.node] = place.contact
-    stiffer = np.tile((stiffness[1] >= stiffness[0])[where], 2)  # the second side
-    held_e, held_s = np.where(stiffer, held[1], held[0]), np.where(stiffer, held[0], held[1])
-    t = np.where(held_s & ~held_e, -1.0, 0.0)
-    free = ~(held_e | held_s)
-    number = np.cumsum(free) - 1
-    found = []
-    for place in places:
-        at = place.dofs(n)
-        is_e = (np.tile(place.side, 2) < 0) == stiffer[at]
-        factor = np.where(stiffer, 1.0, -1.0)[at] * np.where(is_e, t[at], t[at] + 1.0)
-        found.append(Motion(at, factor, np.flatnonzero(free[at]), number[at[free[at]]]))
-    return tuple(found), held[0] & held[1]
+def _is_identity(A: sparse.csr_matrix) -> bool:
+    n = A.shape[0]
+    same = A.shape[1] == n == A.nnz and np.all(A.data == 1.0)
+    return bool(same and np.array_equal(A.indices, np.arange(n)))
 
 
 def common_sign(signs: Array, load_names: tuple[str, ...]) -> Array:
@@ -283,20 +261,18 @@ def _pin(
     L: Array,
     common: list[tuple[list[int], Array]],
     bodies: Sequence[CondensedBody],
-    motions: Sequence[Motion],
+    rest: Ints,
     load_names: tuple[str, ...],
 ) -> None:
-    """Add stiffness to H on the common rigid motions that nothing holds.
+    """Add stiffness to H, of the freedoms ``rest``, on the common motions that nothing holds.
 
     Raises:
         InputError: a load L is not balanced in one of these motions.
     """
     stiffness = np.trace(H) / max(len(H), 1)
     for group, together in common:
-        R = np.zeros((len(H), together.shape[1]))
-        for i in group:
-            R[motions[i].rest] = bodies[i].modes[motions[i].on] @ together
-        R = np.linalg.qr(R)[0]
+        parts = [b.modes if i in group else 0.0 * b.modes for i, b in enumerate(bodies)]
+        R = np.linalg.qr(np.vstack(parts)[rest] @ together)[0]
         size = sum(np.abs(bodies[i].r_star).sum(axis=1) for i in group)
         for k in np.flatnonzero(np.abs(R.T @ L).max(axis=0) > BALANCE_TOLERANCE * size):
             raise InputError(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Sequence
 
 import numpy as np
 from scipy.linalg import qr
@@ -54,7 +54,7 @@ def scaled(modes: Array) -> Array:
 
 
 def common_motions(
-    constraints: Sequence[Array], sides: Sequence[Mapping[int, int]]
+    constraints: Sequence[Array], sides: Sequence[Collection[int]]
 ) -> list[tuple[list[int], Array]]:
     """Return the groups of bodies that can move together, and their motions (3, n) about one pivot.
 
@@ -62,7 +62,7 @@ def common_motions(
 
     Args:
         constraints: (m, 3) of each body.
-        sides: the contacts of each body; a contact of one body only is one with a plane.
+        sides: the contacts and ties of each body; one of one body only is one with a plane.
     """
     todo, found = set(range(len(sides))), []
     while todo:

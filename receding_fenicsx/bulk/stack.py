@@ -7,7 +7,6 @@ on the axis) would take 40 % less time and a third less memory: with 2561 contac
 
 from __future__ import annotations
 
-import logging
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, Protocol
@@ -23,9 +22,10 @@ from receding_fenicsx.arrays import Array
 from receding_fenicsx.bulk import elasticity
 from receding_fenicsx.bulk.closures import bolt_compliance, closed, shifted, with_interference
 from receding_fenicsx.bulk.contact_nodes import ContactNodes
+from receding_fenicsx.bulk.contact_operator import ContactPoints, Relative, relative_of
 from receding_fenicsx.bulk.half_planes.body import HalfPlane, half_plane_of
 from receding_fenicsx.bulk.half_planes.pair import join_half_planes
-from receding_fenicsx.bulk.join_bodies import CondensedBody, JoinedBodies, Place, join
+from receding_fenicsx.bulk.join_bodies import CondensedBody, JoinedBodies, join
 from receding_fenicsx.bulk.mesh.meshing import BodyMesh
 from receding_fenicsx.bulk.springs import NAME, add_links
 from receding_fenicsx.bulk.stress import Stresses
@@ -33,10 +33,8 @@ from receding_fenicsx.errors import InputError
 from receding_fenicsx.interface.system import ContactSystem
 from receding_fenicsx.mpi import given, on_root
 from receding_fenicsx.scene.model import Scene
-from receding_fenicsx.scene.one_body import in_order, part_of, sides_of_body
+from receding_fenicsx.scene.one_body import in_order, part_of
 from receding_fenicsx.scene.toml_file import to_toml
-
-log = logging.getLogger(__name__)
 
 
 class Body(Protocol):
@@ -120,51 +118,19 @@ class Stack:
         return self.parts[0].half
 
     @cached_property
-    def places(self) -> tuple[Place, ...]:
-        """Where the contact nodes of each body are among those of all contacts."""
-        sides = [sides_of_body(self.scene, part.scene.body) for part in self.parts]
-        sizes = np.zeros(len(self.scene.contacts), dtype=int)
-        for own, part in zip(sides, self.parts, strict=True):
-            sizes[[k for k, _ in own]] = np.bincount(part.contact.edge)
-        starts = np.cumsum(sizes) - sizes
-        found = []
-        for own, part in zip(sides, self.parts, strict=True):
-            contact, side = np.array(own)[part.contact.edge].T
-            first = np.searchsorted(part.contact.edge, part.contact.edge)
-            node = starts[contact] + np.arange(len(contact)) - first
-            found.append(Place(node, side, contact))
-        return tuple(found)
+    def _operator(self) -> tuple[Relative, ContactPoints]:
+        contacts = [part.contact for part in self.parts]
+        return relative_of(self.scene, contacts, [part.scene for part in self.parts])
 
-    @cached_property
-    def contact(self) -> ContactNodes:
-        """Nodes of all contacts, each on its first body; held where both sides are."""
-        own = [place.side > 0 for place in self.places]
-        order = np.argsort(
-            np.concatenate([p.node[on] for p, on in zip(self.places, own, strict=True)])
-        )
+    @property
+    def relative(self) -> Relative:
+        """Relative displacements of the bodies at the points of contacts and ties."""
+        return self._operator[0]
 
-        def merged(name: str) -> Any:
-            arrays = [getattr(part.contact, name) for part in self.parts]
-            return np.concatenate([a[on] for a, on in zip(arrays, own, strict=True)])[order]
-
-        def halves(name: str) -> Any:
-            pairs = [getattr(part.contact, name) for part in self.parts]
-            stacked = [a.reshape(2, len(on), -1)[:, on] for a, on in zip(pairs, own, strict=True)]
-            return np.concatenate(stacked, axis=1)[:, order].reshape(2 * len(order), -1)
-
-        contact = [place.contact[on] for place, on in zip(self.places, own, strict=True)]
-        held = np.ones(2 * len(order), dtype=bool)
-        for place, part in zip(self.places, self.parts, strict=True):
-            held[place.dofs(len(order))] &= part.contact.held
-        single = ("x", "points", "node", "tangent", "normal", "weight")
-        return ContactNodes(
-            **{name: merged(name) for name in single},
-            edge=np.concatenate(contact)[order],
-            held=held,
-            modes=halves("modes"),
-            constraints=np.vstack([part.contact.constraints for part in self.parts]),
-            null=np.zeros((2 * len(order), 0)),
-        )
+    @property
+    def contact(self) -> ContactPoints:
+        """Points of all contacts."""
+        return self._operator[1]
 
     @property
     def load_names(self) -> tuple[str, ...]:
@@ -211,7 +177,7 @@ class Stack:
                 for part, own in zip(condensed, self.parts, strict=True)
                 if part is not None
             ]
-            joined = join(bodies, self.places, names)
+            joined = join(bodies, self.relative, names)
         kept = len(self.load_names)
         driven = joined.driven[:kept]
         bolts = [bolt.name for bolt in self.scene.bolts]
@@ -274,15 +240,6 @@ def build_all(scene: Scene, bodies: tuple[BodyMesh, ...], comm: MPI.Comm | None 
         for body in scene.bodies
         if not body.is_half_plane
     }
-    oblique = np.vstack([np.empty((0, 2)), *(bulk.contact.oblique for bulk in built.values())])
-    if len(oblique):
-        if bodies[0].mesh.comm.rank == 0:
-            places = ", ".join(f"({x:g}, {y:g})" for x, y in oblique)
-            log.warning("[[support]]: holds the end of a contact edge, no contact at %s", places)
-        for name, bulk in built.items() if len(built) > 1 else ():
-            # the node opposite has no contact condition either
-            bulk.destroy()
-            built[name] = elasticity.build(bulk.scene, bulk.body, oblique)
     soft = add_links(scene, built)
     parts: list[Body] = []
     halves: list[HalfPlane] = []

@@ -102,6 +102,8 @@ def reduced_model(scene: Scene) -> ReducedModel:
     check_modes(scene, "reduced model")
     if scene.bolts or any(contact.interference for contact in scene.contacts):
         raise InputError("reduced model: bolts and interference are no loads of it; remove them")
+    if scene.ties:
+        raise InputError("reduced model: ties are not in it; make the tied bodies one mesh")
     scene = replace(scene, solver=replace(scene.solver, symmetry="none"))
     bulk: Any = bulk_of(scene, MPI.COMM_SELF, Timer(None))
     try:
@@ -180,8 +182,7 @@ def _forces(bulk: Any, whole: Assembled, name: str) -> Array:
 
 def _relative(bulk: Any, whole: Assembled, system: ContactSystem) -> sparse.csr_matrix:
     """Return the map (2N, dofs) from all freedoms to the relative displacements [v; w]."""
-    n = system.n
-    places = [(place.dofs(n), np.tile(place.side, 2).astype(float)) for place in bulk.places]
-    rows, sides = (np.concatenate(part) for part in zip(*places, strict=True))
-    shape = 2 * n, whole.A.shape[0]
-    return sparse.csr_matrix((sides, (rows, np.concatenate(whole.contact))), shape=shape)
+    relative = bulk.relative
+    on = sparse.hstack([G[: relative.size] for G in relative.on]).tocoo()
+    at = on.row, np.concatenate(whole.contact)[on.col]
+    return sparse.csr_matrix((on.data, at), shape=(2 * system.n, whole.A.shape[0]))

@@ -30,6 +30,7 @@ from receding_fenicsx.arrays import Array
 from receding_fenicsx.bulk import _dolfinx, stack
 from receding_fenicsx.bulk.body import Bulk
 from receding_fenicsx.bulk.closures import bolt_compliance
+from receding_fenicsx.bulk.contact_operator import eliminate
 from receding_fenicsx.bulk.from_scene import bulk_of
 from receding_fenicsx.bulk.stack import Stack
 from receding_fenicsx.errors import InputError, NotConverged, SolveError
@@ -129,23 +130,19 @@ def _modes(
     """Return M phi of each part for one mode, and the lowest angular frequencies."""
     whole = assembled(bulk)
     A, M, fixed, locals_ = whole.A, whole.M, whole.fixed.copy(), whole.contact
-    same = np.arange(A.shape[0])
-    # the freedoms of the first and the second side; -1 is a plane
-    sides = np.full((2, len(tied)), -1)
-    for place, own in zip(bulk.places, locals_, strict=True):
-        sides[np.tile((place.side < 0).astype(int), 2), place.dofs(len(tied) // 2)] = own
-    a, b = sides[:, tied]
-    fixed[a[b < 0]] = True
-    a, b = a[b >= 0], b[b >= 0]
-    same[b] = a
-    fixed[a] |= fixed[b]
-    free = np.flatnonzero((same == np.arange(len(same))) & ~fixed)
-    column = np.full(len(same), -1)
-    column[free] = np.arange(len(free))
-    rows = np.flatnonzero(~fixed[same])
-    T = sparse.csr_matrix(
-        (np.ones(len(rows)), (rows, column[same[rows]])), shape=(len(same), len(free))
-    )
+    # the relative displacements that vanish: of tied contact points, and of [[tie]]
+    relative = bulk.relative
+    gone = np.concatenate([tied, np.ones(relative.rows - relative.size, dtype=bool)])
+    own = np.concatenate(locals_)
+    rows = relative.of(gone)
+    _, Y, rest, _ = eliminate(rows, fixed[own], [A.diagonal()[part] for part in locals_])
+    fixed[own] = True
+    inner = np.flatnonzero(~fixed)
+    free = np.concatenate([inner, own[rest]])
+    n, m = len(inner), len(rest)
+    Y = Y.tocoo()
+    at = np.concatenate([inner, own[Y.row]]), np.concatenate([np.arange(n), n + Y.col])
+    T = sparse.csr_matrix((np.concatenate([np.ones(n), Y.data]), at), (len(fixed), n + m))
     K, m = T.T @ A @ T, T.T @ M @ T
     if not number < len(free):
         raise InputError(f"drive: the bodies have fewer than {number} modes")
@@ -196,7 +193,7 @@ def assembled(bulk: Stack) -> Assembled:
     starts = np.cumsum([0, *(part.dofs for part in parts)])
     turns, contact, fixed = [], [], np.zeros(A.shape[0], dtype=bool)
     for part, start in zip(parts, starts, strict=False):
-        n, nodes = len(part.contact.x), part.contact
+        n, nodes = len(part.contact.node), part.contact
         turn = sparse.eye(part.dofs, format="lil")
         turn[np.ix_(nodes.dofs, nodes.dofs)] = nodes.to_global(np.eye(2 * n))
         turns.append(turn)

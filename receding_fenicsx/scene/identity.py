@@ -78,9 +78,10 @@ def condensed_part(scene: Scene) -> Scene:
     Friction, gap, history, solver and output do not enter the condensed stiffness. The path of a
     mesh file does not matter; :func:`digest` includes its content.
     """
+    ties = scene.ties
     if not scene.others:
         # a system file stores the scene of its single body
-        scene = part_of(scene, scene.body)
+        scene = part_of(replace(scene, ties=()), scene.body)
     bodies = [replace(body, mesh=body.mesh and "file") for body in scene.bodies]
     return Scene(
         body=bodies[0],
@@ -89,6 +90,7 @@ def condensed_part(scene: Scene) -> Scene:
         materials=scene.materials,
         mesh=scene.mesh,
         contacts=tuple(replace(c, friction=0.0, initial_gap=0.0) for c in scene.contacts),
+        ties=ties,
         loads=scene.loads,
         supports=scene.supports,
         springs=scene.springs,

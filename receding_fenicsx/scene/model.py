@@ -57,6 +57,7 @@ TABLE_OF = {
     "others": "body",
     "materials": "material",
     "contacts": "contact",
+    "ties": "tie",
     "loads": "load",
     "supports": "support",
     "springs": "spring",
@@ -65,6 +66,7 @@ TABLE_OF = {
 }
 """Table of the scene file for each attribute of a scene that has another name."""
 
+Slave = Annotated[str, OneOf("edge", "against")]
 Kinematics = Annotated[str, OneOf("plane strain", "plane stress", "axisymmetric")]
 
 
@@ -219,6 +221,8 @@ class Contact(Table):
         against: edge of another body, "NAME.edge"; default: a rigid plane.
         interference: depth by which the bodies would overlap as made, a length, a profile; not
             negative.
+        slave: "edge" or "against": the side whose nodes are the contact points where those of both
+            do not match; default: the one with more of them.
 
     Positions in ``span`` and in profiles are measured along the edge from its middle: to the right
     or upwards on a rectangle, along t (the body on the left) on a mesh file. On a body of
@@ -231,6 +235,28 @@ class Contact(Table):
     initial_gap: Profile = 0.0
     against: str | None = None
     interference: Profile | None = None
+    slave: Slave | None = None
+
+
+@dataclass(frozen=True, repr=False)
+class Tie(Table):
+    """Two edges that cannot move relative to each other, without contact nodes.
+
+    Attributes:
+        edge: tied edge.
+        span: [from, to], part of the edge that is tied; default: the whole edge.
+        against: edge of another body, "NAME.edge"; default: a rigid plane.
+        slave: "edge" or "against": the side each of whose nodes follows the other side where their
+            nodes do not match; default: the one with more of them.
+    """
+
+    edge: str
+    span: Pair | None = None
+    against: str | None = None
+    slave: Slave | None = None
+
+
+Joint = Contact | Tie
 
 
 @dataclass(frozen=True, repr=False)
@@ -248,6 +274,7 @@ class Scene(Table):
     materials: tuple[Material, ...] = ()
     mesh: MeshOptions = field(default_factory=MeshOptions)
     contacts: tuple[Contact, ...] = (Contact(),)
+    ties: tuple[Tie, ...] = ()
     loads: tuple[Load, ...] = ()
     supports: tuple[Support, ...] = ()
     springs: tuple[Spring, ...] = ()
@@ -275,6 +302,20 @@ class Scene(Table):
     def axisymmetric(self) -> bool:
         """Whether the scene is a body of revolution: x is r and y is z."""
         return self.material_of(self.body).kinematics == "axisymmetric"
+
+    @property
+    def joints(self) -> tuple[Joint, ...]:
+        """Contacts, then ties."""
+        return (*self.contacts, *self.ties)
+
+    @property
+    def joint_labels(self) -> tuple[str, ...]:
+        """Beginning of messages on each contact, then on each tie."""
+        return tuple(
+            f"[{name}]" if len(joints) == 1 else f"[[{name}]] number {i + 1}"
+            for name, joints in (("contact", self.contacts), ("tie", self.ties))
+            for i in range(len(joints))
+        )
 
     @property
     def applied(self) -> tuple[Load, ...]:
@@ -324,7 +365,7 @@ class Scene(Table):
     @property
     def is_stack(self) -> bool:
         """Whether there are more than two bodies, or two of which one touches a plane too."""
-        on_plane = any(contact.against is None for contact in self.contacts)
+        on_plane = any(joint.against is None for joint in self.joints)
         return len(self.bodies) > 2 or (len(self.bodies) == 2 and on_plane)
 
     def material_of(self, body: Body) -> Material:

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from receding_fenicsx.errors import InputError, MeshMisfit
+from receding_fenicsx.errors import InputError
 from receding_fenicsx.scene.model import Body, Contact, Refinement, Scene
 from receding_fenicsx.scene.rectangle_edges import HORIZONTAL, edge_range, is_horizontal
 
@@ -29,9 +29,6 @@ def part_of(scene: Scene, body: Body) -> Scene:
 
     Returns:
         A scene of one body.
-
-    Raises:
-        InputError: elements of that size need an odd or fractional number on this body.
     """
 
     def own(edge: str | None) -> str | None:
@@ -50,6 +47,11 @@ def part_of(scene: Scene, body: Body) -> Scene:
             contacts.append(replace(contact, edge=edge, against=None))
         elif against is not None:
             contacts.append(replace(contact, edge=against, against=None, span=None))
+    # meshed and condensed like a contact
+    for tie in scene.ties:
+        for edge, span in ((own(tie.edge), tie.span), (own(tie.against), None)):
+            if edge is not None:
+                contacts.append(Contact(edge, span))
     # the joined system has the bolts
     for load in scene.applied if scene.others else scene.loads:
         edge = None if load.on_body else own(load.edge)
@@ -81,6 +83,7 @@ def part_of(scene: Scene, body: Body) -> Scene:
             refine=places_on(scene, body),
         ),
         contacts=tuple(contacts),
+        ties=(),
         loads=tuple(loads),
         supports=tuple(supports),
         bolts=() if scene.others else tuple(bolts),
@@ -212,10 +215,7 @@ def contact_elements(scene: Scene, body: Body) -> int:
     """Return the number of contact elements on a body.
 
     ``mesh.contact_elements`` counts those of the first contact's edge. The other bodies get
-    elements of the same size on the edge of their first contact.
-
-    Raises:
-        MeshMisfit: these are not an even number.
+    elements of the same size on the edge of their first contact, to an even number.
     """
     n = scene.mesh.contact_elements
     if not scene.others or not body.is_rectangle:
@@ -230,12 +230,7 @@ def contact_elements(scene: Scene, body: Body) -> int:
         for owner, name in map(scene.find_edge, (first, own))
     )
     wanted = n * length / before
-    if abs(wanted - 2 * round(wanted / 2)) > COUNT_TOLERANCE * wanted:
-        raise MeshMisfit(
-            f"[mesh] contact_elements: {n} on '{first}' make {wanted:g} on '{own}', which must be "
-            "an even number; change contact_elements, or a width"
-        )
-    return 2 * round(wanted / 2)
+    return max(2, 2 * round(wanted / 2))
 
 
 def in_order(scene: Scene) -> list[Body]:
@@ -245,13 +240,13 @@ def in_order(scene: Scene) -> list[Body]:
 
 
 def sides_of_body(scene: Scene, body: Body) -> list[tuple[int, int]]:
-    """Return the numbers of a body's contacts, each with +1 where it is the first body, or -1."""
+    """Return the numbers of a body's contacts and ties, +1 where it is the first body, or -1."""
     return [(k, side) for k, _, side in _touching(scene, body)]
 
 
 def _touching(scene: Scene, body: Body) -> Iterator[tuple[int, str, int]]:
-    """Yield the contacts of a body: number, edge on it, +1 where it is the first body, or -1."""
-    for k, contact in enumerate(scene.contacts):
+    """Yield a body's contacts and ties: number, edge on it, +1 as the first body, or -1."""
+    for k, contact in enumerate(scene.joints):
         for edge, side in ((contact.edge, 1), (contact.against, -1)):
             if edge is not None and scene.find_edge(edge)[0] == body:
                 yield k, edge, side

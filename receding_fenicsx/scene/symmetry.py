@@ -41,11 +41,10 @@ def is_mirror_symmetric(scene: Scene) -> bool:
         return False
     if any(not body.is_rectangle or body.position[0] != 0.0 for body in scene.bodies):
         return False
-    for contact in scene.contacts:
-        if not is_horizontal(scene, contact.edge) or not _span_is_even(
-            scene, contact.edge, contact.span
-        ):
+    for joint in scene.joints:
+        if not (is_horizontal(scene, joint.edge) and _span_is_even(scene, joint.edge, joint.span)):
             return False
+    for contact in scene.contacts:
         x = contact_samples(scene, contact)
         if not all(
             _is_even(evaluate(p or 0.0, x)) for p in (contact.initial_gap, contact.interference)

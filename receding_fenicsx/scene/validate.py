@@ -23,6 +23,7 @@ from receding_fenicsx.scene.validate_bodies import (
     check_half_planes,
     check_initial_slip,
     check_mesh,
+    check_sides,
     check_touching,
     gap_warnings,
 )
@@ -77,7 +78,12 @@ def validate(scene: Scene) -> None:
 def check_rules(scene: Scene) -> None:
     """Check the rules between the values of a scene whose types and ranges are right."""
     _all_of([lambda scene: check_units(scene.units), check_bodies], scene)
-    _all_of([partial(check_contact, number=k) for k in range(len(scene.contacts))], scene)
+    contacts = len(scene.contacts)
+    checks: list[Callable[[Scene], None]] = [
+        partial(check_contact if k < contacts else check_sides, number=k)
+        for k in range(len(scene.joints))
+    ]
+    _all_of(checks, scene)
     _all_of([check_touching, check_mesh, check_half_planes, check_names], scene)
     loads = [partial(check_load, load) for load in scene.loads]
     bolts = [partial(check_bolt, bolt) for bolt in scene.bolts]
@@ -85,7 +91,7 @@ def check_rules(scene: Scene) -> None:
     springs = [partial(check_spring, spring) for spring in scene.springs]
     _all_of([*loads, *bolts, *supports, *springs], scene)
     _all_of([check_parts], scene)
-    checks: list[Callable[[Scene], None]] = [partial(check_acts, load) for load in scene.loads]
+    checks = [partial(check_acts, load) for load in scene.loads]
     checks += [check_probes, check_shakedown, check_wear, check_accuracy]
     checks += [lambda scene: check_solver(scene.solver), check_initial_slip, check_output]
     _all_of(checks, scene)

@@ -283,10 +283,10 @@ def check_elements(mesh: MeshOptions, body: Body, edge: str) -> None:
 
 
 def check_touching(scene: Scene) -> None:
-    """Check that there are contacts, and that every body is in one of them."""
+    """Check that there are contacts, and that every body is in one of them or in a tie."""
     if not scene.contacts:
         raise InputError("[contact]: the scene has none; add one")
-    edges = [edge for contact in scene.contacts for edge in (contact.edge, contact.against) if edge]
+    edges = [edge for joint in scene.joints for edge in (joint.edge, joint.against) if edge]
     touching = [scene.find_edge(edge)[0] for edge in edges]
     for body in scene.bodies:
         if body not in touching:
@@ -295,22 +295,30 @@ def check_touching(scene: Scene) -> None:
             )
 
 
-def check_contact(scene: Scene, number: int) -> None:
-    """Check the edges of a contact, its span, friction, gap and interference."""
-    contact = scene.contacts[number]
-    where = "[contact]" if len(scene.contacts) == 1 else f"[[contact]] number {number + 1}"
-    check_edge(scene, contact.edge, f"{where} edge", HORIZONTAL)
-    if contact.against is not None:
-        check_edge(scene, contact.against, f"{where} against", HORIZONTAL)
+def check_sides(scene: Scene, number: int) -> None:
+    """Check the edges of a contact or tie, its span, and which side is the slave."""
+    joint, where = scene.joints[number], scene.joint_labels[number]
+    surfaces = HORIZONTAL if number < len(scene.contacts) else ()
+    check_edge(scene, joint.edge, f"{where} edge", surfaces)
+    if joint.against is not None:
+        check_edge(scene, joint.against, f"{where} against", surfaces)
         if not scene.others:
             raise InputError(
                 f"{where} against: the scene has one body only; add a second [[body]], or remove "
                 "against for a rigid plane"
             )
-        if scene.find_edge(contact.against)[0] == scene.find_edge(contact.edge)[0]:
+        if scene.find_edge(joint.against)[0] == scene.find_edge(joint.edge)[0]:
             raise InputError(f"{where} against: must name an edge of another body")
+    elif joint.slave is not None:
+        raise InputError(f"{where} slave: a rigid plane has no nodes; remove it, or give against")
+    check_span(scene, joint.edge, joint.span, f"{where} span")
+
+
+def check_contact(scene: Scene, number: int) -> None:
+    """Check a contact: its sides, friction, gap and interference."""
+    check_sides(scene, number)
+    contact, where = scene.contacts[number], scene.joint_labels[number]
     meshed = has_mesh_file(scene, contact.edge)
-    check_span(scene, contact.edge, contact.span, f"{where} span")
     forward, backward = directions(contact.friction, f"{where} friction")
     profiles = [(forward, "friction"), (contact.initial_gap, "initial_gap")]
     if contact.interference is not None:
@@ -354,6 +362,8 @@ def check_edge(
     if body.mesh is not None:
         return
     choices = of_half_plane if body.is_half_plane else EDGES
+    if not choices:
+        raise InputError(f"{where}: a half-plane cannot be tied; use a large rectangle")
     if name not in choices:
         raise InputError(f'{where}: "{name}" is unknown; use one of {", ".join(choices)}')
     if is_cylinder(scene, body) and name == "left":
@@ -418,10 +428,9 @@ def gap_warnings(scene: Scene) -> list[str]:
         apart = float(np.median(np.diff(x)))
         spacing = float(nodes[1] - nodes[0])
         if np.count_nonzero(kinks & inside) >= SAMPLED_POINTS and apart > COARSE_TABLE * spacing:
-            where = "[contact]" if len(scene.contacts) == 1 else f"[[contact]] number {i + 1}"
             lines.append(
-                f"{where} initial_gap: the table is linear between points {apart:.3g} apart, nodes "
-                f"are {spacing:.3g} apart: its kinks give peaks of pressure; use more points or an "
-                "expression"
+                f"{scene.joint_labels[i]} initial_gap: the table is linear between points "
+                f"{apart:.3g} apart, nodes are {spacing:.3g} apart: its kinks give peaks of "
+                "pressure; use more points or an expression"
             )
     return lines

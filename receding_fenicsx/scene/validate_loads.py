@@ -80,14 +80,15 @@ def _check_off_contact(scene: Scene, load: Load, where: str) -> None:
     """Check that a load on a rectangle is off the contact."""
     if has_mesh_file(scene, load.edge):
         return
-    for contact in scene.contacts:
-        if scene.find_edge(load.edge) == scene.find_edge(contact.edge):
+    for joint, label in zip(scene.joints, scene.joint_labels, strict=True):
+        if scene.find_edge(load.edge) == scene.find_edge(joint.edge):
             whole = edge_range(scene, load.edge)
-            (a, b), (c, d) = load.span or whole, contact.span or whole
+            (a, b), (c, d) = load.span or whole, joint.span or whole
             if min(b, d) - max(a, c) > LENGTH_TOLERANCE * (whole[1] - whole[0]):
+                what = "contact" if "contact" in label else "tie"
                 raise InputError(
-                    f'{where}: overlaps the contact on the contact edge "{load.edge}"; use another '
-                    "edge, or a span outside the contact's"
+                    f'{where}: overlaps the {what} on the {what} edge "{load.edge}"; use another '
+                    f"edge, or a span outside the {what}'s"
                 )
 
 
@@ -230,8 +231,10 @@ def check_support(support: Support, scene: Scene) -> None:
         return
     check_edge(scene, support.edge, f"{where} edge")
     edge = scene.find_edge(support.edge)
-    if any(scene.find_edge(c.edge) == edge and c.span is None for c in scene.contacts):
-        raise InputError(f'{where} edge: "{support.edge}" is the contact edge; use another edge')
+    if any(scene.find_edge(c.edge) == edge and c.span is None for c in scene.joints):
+        raise InputError(
+            f'{where} edge: "{support.edge}" is a contact edge or tied; use another edge'
+        )
 
 
 def check_acts(load: Load, scene: Scene) -> None:

@@ -240,11 +240,12 @@ def test_pressure_under_a_flat_punch_converges_to_boussinesq(degree: int) -> Non
 def test_node_on_the_axis_has_a_contact_condition_only_where_it_has_weight(degree: int) -> None:
     bulk = built(cylinder(degree=degree), half=True)
     contact = bulk.contact
-    assert contact.x[0] == (0.0 if degree == 1 else 0.125)
-    assert contact.weight.min() > 0.0
-    assert contact.held.tolist() == [degree == 1] + [False] * (2 * len(contact.x) - 1)
+    (side,), n = contact.sides, len(contact.node)
+    assert side.x[0] == (0.0 if degree == 1 else 0.125)
+    assert side.weight.min() > 0.0
+    assert contact.held.tolist() == [degree == 1] + [False] * (2 * n - 1)
     # the axial motion alone is rigid
-    rigid = np.concatenate([np.zeros(len(contact.x)), np.ones(len(contact.x))])
+    rigid = np.concatenate([np.zeros(n), np.ones(n)])
     assert contact.rigid == pytest.approx(rigid[:, None])
     bulk.destroy()
 

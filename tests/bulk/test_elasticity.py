@@ -212,9 +212,9 @@ def test_contact_frame_points_into_the_body(
     contact = bulk.contact
     assert np.all(contact.tangent == tangent) and np.all(contact.normal == normal)
     length = 4.0 if edge in ("bottom", "top") else 1.0
-    assert contact.x == pytest.approx(length * np.arange(-8, 9) / 16, abs=1e-15)
+    assert contact.sides[0].x == pytest.approx(length * np.arange(-8, 9) / 16, abs=1e-15)
     along = contact.points[:, 0] if length == 4.0 else contact.points[:, 1] - 0.5
-    assert contact.x == pytest.approx(along, abs=1e-15)
+    assert contact.sides[0].x == pytest.approx(along, abs=1e-15)
     bulk.destroy()
 
 
@@ -228,7 +228,7 @@ def test_contact_nodes_and_weights(
     contact = bulk.contact
     reach = 2.0 if span is None else span[1]
     elements = int(reach / 0.25) * (1 if half else 2)
-    assert contact.x == pytest.approx(
+    assert contact.sides[0].x == pytest.approx(
         np.linspace(0.0 if half else -reach, reach, degree * elements + 1), abs=1e-15
     )
     # integrals of the hat functions, and of the quadratic ones (Simpson's rule)
@@ -236,7 +236,7 @@ def test_contact_nodes_and_weights(
     expected = np.zeros(degree * elements + 1)
     for element in range(elements):
         expected[degree * element : degree * (element + 1) + 1] += 0.25 * np.array(pattern)
-    assert contact.weight == pytest.approx(expected, rel=1e-13)
+    assert contact.sides[0].weight == pytest.approx(expected, rel=1e-13)
     bulk.destroy()
 
 
@@ -260,7 +260,7 @@ def test_rigid_motions_left_by_supports(
 ) -> None:
     bulk = built(block(supports=supports, loads=()), half)
     contact = bulk.contact
-    n = len(contact.x)
+    n = len(contact.node)
     assert contact.rigid.shape == (2 * n, motions)
     if motions:
         assert np.linalg.matrix_rank(contact.rigid) == motions

@@ -479,5 +479,5 @@ def test_edge_held_at_zero_may_touch_the_contact() -> None:
     """A component that is prescribed as 0 is a support, also of the contact edge's last node."""
     loads = (Load("d", "right", displacement=(0.0, "free")), WEIGHT)
     bulk = built(block(loads=loads, contacts=(Contact(),)))
-    assert np.flatnonzero(bulk.contact.held).tolist() == [len(bulk.contact.x) - 1]
+    assert np.flatnonzero(bulk.contact.held).tolist() == [len(bulk.contact.node) - 1]
     bulk.destroy()

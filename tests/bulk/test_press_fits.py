@@ -15,7 +15,6 @@ import receding_fenicsx as rf
 from receding_fenicsx.bulk.mesh.meshing import make_meshes
 from receding_fenicsx.bulk.mesh.raw_mesh import RawMesh, line_of, with_radii
 from receding_fenicsx.bulk.stack import build_all
-from receding_fenicsx.cli import main
 from receding_fenicsx.evolution.instants import Instant
 from receding_fenicsx.interface.law import MIRRORED
 from receding_fenicsx.interface.system import ContactState
@@ -24,7 +23,6 @@ from receding_fenicsx.output.plots.labels import scales_of
 from receding_fenicsx.output.report.summary import summarise
 from receding_fenicsx.output.report.turning_points import zones_header
 from receding_fenicsx.output.snapshots.whole_contact import whole_contact
-from receding_fenicsx.scene.toml_file import to_toml
 from receding_fenicsx.studies import run as study
 
 comm = MPI.COMM_WORLD
@@ -116,16 +114,7 @@ def on_its_bed(folder: Path, elements: int, **contact: object) -> rf.Scene:
     )
 
 
-def test_a_command_warns_of_a_node_that_belongs_to_a_support(
-    shared_tmp_path: Path, capfd: pytest.CaptureFixture[str]
-) -> None:
-    scene, file = on_its_bed(shared_tmp_path, 8), shared_tmp_path / "taper.toml"
-    on_root(comm, lambda: file.write_text(to_toml(scene)))
-    assert main(["condense", str(file), "--out", str(shared_tmp_path / "system.h5")]) == 0
-    assert ("no contact at (20, 0)" in capfd.readouterr().err) == (comm.rank == 0)
-
-
-def test_the_end_of_a_taper_on_its_support_has_no_contact_condition(shared_tmp_path: Path) -> None:
+def test_the_end_of_a_taper_on_its_support_keeps_its_contact(shared_tmp_path: Path) -> None:
     """Against contacts whose first element is left out, which converge to the same pressure."""
     length = np.hypot(L, 1.0)
     mean = []
@@ -137,7 +126,7 @@ def test_the_end_of_a_taper_on_its_support_has_no_contact_condition(shared_tmp_p
         table = record.turning_points
         axial = (table.Q[-1].sum() * L + table.P[-1].sum()) / length
         assert axial == pytest.approx(np.pi * (B**2 - A**2), rel=1e-9)
-        assert len(record.x) == 2 * (elements - left_out) + (1 if left_out else 0)
+        assert len(record.x) == 2 * (elements - left_out) + 1
         middle = np.abs(record.x) < 0.25 * length
         mean.append(table.P[-1, middle].sum() / record.weight[middle].sum())
     if mean:

@@ -13,9 +13,9 @@ from dolfinx import fem
 from numpy.typing import NDArray
 
 from receding_fenicsx.bulk import stack
+from receding_fenicsx.bulk.elastic_body import point_values, reference, shape_functions, touches
 from receding_fenicsx.bulk.fields import BodyFields, gather_fields, probe_matrix, solve_fields
 from receding_fenicsx.bulk.mesh.meshing import make_meshes
-from receding_fenicsx.bulk.probes import point_values, reference, shape_functions, touches
 from receding_fenicsx.bulk.stack import Stack, build_all
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.scene.model import (
@@ -83,7 +83,7 @@ def places(bulk: Stack) -> list[Array]:
 
 
 def at_rest(bulk: stack.Body) -> tuple[Array, Array]:
-    return np.zeros(len(bulk.load_names)), np.zeros(2 * len(bulk.contact.x))
+    return np.zeros(len(bulk.load_names)), np.zeros(2 * len(bulk.contact.node))
 
 
 def with_probes(scene: Scene, points: list[Array]) -> Scene:

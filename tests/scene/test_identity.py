@@ -28,6 +28,7 @@ from receding_fenicsx.scene.model import (
     SolverOptions,
     Spring,
     Support,
+    Tie,
 )
 from receding_fenicsx.scene.units import Units
 from receding_fenicsx.store.run_folder import SYSTEM, is_finished, run_folder
@@ -42,13 +43,14 @@ FULL = Scene(
     material=Material(2.0, 0.3),
     materials=(Material(3.0, 0.2, name="steel"),),
     mesh=MeshOptions(8, "triangle", 2, 1.3),
-    contacts=(Contact("a.bottom", (-1.0, 1.5), "0.3 + 0.01*x", "0.1*x**2", "b.top"),),
+    contacts=(Contact("a.bottom", (-1.0, 1.5), "0.3 + 0.01*x", "0.1*x**2", "b.top", slave="edge"),),
     loads=(
         Load("p", "a.top", (-1.0, 0.5), pressure="1 + x**2"),
         Load("t", "a.left", traction=(1.0, "y")),
         Load("d", "b.right", displacement=("free", 0.5)),
         Load("f", "a.right", platen=True, force=(1.0, 2.0)),
     ),
+    ties=(Tie("a.bottom", (1.6, 1.9), "b.top", "edge"),),
     supports=(Support("xy", edge="b.bottom"), Support("x", point=(0.0, 0.0), body="b")),
     springs=(Spring("b.left", (-0.1, 0.1), 1.0, 2.0),),
     bolts=(Bolt("m", "a.top", "b.right", 0.1, (0.6, 0.8), (0.1, 0.2), (1.0, 0.0), 5.0),),
@@ -79,10 +81,12 @@ WEAR = {f"wear.{key}" for key in ("coefficient", "archard", "cycles", "tolerance
 FREE = {"title", "history.cycles", "history.until", "output.cycles", *UNITS, *RANGE}
 FREE |= ACCURACY | WEAR
 """What a run may be gone on with: README, "Long runs"."""
-NAMED = {"others": "body", "materials": "material", "contacts": "contact", "loads": "load"}
+NAMED = {"others": "body", "materials": "material", "contacts": "contact", "loads": "load"} | {
+    "ties": "tie"
+}
 
 
-PHYSICAL = ("body", "material", "mesh", "contact", "load", "support", "spring", "bolt")
+PHYSICAL = ("body", "material", "mesh", "contact", "tie", "load", "support", "spring", "bolt")
 """Tables that a condensed system depends on."""
 UNCONDENSED = (
     *(("contact", key) for key in ("friction", "initial_gap")),

@@ -12,7 +12,7 @@ from dolfinx import fem
 
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.bulk import _dolfinx
-from receding_fenicsx.bulk.contact_nodes import ContactNodes
+from receding_fenicsx.bulk.contact_nodes import ContactNodes, ContactSide
 from receding_fenicsx.bulk.join_bodies import CondensedBody
 from receding_fenicsx.bulk.mesh.grading import Base, graded
 from receding_fenicsx.bulk.mesh.meshing import BodyMesh, contact_nodes_of, make_meshes
@@ -192,7 +192,8 @@ class HalfPlane:
         surface = self.surface
         if side < 0:
             surface = replace(surface, x=-surface.x, elements=surface.elements[:, ::-1])
-        tractions = side * forces / contact.weight[:, None]
+        weight = np.concatenate([edge.weight for edge in contact.sides])
+        tractions = side * forces / weight[:, None]
         values = point_values(surface, self.material, own, self.datum, tractions)
         turned = values.copy()
         turned[:, :2] = np.einsum("ac,mak->mck", axes, values[:, :2])
@@ -245,13 +246,19 @@ def half_plane_of(
     constraints = np.eye(3)[~far.free[:3]]
     contact = replace(
         contact,
-        held=np.zeros(2 * len(contact.x), dtype=bool),
+        held=np.zeros(2 * len(contact.node), dtype=bool),
         constraints=constraints,
         null=scaled(contact.modes @ free_motions(constraints)),
     )
     if surface is None:
+        if sum(len(side.node) for side in contact.sides) > len(contact.node):
+            raise InputError(
+                f"body '{scene.body.name}': edges in contact with a half-plane meet; make them one "
+                "group"
+            )
         along = np.einsum("nc,nc->n", contact.points, contact.tangent)
-        lower = np.flatnonzero(np.diff(contact.edge) == 0)
+        edge = np.repeat(np.arange(len(contact.sides)), [len(s.node) for s in contact.sides])
+        lower = np.flatnonzero(np.diff(edge) == 0)
         elements = np.stack([lower, lower + 1], axis=1)
         if along[elements[0, 1]] < along[elements[0, 0]]:
             elements = elements[:, ::-1]
@@ -267,7 +274,7 @@ def count_nodes(scene: Scene) -> int:
         if not body.is_half_plane:
             return sum(contact_nodes_of(part_of(scene, body)))
     owner = scene.find_edge(scene.contacts[0].edge)[0]
-    return len(_own_nodes(part_of(scene, owner)).x)
+    return len(_own_nodes(part_of(scene, owner)).node)
 
 
 def _own_nodes(scene: Scene) -> ContactNodes:
@@ -279,21 +286,26 @@ def _own_nodes(scene: Scene) -> ContactNodes:
     normal = np.tile([0.0, -1.0 if below else 1.0], (count, 1))
     tangent = np.tile([-1.0 if below else 1.0, 0.0], (count, 1))
     size = float(np.ptp(along))
-    weight = np.concatenate([np.convolve(np.diff(part), [0.5, 0.5]) for part in x])
+    starts = np.cumsum([0, *(len(part) for part in x)])
+    sides = []
+    for part, start in zip(x, starts, strict=False):
+        at = np.arange(start, start + len(part))
+        facets = np.column_stack([np.arange(len(part) - 1), np.arange(1, len(part))])
+        weight = np.convolve(np.diff(part), [0.5, 0.5])
+        carries = np.ones(len(part), dtype=bool)
+        sides.append(ContactSide(at, part, points[at], normal[at], weight, facets, carries, True))
     on_nodes = motions(points, _pivot(points), size)
     modes = np.concatenate([np.einsum("nc,nck->nk", axis, on_nodes) for axis in (tangent, normal)])
     return ContactNodes(
-        x=along,
-        edge=np.repeat(np.arange(len(x)), [len(part) for part in x]),
         points=points,
         node=np.arange(count),
         tangent=tangent,
         normal=normal,
-        weight=weight,
         held=np.zeros(2 * count, dtype=bool),
         modes=modes,
         constraints=np.zeros((0, 3)),
         null=modes,
+        sides=tuple(sides),
     )
 
 

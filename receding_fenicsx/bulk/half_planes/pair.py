@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy import sparse
 
 from receding_fenicsx.bulk.half_planes.body import HalfPlane
 from receding_fenicsx.bulk.join_bodies import (
@@ -72,7 +73,7 @@ def join_half_planes(a: HalfPlane, b: HalfPlane, load_names: tuple[str, ...]) ->
     # u_b = -moved (u - R a) + R a_b
     moved_b = stiffness.moved_by(b.compliance)
     turned = moved_b @ modes
-    dofs = np.arange(count)
+    every = sparse.identity(count, format="csr")
     none = np.zeros_like(found.r_star)
     return JoinedBodies(
         found.K,
@@ -83,7 +84,7 @@ def join_half_planes(a: HalfPlane, b: HalfPlane, load_names: tuple[str, ...]) ->
         none,
         scaled(modes[:, free]),
         (turned @ on_u - moved_b + modes @ b_on_u, turned @ on_loads + modes @ b_on_loads),
-        tuple(Motion(dofs, np.full(count, factor), dofs, dofs) for factor in (1.0, 0.0)),
+        (Motion(every, every), Motion(0.0 * every, every)),
         (np.eye(n), none),
         none,
     )

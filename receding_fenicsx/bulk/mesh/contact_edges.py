@@ -6,10 +6,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from receding_fenicsx.arrays import Array, Ints
+from receding_fenicsx.bulk.mesh.curves import curve_of, nearest_facet
 from receding_fenicsx.bulk.mesh.raw_mesh import (
     STRAIGHT_TOLERANCE,
+    Along,
     Line,
     RawMesh,
     cells_behind,
@@ -18,26 +21,30 @@ from receding_fenicsx.bulk.mesh.raw_mesh import (
     line_of,
 )
 from receding_fenicsx.errors import InputError, MeshMisfit
-from receding_fenicsx.scene.model import Contact, Load, Scene, Spring, Support
+from receding_fenicsx.scene.model import Joint, Load, Scene, Spring, Support
 
 
 @dataclass(frozen=True)
 class Interface:
-    """One contact edge.
+    """One contact edge, or a tied one.
 
     Attributes:
-        line: the line of the first body's edge; n is its inward normal there.
+        line: the first body's edge.
         facets: numbers of the first body's facets on its edge.
         against: numbers of the second body's facets on its edge; None for a rigid plane.
+        back: the second body's edge, where its nodes do not match and it is curved.
+        slave: whether the contact points are the first body's nodes.
     """
 
-    line: Line
+    line: Along
     facets: Ints
     against: Ints | None = None
+    back: Along | None = None
+    slave: bool = True
 
 
 def find_interfaces(scene: Scene, meshes: Sequence[RawMesh], half: bool) -> tuple[Interface, ...]:
-    """Find the facets of all contacts, and check the groups that the scene uses.
+    """Find the facets of all contacts and ties, and check the groups that the scene uses.
 
     Args:
         scene: the scene.
@@ -45,30 +52,30 @@ def find_interfaces(scene: Scene, meshes: Sequence[RawMesh], half: bool) -> tupl
         half: the meshes are the halves x >= 0.
 
     Returns:
-        One interface a contact.
+        One interface a contact, then one a tie.
 
     Raises:
-        InputError: a group is missing, overlaps another one or lies inside the body; a contact edge
-            is not straight; the nodes of two bodies do not match.
+        InputError: a group is missing, overlaps another one or lies inside the body; edges of two
+            bodies do not lie on each other.
     """
     for body, mesh in zip(scene.bodies, meshes, strict=True):
         _check_groups(scene, body.name, mesh, half)
     found = []
-    for i, contact in enumerate(scene.contacts):
-        where = "[contact]" if len(scene.contacts) == 1 else f"[[contact]] number {i + 1}"
-        mesh, edge = _mesh_of(scene, meshes, contact.edge)
-        line = line_of(mesh, edge, f"{where} edge")
+    for joint, where in zip(scene.joints, scene.joint_labels, strict=True):
+        mesh, edge = _mesh_of(scene, meshes, joint.edge)
+        line = curve_of(mesh, edge, f"{where} edge")
         facets = np.arange(len(mesh.edges[edge]))
-        if contact.span is not None:
+        if joint.span is not None:
             if not half:
-                check_span(mesh, mesh.edges[edge], line, contact.span, f"{where} span")
-            facets = facets_between(mesh, mesh.edges[edge], line, contact.span)
-        if contact.against is None:
+                check_span(mesh, mesh.edges[edge], line, joint.span, f"{where} span")
+            facets = facets_between(mesh, mesh.edges[edge], line, joint.span)
+        if joint.against is None:
             found.append(Interface(line, facets))
             continue
-        other, facing = _mesh_of(scene, meshes, contact.against)
-        back = line_of(other, facing, f"{where} against")
-        found.append(_matched(contact, (mesh, edge, line, facets), (other, facing, back), where))
+        other, facing = _mesh_of(scene, meshes, joint.against)
+        back = curve_of(other, facing, f"{where} against")
+        sides = _Side(mesh, edge, line, facets), _Side(other, facing, back)
+        found.append(_opposed(joint, sides, where))
     _check_apart(scene, meshes, found, half)
     return tuple(found)
 
@@ -76,7 +83,7 @@ def find_interfaces(scene: Scene, meshes: Sequence[RawMesh], half: bool) -> tupl
 def middle_of(scene: Scene, meshes: Sequence[RawMesh], interfaces: Sequence[Interface]) -> Array:
     """Return the middle (2,) of the box around all contacts."""
     found = []
-    for contact, interface in zip(scene.contacts, interfaces, strict=True):
+    for contact, interface in zip(scene.contacts, interfaces, strict=False):
         mesh, edge = _mesh_of(scene, meshes, contact.edge)
         found.append(mesh.points[mesh.edges[edge][interface.facets]].reshape(-1, 2))
     points = np.vstack(found)
@@ -91,9 +98,8 @@ def _mesh_of(scene: Scene, meshes: Sequence[RawMesh], edge: str) -> tuple[RawMes
 def _check_groups(scene: Scene, name: str, mesh: RawMesh, half: bool) -> None:
     """Check that the groups used on a body exist, lie on its boundary and do not overlap."""
     named: list[tuple[str | None, str]] = []
-    for i, contact in enumerate(scene.contacts):
-        where = f"[[contact]] number {i + 1}" if len(scene.contacts) > 1 else "[contact]"
-        named += [(contact.edge, f"{where} edge"), (contact.against, f"{where} against")]
+    for joint, where in zip(scene.joints, scene.joint_labels, strict=True):
+        named += [(joint.edge, f"{where} edge"), (joint.against, f"{where} against")]
     named += [(part.edge, f"{part.label} edge") for part in scene.edge_parts]
     named += [(spring.against, "[[spring]] against") for spring in scene.springs]
     named += [(support.edge, "[[support]] edge") for support in scene.supports]
@@ -135,51 +141,90 @@ def _same_facets(a: Ints, b: Ints) -> Ints:
     return np.array([i for i, p in enumerate(np.sort(a, axis=1).tolist()) if tuple(p) in known])
 
 
-def _matched(
-    contact: Contact,
-    first: tuple[RawMesh, str, Line, Ints],
-    second: tuple[RawMesh, str, Line],
-    where: str,
-) -> Interface:
+class _Side:
+    """Some facets of an edge, where the other side may touch them."""
+
+    def __init__(self, mesh: RawMesh, edge: str, line: Along, chosen: Ints | None = None) -> None:
+        self.line = line
+        self.chosen = np.arange(len(mesh.edges[edge])) if chosen is None else chosen
+        facets = mesh.edges[edge][self.chosen]
+        vertices, times = np.unique(facets, return_counts=True)
+        self.vertices, self.ends = mesh.points[vertices], mesh.points[vertices[times == 1]]
+        self.a, self.b = np.moveaxis(mesh.points[facets], 1, 0)
+        self.length = np.linalg.norm(self.b - self.a, axis=1)
+
+    def containing(self, points: Array, near: float) -> Ints:
+        """Return the facets that points lie on, not at a vertex."""
+        facet, s, apart = nearest_facet(points, self.a, self.b)
+        return facet[(apart <= near) & (np.minimum(s, 1.0 - s) > STRAIGHT_TOLERANCE)]
+
+    def offset(self, other: _Side) -> tuple[float, Array]:
+        """Return how far off the other side its vertices lie at most, and one of these.
+
+        Vertices beyond the ends of the other side do not count.
+        """
+        facet, s, apart = nearest_facet(self.vertices, other.a, other.b)
+        nearest = np.where(s[:, None] < 0.5, other.a[facet], other.b[facet])
+        at_end = (nearest[:, None] == other.ends).all(axis=2).any(axis=1)
+        apart = np.where(at_end & ((s <= 0.0) | (s >= 1.0)), 0.0, apart)
+        if isinstance(self.line, Line) and isinstance(other.line, Line):
+            apart = np.abs((self.vertices - other.line.middle) @ other.line.outward)
+        k = int(np.argmax(apart))
+        return float(apart[k]), self.vertices[k]
+
+    def on(self, other: _Side, near: float) -> NDArray[np.bool_]:
+        """Return which facets have both ends and the middle on the other side."""
+        places = np.stack([self.a, self.b, 0.5 * (self.a + self.b)])
+        apart = nearest_facet(places.reshape(-1, 2), other.a, other.b)[2]
+        return np.asarray((apart.reshape(3, -1) <= near).all(axis=0))
+
+
+def _opposed(joint: Joint, sides: tuple[_Side, _Side], where: str) -> Interface:
     """Return the facets of both bodies where their edges lie on each other."""
-    mesh, edge, line, chosen = first
-    other, facing, back = second
-    names = f"'{contact.edge}' and '{contact.against}'"
-    near = STRAIGHT_TOLERANCE * min(line.length, back.length)
-    opposite = other.points[np.unique(other.edges[facing])]
-    off = np.abs((opposite - line.middle) @ line.outward).max()
-    if off > near or line.outward @ back.outward > 0.0:
+    first, second = sides
+    names = f"'{joint.edge}' and '{joint.against}'"
+    near = STRAIGHT_TOLERANCE * min(side.line.length for side in sides)
+    near += 1.5 * sum(side.line.sag for side in sides)
+    off, (x, y) = max((first.offset(second), second.offset(first)), key=lambda found: found[0])
+    on = [first.on(second, near), second.on(first, near)]
+    middles = 0.5 * (second.a + second.b)[on[1]]
+    facing = np.sum(first.line.inward(middles) * second.line.inward(middles), axis=1)
+    if off > near or facing.max(initial=-1.0) > 0.0:
         raise InputError(
-            f"{where}: {names} do not lie on each other, but {off:.3g} apart; move one of the "
-            "bodies (a gap is given by initial_gap)"
+            f"{where}: {names} do not lie on each other, but {off:.3g} apart at ({x:g}, {y:g}); "
+            "move one of the bodies (a gap is given by initial_gap)"
         )
-    facets, across = mesh.edges[edge][chosen], other.edges[facing]
-    own, theirs = line.along(mesh.points[np.unique(facets)]), line.along(opposite)
-    span = (max(own.min(), theirs.min()) - near, min(own.max(), theirs.max()) + near)
-    if not span[1] - span[0] > 4.0 * near:
+    if not on[0].any() and not on[1].any():
         raise InputError(f"{where}: {names} do not overlap; move one of the bodies")
-    mine = chosen[facets_between(mesh, facets, line, span)]
-    against = facets_between(other, across, line, span)
-    a = mesh.points[np.unique(mesh.edges[edge][mine])]
-    b = other.points[np.unique(across[against])]
-    a, b = (points[np.argsort(line.along(points))] for points in (a, b))
-    if len(a) < 2 or len(b) < 2:
-        raise MeshMisfit(f"{where}: {names} share no facet; refine both meshes")
-    # over the length of the shortest facet
-    close = 1e-6 * min(np.diff(line.along(p)).min() for p in (a, b))
-    for here, there, names_of in (
-        (a, b, (contact.edge, contact.against)),
-        (b, a, (contact.against, contact.edge)),
-    ):
-        distance = np.abs(line.along(here)[:, None] - line.along(there)).min(axis=1)
-        if np.any(distance > close):
-            i = int(np.argmax(distance > close))
-            raise MeshMisfit(
-                f"{where}: the nodes of {names} do not match: at ({here[i, 0]:g}, {here[i, 1]:g}) "
-                f"'{names_of[0]}' has one, but '{names_of[1]}' only {distance[i]:.3g} away; give "
-                "both edges the same nodes"
-            )
-    return Interface(line, mine, against)
+    touching = [
+        np.unique(np.vstack([side.a[k], side.b[k]]), axis=0)
+        for side, k in zip(sides, on, strict=True)
+    ]
+    close = 1e-6 * min(side.length.min() for side in sides)
+    if len(touching[0]) == len(touching[1]):
+        apart = np.linalg.norm(touching[0][:, None] - touching[1], axis=2).min(axis=1)
+        if apart.max(initial=0.0) <= close:
+            return Interface(first.line, first.chosen[on[0]], second.chosen[on[1]])
+    cut = [first.containing(second.ends, near), second.containing(first.ends, near)]
+    order = [0, 1] if on[0].sum() >= on[1].sum() else [1, 0]
+    if joint.slave is not None:
+        order = [("edge", "against").index(joint.slave)]
+    usable = [k for k in order if not len(cut[k]) and on[k].any()]
+    if not usable:
+        k = order[0]
+        x, y = 0.5 * (sides[k].a + sides[k].b)[cut[k][0]] if len(cut[k]) else sides[k].ends[0]
+        raise MeshMisfit(
+            f"{where}: one edge of {names} ends inside a facet of the other one at ({x:g}, {y:g});"
+            " put a vertex there" + (", or leave out slave" if joint.slave else "")
+        )
+    k = usable[0]
+    # of the other side all facets that overlap these
+    on[1 - k][sides[1 - k].containing(np.vstack([sides[k].a[on[k]], sides[k].b[on[k]]]), near)] = (
+        True
+    )
+    facets = [side.chosen[part] for side, part in zip(sides, on, strict=True)]
+    back = None if isinstance(second.line, Line) else second.line
+    return Interface(first.line, facets[0], facets[1], back, k == 0)
 
 
 def load_facets(mesh: RawMesh, load: Load | Spring | Support, edge: str, half: bool) -> Ints:
@@ -201,23 +246,25 @@ def load_facets(mesh: RawMesh, load: Load | Spring | Support, edge: str, half: b
 def _check_apart(
     scene: Scene, meshes: Sequence[RawMesh], found: Sequence[Interface], half: bool
 ) -> None:
-    """Check that contacts share no node with each other, and no facet with loads and supports."""
+    """Check that contacts and ties share no facet with each other, loads and supports."""
     taken: list[tuple[str, int, Ints]] = []
-    for contact, interface in zip(scene.contacts, found, strict=True):
-        parts = [(contact.edge, interface.facets)]
-        if contact.against is not None and interface.against is not None:
-            parts.append((contact.against, interface.against))
+    for joint, where, interface in zip(scene.joints, scene.joint_labels, found, strict=True):
+        parts = [(joint.edge, interface.facets)]
+        if joint.against is not None and interface.against is not None:
+            parts.append((joint.against, interface.against))
         for edge, numbers in parts:
             body, name = scene.find_edge(edge)
             place = scene.bodies.index(body)
             facets = meshes[place].edges[name][numbers]
             for before, owner, theirs in taken:
-                shared = np.intersect1d(facets, theirs) if owner == place else []
+                if owner != place:
+                    continue
+                shared = _same_facets(facets, theirs)
                 if len(shared):
-                    x, y = meshes[place].points[shared[0]]
+                    x, y = meshes[place].points[facets[shared[0]]].mean(axis=0)
                     raise InputError(
-                        f"[[contact]]: '{before}' and '{edge}' share the node at ({x:g}, {y:g}), "
-                        "which cannot lie on two planes; keep a facet off one of them by its span"
+                        f"{where}: '{edge}' lies on '{before}', which is in another contact or "
+                        f"tie, at ({x:g}, {y:g}); keep them apart by their spans or groups"
                     )
             taken.append((edge, place, facets))
     uses: list[tuple[str, str, Load | Spring | Support]] = [

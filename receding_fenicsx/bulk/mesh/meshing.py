@@ -19,6 +19,7 @@ from receding_fenicsx.bulk.mesh.contact_edges import Interface, find_interfaces,
 from receding_fenicsx.bulk.mesh.curved_edges import Arcs
 from receding_fenicsx.bulk.mesh.raw_mesh import (
     STRAIGHT_TOLERANCE,
+    Along,
     Line,
     RawMesh,
     line_of,
@@ -38,11 +39,20 @@ class ContactFacets:
 
     Attributes:
         tag: tag of its facets.
-        line: line of the first body's edge, so that both sides have the same positions, t and n.
+        line: the first body's edge, so that both sides have the same positions.
+        frame: the edge whose normals are those of the nodes, with a sign into the first body.
+        slave: whether the contact points are this edge's nodes where those of both do not match.
     """
 
     tag: int
-    line: Line
+    line: Along
+    frame: tuple[Along, float]
+    slave: bool
+
+    def inward(self, points: Array) -> Array:
+        """Return the normals n (n, 2) into the first body."""
+        line, sign = self.frame
+        return sign * line.inward(points) + 0.0
 
 
 @dataclass(frozen=True)
@@ -53,7 +63,7 @@ class BodyMesh:
         mesh: DOLFINx mesh.
         facet_tags: tags of boundary facets.
         groups: tags of each edge by name.
-        contacts: the scene's contact edges on this body, in their order.
+        contacts: the contact edges of this body in the scene's order, then the tied ones.
         lines: the line of each straight edge.
         spots: (k, 2) coordinates of each named group of points.
         arcs: the true curves of the facets on curved edges, where they are known.
@@ -95,16 +105,23 @@ def raw_meshes(scene: Scene, half: bool) -> list[RawMesh]:
 def contact_nodes_of(scene: Scene) -> list[int]:
     """Return the number of nodes on each contact edge of the whole scene; no communication.
 
-    At order 2 a node on the axis of revolution has no weight, and is not counted.
+    Nodes on two edges, at order 2 a node on the axis of revolution, which has no weight, and the
+    middles of facets of curved edges are not counted.
 
     Raises:
         InputError: a mesh that cannot serve the scene.
     """
-    degree, counts = scene.mesh.degree, []
-    for ends in _contact_elements(scene):
-        x = ends[..., 0]
-        on_axis = scene.axisymmetric and bool(x.min() <= STRAIGHT_TOLERANCE * x.max())
-        counts.append(degree * len(ends) + 1 - int(on_axis and degree == 2))
+    counts = []
+    sides = list(_contact_facets(scene))
+    for edges, mesh, straight in sides[: len(scene.contacts)]:
+        place, facets = edges[0]
+        vertices, ends = np.unique(facets), mesh.points[facets][..., 0]
+        taken = [other for each, _, _ in sides for owner, other in each if owner == place]
+        count = int((np.sum([np.isin(vertices, other) for other in taken], axis=0) == 1).sum())
+        if scene.mesh.degree == 2:
+            on_axis = scene.axisymmetric and ends.min() <= STRAIGHT_TOLERANCE * ends.max()
+            count += len(facets) * straight - int(on_axis)
+        counts.append(count)
     return counts
 
 
@@ -114,17 +131,28 @@ def contact_sizes_of(scene: Scene) -> list[float]:
     Raises:
         InputError: a mesh that cannot serve the scene.
     """
-    lengths = (ends[:, 1] - ends[:, 0] for ends in _contact_elements(scene))
-    return [float(np.linalg.norm(length, axis=1).mean()) for length in lengths]
+    found = []
+    for edges, mesh, _ in list(_contact_facets(scene))[: len(scene.contacts)]:
+        ends = mesh.points[edges[0][1]]
+        found.append(float(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1).mean()))
+    return found
 
 
-def _contact_elements(scene: Scene) -> Iterator[Array]:
-    """Yield the ends (n, 2, dim) of the elements on each contact edge of the whole scene."""
+def _contact_facets(scene: Scene) -> Iterator[tuple[list[tuple[int, Ints]], RawMesh, bool]]:
+    """Yield number of the body and facets of both sides of each contact and tie, slave first.
+
+    With them the mesh of the slave, and whether the edge is straight.
+    """
     meshes = raw_meshes(scene, scene.axisymmetric)
-    for contact, found in zip(scene.contacts, find_interfaces(scene, meshes, False), strict=True):
-        body, edge = scene.find_edge(contact.edge)
-        mesh = meshes[scene.bodies.index(body)]
-        yield mesh.points[mesh.edges[edge][found.facets]][:, :2]
+    for joint, found in zip(scene.joints, find_interfaces(scene, meshes, False), strict=True):
+        sides = []
+        for edge, facets in ((joint.edge, found.facets), (joint.against, found.against)):
+            if edge is not None:
+                body, name = scene.find_edge(edge)
+                place = scene.bodies.index(body)
+                sides.append((place, meshes[place].edges[name][facets]))
+        sides = sides if found.slave else sides[::-1]
+        yield sides, meshes[sides[0][0]], isinstance(found.line, Line)
 
 
 def make_meshes(comm: MPI.Comm, scene: Scene, half: bool) -> tuple[BodyMesh, ...]:
@@ -188,17 +216,21 @@ def _tagged(
     tags = {name: np.full(len(f), tag_of[name], np.int32) for name, f in mesh.edges.items()}
     groups = {name: [tag] for name, tag in tag_of.items()}
     contacts: list[ContactFacets] = []
-    for contact, interface in zip(scene.contacts, interfaces, strict=True):
-        sides = (contact.edge, interface.facets), (contact.against, interface.against)
-        for edge, facets in sides:
+    for joint, interface in zip(scene.joints, interfaces, strict=True):
+        sides = (joint.edge, interface.facets, 1.0), (joint.against, interface.against, -1.0)
+        for edge, facets, sign in sides:
             if edge is None or facets is None or scene.find_edge(edge)[0] != body:
                 continue
             name = scene.find_edge(edge)[1]
             tag = len(tag_of) + 1 + len(contacts)
             tags[name][facets] = tag
             groups[name].append(tag)
-            contacts.append(ContactFacets(tag, interface.line))
-    named = [edge for contact in scene.contacts for edge in (contact.edge, contact.against)]
+            frame = interface.line, 1.0
+            if sign < 0.0 and interface.back is not None:
+                frame = interface.back, -1.0
+            slave = interface.slave == (sign > 0.0)
+            contacts.append(ContactFacets(tag, interface.line, frame, slave))
+    named = [edge for joint in scene.joints for edge in (joint.edge, joint.against)]
     named += [part.edge for part in (*scene.edge_parts, *scene.supports)]
     named += [spring.against for spring in scene.springs]
     owned = [scene.find_edge(edge) for edge in named if edge is not None]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import ClassVar, Protocol
 
 import numpy as np
 
@@ -106,10 +107,37 @@ class Line:
     direction: Array
     outward: Array
     length: float
+    sag: ClassVar[float] = 0.0
 
     def along(self, points: Array) -> Array:
         """Return the positions of points (n, 2) along the edge."""
         return (points - self.middle) @ self.direction
+
+    def inward(self, points: Array) -> Array:
+        """Return the inward normal (n, 2) at points."""
+        return np.tile(0.0 - self.outward, (len(points), 1))
+
+
+class Along(Protocol):
+    """A straight or curved edge."""
+
+    @property
+    def length(self) -> float:
+        """Length of the edge."""
+
+    @property
+    def sag(self) -> float:
+        """Largest distance of the edge from its chords."""
+
+    def along(self, points: Array) -> Array:
+        """Return the positions of points (n, 2) along the edge from its middle."""
+
+    def inward(self, points: Array) -> Array:
+        """Return the inward normals (n, 2) at points of the edge."""
+
+
+class NotStraight(InputError):
+    """An edge that has to be straight is not."""
 
 
 def sides(cells: Ints) -> tuple[Ints, Ints]:
@@ -152,7 +180,7 @@ def line_of(mesh: RawMesh, edge: str, where: str) -> Line:
     normal = np.array([direction[1], -direction[0]])
     off = float(np.abs((points - end) @ normal).max())
     if off > STRAIGHT_TOLERANCE * length:
-        raise InputError(
+        raise NotStraight(
             f"{where}: '{edge}' is not straight, it is {off:.3g} off the line between its "
             "ends; split it into straight groups, each with a table of its own"
         )
@@ -177,14 +205,14 @@ def line_of(mesh: RawMesh, edge: str, where: str) -> Line:
     return Line(middle, direction, -side[0] * normal + 0.0, length)
 
 
-def facets_between(mesh: RawMesh, facets: Ints, line: Line, span: tuple[float, float]) -> Ints:
+def facets_between(mesh: RawMesh, facets: Ints, line: Along, span: tuple[float, float]) -> Ints:
     """Return the numbers of the facets between two positions along a line."""
     middle = line.along(mesh.points[facets].mean(axis=1))
     return np.flatnonzero((middle > span[0]) & (middle < span[1]))
 
 
 def check_span(
-    mesh: RawMesh, facets: Ints, line: Line, span: tuple[float, float], where: str
+    mesh: RawMesh, facets: Ints, line: Along, span: tuple[float, float], where: str
 ) -> None:
     """Check that a span is part of its edge and ends at vertices.
 

@@ -235,7 +235,6 @@ def test_columns_of_quadrilaterals_must_meet_the_load() -> None:
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"contacts": (Contact(), Contact(edge="left"))}, "share the node at \\(-2, 0\\)"),
         ({"body": Body(mesh="my.msh")}, "no such file"),
         ({"supports": (Support("x", point=(3.0, 0.5)),)}, "support.point.*outside"),
         ({"supports": (Support("x", point=(0.33, 0.0)),)}, "support.point needs one"),

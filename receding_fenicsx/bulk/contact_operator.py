@@ -1,0 +1,444 @@
+r"""Contact operator: relative displacements of two sides whose nodes need not match (mortar).
+
+The contact points are the nodes of the slave side. With its shape functions $N_i$, the dual ones
+$\psi_i$, $\int \psi_i N_j \, dA = \delta_{ij} m_i$ and $m_i = \int N_i \, dA$, and the shape
+functions $N_j^m$ of the master side,
+
+$$u_i = u_{s,i} - \sum_j \Pi_{ij} u_{m,j}, \qquad
+  \Pi_{ij} = \frac{1}{m_i} \int \psi_i N^m_j \, dA ,$$
+
+and the master carries $-\Pi^T r$. $\Pi$ is the identity where nodes match. On straight edges
+$\Pi x_m = x_s$: rigid motions move nothing, and resultants and moments are kept. On curved edges,
+whose chords lie apart, the point turns with the master about $\Pi x_m$: the rotation of the two
+outermost master nodes of the row times $x_s - \Pi x_m$ is added, which restores both.
+
+**Edges that meet.** A node of two edges has two normals and only two freedoms. It is no contact
+point; its dual function is given to its neighbours along each edge, so that constants stay exact:
+a neighbour $i$ of such a node $c$ has the weight $m_i + m_c$ and the displacement
+$(m_i u_i + m_c u_c) / (m_i + m_c)$.
+
+A tie is a contact whose relative displacement is zero.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import sparse
+
+from receding_fenicsx.arrays import Array, Ints
+from receding_fenicsx.bulk.contact_nodes import ContactNodes, ContactSide
+from receding_fenicsx.bulk.mesh.curved_edges import gauss
+from receding_fenicsx.errors import InputError, MeshMisfit
+from receding_fenicsx.scene.model import Scene
+from receding_fenicsx.scene.one_body import sides_of_body
+
+
+@dataclass(frozen=True)
+class ContactPoints:
+    """The points of all contacts, alike on every rank, sorted along each edge.
+
+    Attributes:
+        x: (N,) position along the edge from its middle; increasing on each edge.
+        edge: (N,) number of the contact, not decreasing.
+        points: (N, 2) coordinates.
+        tangent, normal: (N, 2) unit vectors t and n, n into the first body.
+        weight: (N,) integral of the shape functions over the modelled edge, axisymmetric times r.
+        held: (2N,) relative displacements [v; w] that symmetry or supports hold on both sides.
+    """
+
+    x: Array
+    edge: Ints
+    points: Array
+    tangent: Array
+    normal: Array
+    weight: Array
+    held: NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class Relative:
+    """Relative displacements, u = sum_b on[b] u_b, of contact points, then of tied points.
+
+    Attributes:
+        on: (rows, 2N_b) of each body.
+        size: 2N, the number of rows [v; w] of contact points, which come first.
+        joint: (rows,) number of the contact, or of the tie after all contacts.
+        slave: (joints,) number of the body that the points belong to; -1 where both sides match.
+        links: numbers of the contacts and ties of each body.
+        places: (rows, 2) coordinates of the points.
+    """
+
+    on: tuple[sparse.csr_matrix, ...]
+    size: int
+    joint: Ints
+    slave: Ints
+    links: tuple[frozenset[int], ...]
+    places: Array
+
+    @property
+    def rows(self) -> int:
+        """Number of rows."""
+        return len(self.joint)
+
+    def of(self, rows: NDArray[np.bool_]) -> Relative:
+        """Return some of the rows."""
+        on = tuple(G[rows] for G in self.on)
+        size = int(rows[: self.size].sum())
+        return replace(self, on=on, size=size, joint=self.joint[rows], places=self.places[rows])
+
+    def held(self, held: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """Return which rows hold no freedom that is not held (n,), of all bodies."""
+        coo = sparse.hstack(self.on).tocoo()
+        return np.bincount(coo.row, weights=~held[coo.col], minlength=self.rows) == 0
+
+
+def eliminate(
+    relative: Relative, held: NDArray[np.bool_], diagonal: Sequence[Array]
+) -> tuple[sparse.csr_matrix, sparse.csr_matrix, Ints, NDArray[np.bool_]]:
+    """Solve u = sum_b G_b u_b for the displacements of all bodies, each row by one freedom.
+
+    Args:
+        relative: the rows.
+        held: (n,) held freedoms of all bodies, one body after the other.
+        diagonal: diagonal of the stiffness of each body: of matching nodes those of the softer
+            side are solved for.
+
+    Returns:
+        A and Y of u_b = A u + Y y, the freedoms (m,) that y are, and the rows that are held.
+
+    Raises:
+        InputError: a freedom that a row is to determine is held, or others follow it.
+    """
+    owner = np.repeat(np.arange(len(diagonal)), [len(part) for part in diagonal])
+    stiffness = np.zeros((len(diagonal), len(relative.slave)))
+    for body, (G, values) in enumerate(zip(relative.on, diagonal, strict=True)):
+        coo = G.tocoo()
+        for joint in relative.links[body]:
+            used = np.unique(coo.col[relative.joint[coo.row] == joint])
+            stiffness[body, joint] = values[used].sum()
+    G = sparse.hstack(relative.on).tocsr()
+    coo = G.tocoo()
+    row, column, value = coo.row, coo.col, coo.data
+    stuck = relative.held(held)
+    free = ~held[column]
+    alone = np.bincount(column[free], minlength=len(held)) == 1
+    usable = np.where(stuck[row], True, free & alone[column])
+    slave = relative.slave[relative.joint[row]]
+    matched = slave < 0
+    softness = np.where(
+        matched, stiffness[owner[column], relative.joint[row]], slave != owner[column]
+    )
+    usable &= matched | (slave == owner[column])
+    order = np.lexsort((-np.abs(value), value < 0.0, softness, row))
+    order = order[usable[order]]
+    rows, first = np.unique(row[order], return_index=True)
+    if len(rows) < relative.rows:
+        x, y = relative.places[np.setdiff1d(np.arange(relative.rows), rows)[0]]
+        raise InputError(
+            f"[contact]: a support or load holds the node at ({x:.6g}, {y:.6g}) of one side, where "
+            "the nodes of both do not match; hold both sides, or make the other one the slave"
+        )
+    pivot, scale = column[order[first]], value[order[first]]
+    solved = np.zeros(len(held), dtype=bool)
+    solved[pivot] = True
+    rest = np.flatnonzero(~solved & ~held)
+    n = len(held)
+    A = sparse.csr_matrix((1.0 / scale, (pivot, rows)), shape=(n, relative.rows))
+    identity = sparse.csr_matrix((np.ones(len(rest)), (rest, np.arange(len(rest)))), (n, len(rest)))
+    Y = identity - A @ (G @ identity)
+    Y.eliminate_zeros()
+    return A, Y.tocsr(), rest, stuck
+
+
+def relative_of(
+    scene: Scene, contacts: Sequence[ContactNodes], bodies: Sequence[Scene]
+) -> tuple[Relative, ContactPoints]:
+    """Return the contact operator of bodies, and the points of all contacts.
+
+    Args:
+        scene: the scene.
+        contacts: the contact nodes of each body, those of its ties after its contacts.
+        bodies: the scene of each body alone.
+
+    Raises:
+        MeshMisfit: an edge is too coarse.
+    """
+    numbers = [sides_of_body(scene, part.body) for part in bodies]
+    joints: list[list[tuple[int, int, ContactSide]]] = [[] for _ in scene.joints]
+    for body, (own, nodes) in enumerate(zip(numbers, contacts, strict=True)):
+        for (joint, sign), side in zip(own, nodes.sides, strict=True):
+            joints[joint].append((sign, body, side))
+    points: list[_Points] = []
+    slave = []
+    for k, sides in enumerate(joints):
+        sides.sort(key=lambda side: -side[0])
+        same = len(sides) == 1 or _match(sides[0][2], sides[1][2])
+        if not same and sides[1][2].slave:
+            sides.reverse()
+        slave.append(-1 if same else sides[0][1])
+        points.append(_points(scene, k, contacts, sides, same))
+    contacts_, ties = points[: len(scene.contacts)], points[len(scene.contacts) :]
+    on = [
+        sparse.vstack(
+            [
+                part.rows(nodes, body, axis)
+                for some in (contacts_, ties)
+                for axis in "tn"
+                for part in some
+            ]
+        ).tocsr()
+        for body, nodes in enumerate(contacts)
+    ]
+    number = [np.full(len(part.x), k) for k, part in enumerate(points)]
+    n = sum(len(part.x) for part in contacts_)
+    joint, places = (
+        np.concatenate([*head, *head, *tail, *tail])
+        for head, tail in (
+            (number[: len(contacts_)], number[len(contacts_) :]),
+            ([part.places for part in contacts_], [part.places for part in ties]),
+        )
+    )
+    links = tuple(frozenset(k for k, _ in own) for own in numbers)
+    relative = Relative(tuple(on), 2 * n, joint, np.array(slave), links, places)
+    held = relative.held(np.concatenate([nodes.held for nodes in contacts]))[: 2 * n]
+    x, normal, weight = (
+        np.concatenate([getattr(part, name) for part in contacts_])
+        for name in ("x", "normal", "weight")
+    )
+    tangent = np.column_stack([normal[:, 1], -normal[:, 0]]) + 0.0
+    return relative, ContactPoints(x, joint[:n], places[:n], tangent, normal, weight, held)
+
+
+def _match(a: ContactSide, b: ContactSide) -> bool:
+    """Return whether the nodes of two sides are the same places, one by one."""
+    if len(a.x) != len(b.x):
+        return False
+    # over the distance of the nearest two
+    near = 1e-5 * np.linalg.norm(np.diff(a.points, axis=0), axis=1).min()
+    return bool(np.linalg.norm(a.points - b.points, axis=1).max() <= near)
+
+
+@dataclass(frozen=True)
+class _Points:
+    """The points of one contact or tie, and the displacements there.
+
+    Attributes:
+        x, places, normal, weight: as of ``ContactPoints``.
+        parts: of each side its body, and for each pair of a point and a node of the body, whose
+            numbers are (m,), the matrix (m, 2, 2) of x and y that multiplies the displacement.
+        without: (n, 2) whether only the slave's part of [v; w] counts.
+    """
+
+    x: Array
+    places: Array
+    normal: Array
+    weight: Array
+    parts: tuple[tuple[int, Ints, Ints, Array], ...]
+    without: NDArray[np.bool_]
+
+    def rows(self, nodes: ContactNodes, body: int, axis: str) -> sparse.csr_matrix:
+        """Return the rows along t or n, of the displacements [v; w] of a body."""
+        n = len(nodes.node)
+        found = sparse.csr_matrix((len(self.x), 2 * n))
+        tangent = np.column_stack([self.normal[:, 1], -self.normal[:, 0]])
+        direction = tangent if axis == "t" else self.normal
+        for number, (owner, point, node, matrix) in enumerate(self.parts):
+            if owner != body:
+                continue
+            keep = ~self.without[point, "tn".index(axis)] if number else np.ones(len(point), bool)
+            row = np.einsum("ma,mab->mb", direction[point], matrix)
+            values = [np.einsum("mb,mb->m", row, d[node]) for d in (nodes.tangent, nodes.normal)]
+            value = np.concatenate(values) * np.tile(keep, 2)
+            # products of unit vectors are 0 or 1 to round-off on straight edges
+            value = np.where(np.abs(value) < 1e-15, 0.0, value)
+            near = np.abs(np.abs(value) - 1.0) < 1e-15
+            value = np.where(near, np.sign(value), value)
+            at = np.tile(point, 2), np.concatenate([node, n + node])
+            found = found + sparse.csr_matrix((value, at), found.shape)
+        found.eliminate_zeros()
+        return found
+
+
+def _points(
+    scene: Scene,
+    joint: int,
+    contacts: Sequence[ContactNodes],
+    sides: Sequence[tuple[int, int, ContactSide]],
+    same: bool,
+) -> _Points:
+    """Return the points of one contact or tie; of two sides the slave is the first."""
+    sign, body, slave = sides[0]
+    W = _merged(slave, scene.joint_labels[joint])
+    weight = np.asarray(W.sum(axis=1)).ravel()
+    W.data /= np.repeat(weight, np.diff(W.indptr))
+    keep = np.flatnonzero(slave.carries)
+    places, normal = W @ slave.points, slave.normal[keep]
+    coo = W.tocoo()
+    step = slave.x[coo.col] - slave.x[keep][coo.row]
+    shift = np.bincount(coo.row, coo.data * step, len(keep))
+    # beside the seam of a closed edge the node's own
+    shift[coo.row[np.abs(step) > 0.5 * np.ptp(slave.x)]] = 0.0
+    x = slave.x[keep] + shift
+    eye = np.eye(2)
+    parts = [(body, coo.row, slave.node[coo.col], sign * coo.data[:, None, None] * eye)]
+    without = np.zeros((len(keep), 2), dtype=bool)
+    if len(sides) > 1:
+        _, other, master = sides[1]
+        pi = W @ (sparse.eye(len(slave.x)) if same else _projection(scene, joint, slave, master))
+        coo = pi.tocoo()
+        parts.append((other, coo.row, master.node[coo.col], -sign * coo.data[:, None, None] * eye))
+        if not same:
+            parts.append((other, *_turning(pi.tocsr(), places, master, -sign)))
+            without = _held_together(contacts, (body, slave), (other, master), keep)
+    return _Points(x, places, normal, weight, tuple(parts), without)
+
+
+def _merged(side: ContactSide, where: str) -> sparse.csr_matrix:
+    """Return the weights (points, n) of nodes at contact points.
+
+    Those of nodes that carry no contact go to their neighbours in equal parts.
+    """
+    n = len(side.x)
+    rows, columns, values = list(range(n)), list(range(n)), side.weight.tolist()
+    for node in np.flatnonzero(~side.carries):
+        facets = side.facets[(side.facets == node).any(axis=1)]
+        near = [k for f in facets for k in _beside(f, node, side.carries)]
+        if not near or not side.carries[near].all():
+            x, y = side.points[node]
+            raise MeshMisfit(
+                f"{where}: the edge has no contact node of its own beside ({x:g}, {y:g}), where it "
+                "meets another one or is held; refine it"
+            )
+        rows, columns = rows + near, columns + [node] * len(near)
+        values += [side.weight[node] / len(near)] * len(near)
+    W = sparse.csr_matrix((values, (rows, columns)), shape=(n, n))
+    return W[np.flatnonzero(side.carries)]
+
+
+def _beside(facet: Ints, node: int, carries: NDArray[np.bool_]) -> list[int]:
+    """Return the neighbours of a node along a facet."""
+    if node in facet[2:]:
+        return [k for k in facet[:2] if carries[k]]
+    middle = facet[2:][carries[facet[2:]]]
+    return list(middle) or [k for k in facet[:2] if k != node]
+
+
+def _shapes(s: Array, nodes: int) -> Array:
+    """Return the shape functions (nodes, m) of a facet at places s in [0, 1]."""
+    if nodes == 2:
+        return np.array([1.0 - s, s])
+    return np.array([(1.0 - s) * (1.0 - 2.0 * s), s * (2.0 * s - 1.0), 4.0 * s * (1.0 - s)])
+
+
+def _projection(
+    scene: Scene, joint: int, slave: ContactSide, master: ContactSide
+) -> sparse.csr_matrix:
+    """Return Pi (n_slave, n_master), integrated over pieces between the vertices of both sides."""
+    at, weight = gauss()
+    if min(slave.facets.min(), master.facets.min()) < 0:
+        raise InputError(
+            f"{scene.joint_labels[joint]}: nodes need to match where the contact begins on the "
+            "axis of revolution and elements are of order 2; use degree = 1, or matching meshes"
+        )
+    c, d = np.moveaxis(master.points[master.facets[:, :2]], 1, 0)
+    reach = np.linalg.norm(d - c, axis=1)
+    nodes, rows, columns, values = slave.facets.shape[1], [], [], []
+    for facet in slave.facets:
+        a, b = slave.points[facet[:2]]
+        length = float(np.linalg.norm(b - a))
+        along = (b - a) / length
+        from_c, from_d = (c - a) @ along / length, (d - a) @ along / length
+        off = np.abs((0.5 * (c + d) - a) @ [-along[1], along[0]])
+        close = off <= 0.5 * np.maximum(length, reach)
+        stops = np.concatenate([[0.0, 1.0], from_c[close], from_d[close]])
+        stops = np.unique(stops[(stops >= 0.0) & (stops <= 1.0)])
+        # ends that coincide to round-off
+        stops = stops[np.concatenate([[True], np.diff(stops) > 1e-9])]
+        stops[-1] = 1.0
+
+        def radius(s: Array, a: Array = a, b: Array = b) -> Array:
+            return a[0] + s * (b - a)[0] if scene.axisymmetric else np.ones_like(s)
+
+        N = _shapes(at, nodes)
+        mass = np.einsum("iq,jq,q->ij", N, N, weight * radius(at))
+        dual = np.diag(mass.sum(axis=1)) @ np.linalg.inv(mass)
+        for low, high in pairwise(stops.tolist()):
+            middle = 0.5 * (low + high)
+            over = close & (np.minimum(from_c, from_d) <= middle)
+            over &= np.maximum(from_c, from_d) >= middle
+            if not over.any():
+                x, y = a + middle * (b - a)
+                raise MeshMisfit(
+                    f"{scene.joint_labels[joint]}: nothing lies opposite of ({x:g}, {y:g}); refine "
+                    "the other side, or restrict the edge by a span"
+                )
+            k = int(np.flatnonzero(over)[np.argmin(off[over])])
+            s = low + (high - low) * at
+            on_master = _shapes((s - from_c[k]) / (from_d[k] - from_c[k]), master.facets.shape[1])
+            psi = dual @ _shapes(s, nodes)
+            part = np.einsum("iq,jq,q->ij", psi, on_master, weight * radius(s))
+            rows.append(np.repeat(facet, len(on_master)))
+            columns.append(np.tile(master.facets[k], nodes))
+            values.append(length * (high - low) * part.ravel())
+    entries = np.concatenate(values), (np.concatenate(rows), np.concatenate(columns))
+    pi = sparse.csr_matrix(entries, shape=(len(slave.x), len(master.x)))
+    pi.data[np.abs(pi.data) < 1e-14 * np.abs(pi.data).max()] = 0.0
+    pi.eliminate_zeros()
+    total = np.asarray(pi.sum(axis=1)).ravel()
+    # translations to round-off
+    return sparse.csr_matrix(sparse.diags(1.0 / total) @ pi)
+
+
+def _turning(
+    pi: sparse.csr_matrix, places: Array, master: ContactSide, sign: int
+) -> tuple[Ints, Ints, Array]:
+    """Return the parts of points that turn with the master, for ``_Points.parts``."""
+    arm = places - pi @ master.points
+    rows, nodes, matrices = [], [], []
+    for point, d in enumerate(arm):
+        used = pi.indices[pi.indptr[point] : pi.indptr[point + 1]]
+        if len(used) < 2:
+            continue  # the point is a node of the master
+        at = master.points[used]
+        first = int(np.argmax(np.linalg.norm(at - at[0], axis=1)))
+        last = int(np.argmax(np.linalg.norm(at - at[first], axis=1)))
+        r = at[last] - at[first]
+        turn = sign * np.outer([-d[1], d[0]], [-r[1], r[0]]) / (r @ r)
+        rows += [point, point]
+        nodes += [used[first], used[last]]
+        matrices += [-turn, turn]
+    at = master.node[np.array(nodes, dtype=int)]
+    return np.array(rows, dtype=int), at, np.array(matrices).reshape(-1, 2, 2)
+
+
+def _held_together(
+    contacts: Sequence[ContactNodes],
+    slave: tuple[int, ContactSide],
+    master: tuple[int, ContactSide],
+    keep: Ints,
+) -> NDArray[np.bool_]:
+    """Return (n, 2) whether the slave's node and the master's one at its place are held in [v; w].
+
+    There the master's neighbours do not count, as on a plane of symmetry.
+    """
+    found = np.zeros((len(keep), 2), dtype=bool)
+    nodes, others = contacts[slave[0]], contacts[master[0]]
+    held, held_there = nodes.held.reshape(2, -1), others.held.reshape(2, -1)
+    near = 1e-6 * np.linalg.norm(np.diff(slave[1].points, axis=0), axis=1).min()
+    for i, k in enumerate(keep):
+        node = slave[1].node[k]
+        apart = np.linalg.norm(master[1].points - slave[1].points[k], axis=1)
+        if not held[:, node].any() or apart.min() > near:
+            continue
+        there = master[1].node[np.argmin(apart)]
+        axes = np.stack([others.tangent[there], others.normal[there]])[held_there[:, there]]
+        for axis, direction in enumerate((nodes.tangent[node], nodes.normal[node])):
+            along = np.abs(axes @ direction)
+            together = len(axes) == 2 or along.max(initial=0.0) > 1.0 - 1e-10
+            found[i, axis] = held[axis, node] and together
+    return found
