@@ -54,7 +54,9 @@ def main() -> None:
     options = parser.parse_args()
     scene = rf.read_scene(SCENE)
 
-    found = rf.shakedown(scene, options.out, overwrite=True)  # on all ranks
+    found = rf.shakedown(
+        scene, options.out, options=rf.StudyOptions(overwrite=True)
+    )  # on all ranks
     if found is None:
         return
     limits, system = found.limits, found.system

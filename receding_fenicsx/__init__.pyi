@@ -128,11 +128,11 @@ from .interface.shakedown.limits import (
 )
 from .scene.model import ShakedownOptions as ShakedownOptions
 from .studies.shakedown.study import shakedown as shakedown
-from .studies.shakedown.result import ShakedownStudy as ShakedownStudy
-from .studies.shakedown.opening import opening_limit as opening_limit
-from .studies.shakedown.cycles import range_history as range_history
+from .studies.shakedown.study import ShakedownStudy as ShakedownStudy
+from .studies.shakedown.exact_cycles import opening_limit as opening_limit
+from .studies.shakedown.exact_cycles import range_history as range_history
 from .studies.starts import steady_states as steady_states, SteadyStates as SteadyStates
-from .studies.shakedown.figures import steady_states_figure as steady_states_figure
+from .studies.shakedown.diagram import steady_states_figure as steady_states_figure
 
 # Wear
 from .scene.model import WearOptions as WearOptions

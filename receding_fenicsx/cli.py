@@ -279,14 +279,15 @@ def sweep(scene: SceneFile, /, study: Cases, *, over: Sequence[str]) -> int:
 
 
 @app.command
-def shakedown(scene: SceneFile, /, study: Study) -> None:
+def shakedown(scene: SceneFile, /, study: Cases) -> None:
     """Find the load range up to which the contact stops slipping."""
-    with study.started(scene) as (read, comm, say):
+    with study.started(scene) as (read, _, say):
         from receding_fenicsx.studies.shakedown import study as studies
 
-        found = studies.shakedown(read, study.out, study.overwrite, comm, say)
+        options = study.options(scene, say)
+        found = studies.shakedown(read, study.out, study.workers, options)
     if found is not None:
-        print(f"{found}\nwritten to {study.out}")
+        print(f"{found}\n{study.told('shakedown.json')}")
 
 
 @app.command

@@ -122,7 +122,8 @@ class Study(Generic[T]):
     @property
     def kind(self) -> FolderKind:
         """Kind of its folder."""
-        return FolderKind(self.name, (self.file,))
+        marks = (self.file, *(name for name in self.results if name.endswith(".json")))
+        return FolderKind(self.name, marks)
 
 
 def run_study(
@@ -186,6 +187,15 @@ def run_study(
     if options.executor is not None:
         return run(options.executor)
     return on_ranks(comm, run)
+
+
+def check_folder(
+    name: str, marks: tuple[str, ...], out: str | Path | None, options: StudyOptions
+) -> None:
+    """Raise InputError where a study may not be written, before anything is computed."""
+    if out is not None:
+        again = options.resume or options.shard is not None
+        FolderKind(name, marks).check(Path(out), options.overwrite, again)
 
 
 def check_workers(count: int | None, comm: MPI.Comm, executor: Executor | None = None) -> None:

@@ -19,9 +19,8 @@ import receding_fenicsx as rf
 from receding_fenicsx import cli
 from receding_fenicsx.studies import starts
 from receding_fenicsx.studies.shakedown import study
-from receding_fenicsx.studies.shakedown.diagram import Diagram
-from receding_fenicsx.studies.shakedown.figures import diagram_figure, steady_states_figure
-from receding_fenicsx.studies.shakedown.result import ShakedownStudy
+from receding_fenicsx.studies.shakedown.diagram import Diagram, diagram_figure, steady_states_figure
+from receding_fenicsx.studies.shakedown.study import ShakedownStudy
 
 SCENE = """
 title = "sheared block"
@@ -104,6 +103,8 @@ def test_command_writes_what_the_next_run_can_start_from(
         "shakedown.png",
         "safe_slip.csv",
         "scene.toml",
+        "cases.jsonl",
+        "shakedown_cases.json",
     }
     assert [mesh["nodes"] for mesh in summary["meshes"]] == [17, 9]
     assert summary["residual"] < 1e-9
@@ -169,7 +170,7 @@ def test_folder_of_something_else_is_not_replaced(shared_tmp_path: Path) -> None
     MPI.COMM_WORLD.Barrier()
     scene = rf.from_toml(SCENE)
     with pytest.raises(rf.InputError, match="is not the folder of a shakedown study"):
-        rf.shakedown(scene, shared_tmp_path, overwrite=True)
+        rf.shakedown(scene, shared_tmp_path, options=rf.StudyOptions(overwrite=True))
 
 
 @pytest.mark.one_rank

@@ -36,14 +36,20 @@ from receding_fenicsx.scene.toml_file import from_toml
 from receding_fenicsx.scene.validate import validate
 from receding_fenicsx.store.case_file import Case
 from receding_fenicsx.store.summary_file import write_summary
-from receding_fenicsx.store.workspace import FolderKind
 from receding_fenicsx.studies import run as study
 from receding_fenicsx.studies.accuracy.meshes import coarser
 from receding_fenicsx.studies.cases import Cell
 from receding_fenicsx.studies.joint.backbone import NO_DISSIPATION, Backbone, first_loading
 from receding_fenicsx.studies.joint.figure import joint_figure
 from receding_fenicsx.studies.joint.result import JointCurve
-from receding_fenicsx.studies.runner import Runner, Study, StudyOptions, digest_of, run_study
+from receding_fenicsx.studies.runner import (
+    Runner,
+    Study,
+    StudyOptions,
+    check_folder,
+    digest_of,
+    run_study,
+)
 from receding_fenicsx.studies.sweep import Grid, grid_of, play_scene
 from receding_fenicsx.studies.sweep_table import SweepTable
 
@@ -120,21 +126,18 @@ def joint_curve(
         options=(options, StudyOptions),
     )
     values = as_numbers(amplitudes, "joint_curve: amplitudes")
-    folder = None if out is None else Path(out)
     over = {f"history.harmonic.{drive}.amplitude": values.tolist()}
     omega = np.zeros(0)
 
-    def check_folder() -> None:
-        if folder is not None:
-            again = options.resume or options.shard is not None
-            FolderKind("curve", (CASES_OF,)).check(folder, options.overwrite, again)
+    def check() -> None:
+        check_folder("curve", (CASES_OF, SUMMARY), out, options)
 
     # a mode, the preload or the first loading may fail: before anything is written
     if isinstance(scene, ContactSystem):
         held = _preload(scene, drive, values)
         given, cyclic, title = scene, None, ""
         system: ContactSystem | None = scene
-        mpi.on_root(comm, check_folder)
+        mpi.on_root(comm, check)
         factors = np.array([held.get(name, 0.0) for name in given.load_names])
         start = np.array([0.0 * factors, factors] if np.any(factors) else [factors])
         if given.scene_toml:
@@ -143,7 +146,7 @@ def joint_curve(
             start = preload_path(given, _driven(known, drive, values), drive)
     else:
         cyclic, title = _driven(scene, drive, values), scene.title
-        mpi.on_root(comm, check_folder)
+        mpi.on_root(comm, check)
         if mode_number(drive):
             validate(cyclic)
             found = mpi.on_root(comm, lambda: mode_system(cyclic))

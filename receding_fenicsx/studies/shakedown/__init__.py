@@ -10,13 +10,12 @@ r"""Shakedown of a scene: limits of a load range, their diagram, and steady stat
    others.
 4. Where a node unloads at the upper limit, the contact may open and close instead of slipping, and
    linear programs no longer decide.
-   :func:`~receding_fenicsx.studies.shakedown.cycles.limit_by_cycles` then plays exact cycles from
-   rest and from the safe slip, and bisects;
-   :func:`~receding_fenicsx.studies.shakedown.opening.opening_limit` finds a motion round a larger
-   range by a mixed-integer program (:mod:`receding_fenicsx.interface.shakedown.opening`), and plays
-   exact cycles from its slip to verify it.
+   :mod:`~receding_fenicsx.studies.shakedown.exact_cycles` then plays exact cycles from rest and
+   from the safe slip, and bisects; it finds a motion round a larger range by a mixed-integer
+   program (:mod:`receding_fenicsx.interface.shakedown.opening`), and plays exact
+   cycles from its slip to verify it.
 5. :func:`~receding_fenicsx.studies.starts.steady_states` plays one history from many
    initial slips and collects dissipation, kind and slipping nodes of each steady state.
-6. :mod:`~receding_fenicsx.studies.shakedown.folder` writes ``shakedown.json``, ``safe_slip.csv`` (a
-   profile for ``history.initial_slip``) and the diagram.
+6. The study writes ``shakedown.json``, ``safe_slip.csv`` (a profile for ``history.initial_slip``)
+   and the diagram.
 """

@@ -1,20 +1,28 @@
-"""Find the shakedown limits of a scene on all ranks, on two meshes, with their diagram."""
+"""Shakedown limits of a scene, on two meshes, with their diagram.
+
+The limits of the scene's mesh are found first, their programs shared among the ranks. The cases
+after that are the second mesh, parts of the diagram, exact cycles and the opening contact.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from receding_fenicsx import mpi
-from receding_fenicsx.errors import InputError, RecedingError
+from receding_fenicsx.atomic import new_file
+from receding_fenicsx.environment import versions
+from receding_fenicsx.errors import InputError, RecedingError, SolveError
+from receding_fenicsx.interface.mirror import mirror_of
 from receding_fenicsx.interface.shakedown.limits import (
     CONJECTURE,
     ShakedownLimits,
     assembled,
     lower_limit,
+    shakedown_limits,
     upper_limit,
 )
 from receding_fenicsx.interface.shakedown.margins import (
@@ -24,54 +32,111 @@ from receding_fenicsx.interface.shakedown.margins import (
     prepared,
     with_bound,
 )
+from receding_fenicsx.interface.shakedown.opening import Opening
 from receding_fenicsx.interface.shakedown.programs import Answer
 from receding_fenicsx.interface.system import ContactSystem
+from receding_fenicsx.output.plots.style import save
+from receding_fenicsx.scene.identity import body_of, identity_of
 from receding_fenicsx.scene.model import Scene
+from receding_fenicsx.scene.toml_file import to_toml
+from receding_fenicsx.store.case_file import Case, Outcome
+from receding_fenicsx.store.summary_file import write_summary
 from receding_fenicsx.studies import run as study
 from receding_fenicsx.studies.accuracy.meshes import coarser
-from receding_fenicsx.studies.shakedown.cycles import limit_by_cycles
-from receding_fenicsx.studies.shakedown.diagram import Diagram, limits_at, means
-from receding_fenicsx.studies.shakedown.folder import STUDY, write
-from receding_fenicsx.studies.shakedown.opening import opening_limit
-from receding_fenicsx.studies.shakedown.result import ShakedownStudy
-from receding_fenicsx.timing import Say, Timer
+from receding_fenicsx.studies.cases import shared_system
+from receding_fenicsx.studies.runner import (
+    Runner,
+    Study,
+    StudyOptions,
+    check_folder,
+    digest_of,
+    run_study,
+)
+from receding_fenicsx.studies.shakedown.diagram import Diagram, diagram_figure, limits_at, means
+from receding_fenicsx.studies.shakedown.exact_cycles import BELOW, limit_by_cycles, opening_limit
+from receding_fenicsx.timing import Timer
 
 if TYPE_CHECKING:
     from mpi4py import MPI
 
-EDGE_NOTE = (
-    "at an edge where the contact is free to recede the continuum slips at any load range: both "
-    "limits are those of the mesh, and fall on finer ones"
-)
-FALLS = 0.01
-"""Fall of the upper limit from the second mesh to the scene's, over it, that is told."""
-OPENS_NOTE = (
-    "a node unloads at the upper limit, which is that of the closed contact: beyond, the contact "
-    "may open and close without slip"
-)
-CYCLES_NOTE = "; what exact cycles from rest and from the safe slip find is given apart"
-ZERO_NOTE = (
-    "the lower limit is 0 because some residual slip unloads a node, or lets one touch, without "
-    "any range; bound the slips of interest by [shakedown] largest_slip"
-)
-"""Sentences about the validity of the limits."""
+SUMMARY, SLIP, PICTURE = "shakedown.json", "safe_slip.csv", "shakedown.png"
+NAME, CASES_OF = "shakedown study", "shakedown_cases.json"
+"""Files and name of a study."""
+FOUND_BY = "by a mixed-integer program, verified by exact cycles"
+"""How the range with opening nodes is known."""
+
+
+@dataclass(frozen=True)
+class ShakedownStudy:
+    """Shakedown limits of a scene, with what tells how far they hold.
+
+    Attributes:
+        system: the condensed system.
+        limits: its limits.
+        meshes: number of modelled nodes, lower and upper limit of each mesh, the scene's first.
+        diagram: limits over one mean load.
+        by_cycles: interval of lambda in which cycles from rest or the safe slip begin to slip for
+            ever, where a node unloads at the upper limit; else None.
+        notes: sentences about the validity of the limits.
+        opening: largest range of the opening contact that a program found and cycles verified.
+    """
+
+    system: ContactSystem
+    limits: ShakedownLimits
+    meshes: tuple[tuple[int, float, float], ...]
+    diagram: Diagram
+    by_cycles: tuple[float, float] | None
+    notes: tuple[str, ...]
+    opening: Opening | None = None
+
+    def __str__(self) -> str:
+        """Return the study as lines for the terminal."""
+        limits = self.limits
+        beyond = " of the closed contact" if limits.opens else ": above, it never stops"
+        if np.isinf(limits.upper):
+            beyond = ": the range never makes it slip from the safe slip"
+        lines = [
+            f"lower limit   {limits.lower:.6g}  ({limits.lower_is}): below, the contact stops "
+            "slipping",
+            f"upper limit   {limits.upper:.6g}{beyond}",
+            f"residual      {limits.residual:.1e} of the largest force, dual gap {limits.gap:.1e}",
+        ]
+        if len(self.meshes) > 1:
+            (own, *_), (nodes, lower, upper) = self.meshes
+            lines.append(
+                f"second mesh   {lower:.6g} and {upper:.6g} with {nodes} nodes instead of {own}"
+            )
+        lines += [f"{limit} binds   {limits.binding(limit)}" for limit in ("lower", "upper")]
+        if self.by_cycles is not None:
+            low, high = self.by_cycles
+            lines.append(
+                f"exact cycles  from rest or the safe slip end without slip up to {low:.4g}, "
+                f"not at {high:.4g}"
+            )
+        if self.opening is not None:
+            found = self.opening
+            more = " (none larger was looked at)" if found.value > (1.0 - 1e-6) * found.top else ""
+            more += " (search cut short)" if found.cut else ""
+            lines.append(
+                f"with opening  {found.value:.6g}{more}: nodes open and close without slip, found "
+                f"{FOUND_BY}"
+            )
+        return "\n".join([*lines, *(f"note: {note}" for note in self.notes)])
 
 
 def shakedown(
     scene: Scene,
     out: str | Path | None = None,
-    overwrite: bool = False,
-    comm: MPI.Comm | None = None,
-    progress: Say | None = None,
+    workers: int | None = None,
+    options: StudyOptions = StudyOptions(),
 ) -> ShakedownStudy | None:
     """Find the shakedown limits of a scene's table [shakedown]; all ranks call this together.
 
     Args:
         scene: the scene.
         out: folder for ``shakedown.json``, ``safe_slip.csv`` and the diagram; None writes nothing.
-        overwrite: replace an earlier study.
-        comm: communicator; all processes of the job when left out.
-        progress: called on rank 0 with the name of each stage.
+        workers: number of new processes for the second mesh, the diagram and exact cycles.
+        options: further options; there are no shards.
 
     Returns:
         The study on rank 0, None on the others.
@@ -79,57 +144,44 @@ def shakedown(
     Raises:
         RecedingError: on all ranks alike.
     """
-    comm = comm or mpi.world()
-    timer = Timer(progress if comm.rank == 0 else None)
-    options = scene.shakedown
-    if not options.mean or not options.range:
+    comm = mpi.world()
+    timer = Timer(options.progress if comm.rank == 0 else None)
+    given = scene.shakedown
+    if not given.mean or not given.range:
         raise InputError("[shakedown]: mean and range are missing; give the load factors of both")
     if scene.preloads:
         raise InputError(f"[shakedown]: is for loads alone; remove {', '.join(scene.preloads)}")
-    if out is not None:
-        mpi.on_root(comm, lambda: STUDY.check(Path(out), overwrite))
+    if options.shard is not None:
+        raise InputError("shakedown: its cases depend on each other; leave the shard out")
+    mpi.on_root(comm, lambda: check_folder(NAME, (CASES_OF, SUMMARY), out, options))
     # whole: a contact without friction is refused as such
     system = study.condense(scene, comm, timer.say, whole=True)
     with timer("limits"):
         limits, margins = _limits(scene, system, comm)
-    meshes, failure = [limits], ""
+    partner: Scene | None = None
+    failures: list[str] = []
     if all(body.mesh is None for body in scene.bodies):
-        with timer("second mesh"):
-            try:
-                partner = comm.bcast(mpi.on_root(comm, lambda: coarser(scene)))
-                if partner is not None:
-                    coarse = study.condense(partner, comm, whole=True)
-                    meshes.append(_limits(scene, coarse, comm)[0])
-            except RecedingError as error:  # the same on all ranks; the scene's own limits stand
-                failure = f"no limits on a coarser mesh: {error}"
-    with timer("diagram"):
-        diagram = _diagram(scene, margins, limits, comm)
+        try:
+            partner = comm.bcast(mpi.on_root(comm, lambda: coarser(scene)))
+        except RecedingError as error:  # the scene's own limits stand
+            failures.append(f"no limits on a coarser mesh: {error}")
 
-    def finish() -> ShakedownStudy:
+    def begin() -> Study[ShakedownStudy]:
         own, found = mpi.given(system), mpi.given(limits)
-        cycles, opening, failures = None, None, [failure] if failure else []
-        if found.opens and found.upper > 0.0 and not np.any(own.g0 > 0.0):
-            with timer("cycles"):
-                start = found.safe_slip_modelled
-                cycles = limit_by_cycles(own, options.mean, options.range, found.upper, start)
-            with timer("opening"):
-                try:
-                    opening = opening_limit(own, options.mean, options.range, found, cycles[1])
-                except RecedingError as error:  # cycles have told what they found
-                    failures.append(f"no range with opening nodes: {error}")
-        sizes = tuple((len(m.separated), m.lower, m.upper) for m in map(mpi.given, meshes))
-        if sizes[-1][2] > (1.0 + FALLS) * found.upper:
-            failures.append(
-                "the upper limit falls as the mesh is refined: at a free edge the continuum may "
-                "slip at any load range; both limits are those of the mesh"
-            )
-        notes = (*_notes(own, found, cycles is not None), *failures)
-        result = ShakedownStudy(own, found, sizes, diagram, cycles, notes, opening)
-        if out is not None:
-            write(Path(out), scene, result, timer.seconds)
-        return result
 
-    return mpi.on_root(comm, finish)
+        def combine(runner: Runner) -> ShakedownStudy:
+            with timer("cases"):
+                result = _combined(
+                    scene, partner, own, found, margins, runner, workers or comm.size, failures
+                )
+            if runner.folder is not None:
+                _write(runner.folder, scene, result, timer)
+            return result
+
+        results = (SUMMARY, SLIP, PICTURE)
+        return Study(NAME, CASES_OF, scene, combine, results=results)
+
+    return run_study(begin, out, workers, options)
 
 
 def _limits(
@@ -157,42 +209,195 @@ def _limits(
     return mpi.on_root(comm, end), bounded
 
 
-def _diagram(
-    scene: Scene, margins: Margins, limits: ShakedownLimits | None, comm: MPI.Comm
-) -> Diagram:
-    """Return the diagram on all ranks, each of which has found some of its points."""
-    options, names = scene.shakedown, scene.driven_names
-    first = next(name for vertex in options.range for name in vertex if vertex[name] != 0.0)
-    name = options.diagram or first
-    size = max(abs(vertex.get(name, 0.0)) for vertex in options.range)
-    own = options.mean.get(name, 0.0)
+def second_mesh(scene: Scene, body: str, systems: Path | None) -> dict[str, Any]:
+    """Return number of modelled nodes and limits on another mesh."""
+    system, given = shared_system(scene, body, systems), scene.shakedown
+    found = shakedown_limits(system, given.mean, given.range, given.separated, given.largest_slip)
+    return {"nodes": len(found.separated), "lower": found.lower, "upper": found.upper}
 
-    def span() -> Any:
-        top = mpi.given(limits).upper
-        width = max(1.5 * size * top if np.isfinite(top) else 0.0, abs(own)) or 1.0
-        return means(margins, names.index(name), width)
 
-    changes = comm.bcast(mpi.on_root(comm, span))
-    mine: Sequence[float] = changes[comm.rank :: comm.size]
-    part = mpi.on_all(comm, lambda: limits_at(margins, names.index(name), mine))
+def diagram_part(margins: Margins, load: int, changes: list[float]) -> dict[str, Any]:
+    """Return both limits for changes of one mean load."""
+    return {"limits": limits_at(margins, load, changes)}
+
+
+def cycles_of(scene: Scene, system: ContactSystem, limits: ShakedownLimits) -> dict[str, Any]:
+    """Return the interval in which exact cycles begin to slip for ever."""
+    given, start = scene.shakedown, limits.safe_slip_modelled
+    return {"interval": limit_by_cycles(system, given.mean, given.range, limits.upper, start)}
+
+
+def opening_of(
+    scene: Scene, system: ContactSystem, limits: ShakedownLimits, seen: float
+) -> dict[str, Any]:
+    """Return the largest range with opening nodes."""
+    given = scene.shakedown
+    found = vars(opening_limit(system, given.mean, given.range, limits, seen))
+    return found | {name: found[name].tolist() for name in ("slip", "closed")}
+
+
+def measure(work: Any, *arguments: Any) -> dict[str, Any]:
+    """Measure one case by its own function."""
+    return dict(work(*arguments))
+
+
+def _combined(
+    scene: Scene,
+    partner: Scene | None,
+    system: ContactSystem,
+    limits: ShakedownLimits,
+    margins: Margins,
+    runner: Runner,
+    parts: int,
+    failures: list[str],
+) -> ShakedownStudy:
+    """Run the cases and return the study of their outcomes."""
+    given, key = scene.shakedown, digest_of(identity_of(scene), system)
+    first = next(name for vertex in given.range for name in vertex if vertex[name] != 0.0)
+    name = given.diagram or first
+    load, own = scene.driven_names.index(name), given.mean.get(name, 0.0)
+    size = max(abs(vertex.get(name, 0.0)) for vertex in given.range)
+    width = max(1.5 * size * limits.upper if np.isfinite(limits.upper) else 0.0, abs(own)) or 1.0
+    changes = means(margins, load, width)
+
+    def case(label: str, work: Any, *arguments: Any) -> Case:
+        return Case(digest_of(key, label), (work, *arguments), (label,))
+
+    cases = [
+        case(f"diagram {k} of {parts}", diagram_part, margins, load, changes[k::parts].tolist())
+        for k in range(min(parts, len(changes)))
+    ]
+    n = len(cases)
+    plays = limits.opens and limits.upper > 0.0 and not np.any(system.g0 > 0.0)
+    if partner is not None:
+        body = body_of(partner)
+        cases.append(case("second mesh", second_mesh, partner, body, runner.systems))
+    if plays:
+        cases.append(case("exact cycles", cycles_of, scene, system, limits))
+    found = runner.outcomes(cases, measure)
     both = np.zeros((len(changes), 2))
-    for rank, found in enumerate(comm.allgather(part)):
-        if found:
-            both[rank :: comm.size] = found
-    return Diagram(name, own + changes, both[:, 0], both[:, 1], own)
+    for k, outcome in enumerate(found[:n]):
+        both[k::n] = _cells(outcome)["limits"]
+    diagram = Diagram(name, own + changes, both[:, 0], both[:, 1], own)
+    sizes = [(len(limits.separated), limits.lower, limits.upper)]
+    if partner is not None:
+        if found[n].error:
+            failures.append(f"no limits on a coarser mesh: {found[n].error}")
+        else:
+            sizes.append(tuple(found[n].cells[key] for key in ("nodes", "lower", "upper")))
+    cycles, opening = None, None
+    if plays:
+        low, high = _cells(found[-1])["interval"]
+        cycles = low, high
+        (last,) = runner.outcomes(
+            [case("opening", opening_of, scene, system, limits, high)], measure
+        )
+        if last.error:  # cycles have told what they found
+            failures.append(f"no range with opening nodes: {last.error}")
+        else:
+            arrays = {key: np.array(last.cells[key]) for key in ("slip", "closed")}
+            opening = Opening(**(last.cells | arrays))
+    if sizes[-1][2] > 1.01 * limits.upper:
+        failures.append(
+            "the upper limit falls as the mesh is refined: at a free edge the continuum may slip "
+            "at any load range; both limits are those of the mesh"
+        )
+    notes = (*_notes(system, limits, cycles is not None), *failures)
+    return ShakedownStudy(system, limits, tuple(sizes), diagram, cycles, notes, opening)
+
+
+def _cells(outcome: Outcome) -> dict[str, Any]:
+    """Return what a case has found, which must not fail."""
+    if outcome.error:
+        raise SolveError(outcome.error)
+    return outcome.cells
 
 
 def _notes(system: ContactSystem, limits: ShakedownLimits, played: bool) -> tuple[str, ...]:
     """Return sentences about what the limits are limits of."""
     notes = []
     if np.any(limits.separated) or np.any(system.g0 > 0.0):
-        notes.append(EDGE_NOTE)
+        notes.append(
+            "at an edge where the contact is free to recede the continuum slips at any load range: "
+            "both limits are those of the mesh, and fall on finer ones"
+        )
     if system.half:
         notes.append("half of the body is modelled: the limits are those of mirror-symmetric slip")
     if limits.opens:
-        notes.append(OPENS_NOTE + (CYCLES_NOTE if played else ""))
+        found = "; what exact cycles from rest and from the safe slip find is given apart"
+        notes.append(
+            "a node unloads at the upper limit, which is that of the closed contact: beyond, the "
+            f"contact may open and close without slip{found if played else ''}"
+        )
     if limits.lower == 0.0:
-        notes.append(ZERO_NOTE)
+        notes.append(
+            "the lower limit is 0 because some residual slip unloads a node, or lets one touch, "
+            "without any range; bound the slips of interest by [shakedown] largest_slip"
+        )
     elif limits.lower_is == CONJECTURE:
         notes.append("the lower limit is proved for two nodes only; for more it is a conjecture")
     return tuple(notes)
+
+
+# -- files ---------------------------------------------------------------------------------------
+
+
+def _write(folder: Path, scene: Scene, result: ShakedownStudy, timer: Timer) -> None:
+    """Write the results; several edges have no profile of safe slip."""
+    system = result.system
+    with new_file(folder / "scene.toml", overwrite=True) as beside:
+        beside.write_text(to_toml(scene), encoding="utf-8")
+    if len(np.unique(system.edges)) == 1:
+        columns = np.column_stack([mirror_of(system).odd(system.x), result.limits.safe_slip])
+        with new_file(folder / SLIP, overwrite=True) as beside:
+            np.savetxt(beside, columns, "%.17g", ",", header="x,value", comments="")
+    save(diagram_figure(result.diagram, result.opening), folder / PICTURE)
+    summary = _summary(scene, result) | {"timings": dict(timer.seconds)}
+    write_summary(folder / SUMMARY, summary, overwrite=True)
+
+
+def _summary(scene: Scene, result: ShakedownStudy) -> dict[str, Any]:
+    """Return the content of ``shakedown.json``, but for the timings."""
+    limits, options, diagram = result.limits, scene.shakedown, result.diagram
+    return {
+        "title": scene.title,
+        "mean": options.mean,
+        "range": list(options.range),
+        "modelled_nodes": result.system.n,
+        "symmetry": "half" if result.system.half else "none",
+        "lower": limits.lower,
+        "lower_is": limits.lower_is,
+        "upper": limits.upper,
+        "opens": limits.opens,
+        "active": [vars(active) for active in limits.active],
+        "largest_slip": options.largest_slip,
+        "separated": result.system.x[limits.separated].tolist(),
+        "safe_slip": limits.safe_slip.tolist(),
+        "residual": limits.residual,
+        "gap": limits.gap,
+        "meshes": [dict(zip(("nodes", "lower", "upper"), m, strict=True)) for m in result.meshes],
+        "by_cycles": result.by_cycles,
+        "opening": _opening(result),
+        "diagram": {
+            "load": diagram.load,
+            "mean": diagram.mean.tolist(),
+            "lower": diagram.lower.tolist(),
+            "upper": diagram.upper.tolist(),
+        },
+        "notes": list(result.notes),
+        "versions": versions(),
+    }
+
+
+def _opening(result: ShakedownStudy) -> dict[str, Any] | None:
+    """Return the largest range with opening nodes, and the whole contact's slip for it."""
+    found = result.opening
+    if found is None:
+        return None
+    return {
+        **{key: value for key, value in vars(found).items() if key not in ("slip", "closed")},
+        "found": FOUND_BY,
+        "verified_at": BELOW * found.value,
+        "opening_nodes": np.flatnonzero(~found.closed.all(axis=0)).tolist(),
+        "slip": mirror_of(result.system).odd(found.slip).tolist(),
+    }

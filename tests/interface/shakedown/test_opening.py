@@ -15,7 +15,7 @@ import receding_fenicsx as rf
 from receding_fenicsx.interface.shakedown import opening
 from receding_fenicsx.interface.shakedown.margins import load_range
 from receding_fenicsx.interface.shakedown.opening import largest_opening
-from receding_fenicsx.studies.shakedown.cycles import dissipated, limit_by_cycles, shakes_down
+from receding_fenicsx.studies.shakedown.exact_cycles import dissipated, limit_by_cycles, shakes_down
 
 
 def rocked(seed: int, n: int, corners: int = 2) -> Case:
@@ -198,7 +198,7 @@ def test_motion_that_exact_cycles_do_not_confirm_is_refused(
         found = largest_opening(*task)  # type: ignore[arg-type]
         return replace(found, value=1.02 * found.value)
 
-    monkeypatch.setattr("receding_fenicsx.studies.shakedown.opening.largest_opening", too_much)
+    monkeypatch.setattr("receding_fenicsx.studies.shakedown.exact_cycles.largest_opening", too_much)
     with pytest.raises(rf.SolveError, match="exact cycles from the slip found dissipate"):
         rf.opening_limit(*case, limits)
 
@@ -211,7 +211,7 @@ def test_what_has_no_range_with_opening_nodes_is_refused(monkeypatch: pytest.Mon
         rf.opening_limit(gaps, *case[1:], limits)
     with pytest.raises(rf.InputError, match="positive, finite upper limit"):
         rf.opening_limit(*case, replace(limits, upper=np.inf))
-    monkeypatch.setattr("receding_fenicsx.studies.shakedown.opening.MOST_NODES", 1)
-    monkeypatch.setattr("receding_fenicsx.studies.shakedown.opening.ALL_NODES", 1)
+    monkeypatch.setattr("receding_fenicsx.studies.shakedown.exact_cycles.MOST_NODES", 1)
+    monkeypatch.setattr("receding_fenicsx.studies.shakedown.exact_cycles.ALL_NODES", 1)
     with pytest.raises(rf.InputError, match=r"[23] nodes open, 1 at most are tried"):
         rf.opening_limit(*case, limits)
