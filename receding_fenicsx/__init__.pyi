@@ -44,16 +44,16 @@ from .exchange.reduced import reduced_model as reduced_model, ReducedModel as Re
 # Run
 from .studies.run import run as run, RunOptions as RunOptions
 from .evolution.evolve import evolve as evolve
-from .interface.solver import Solver as Solver
+from .evolution.solvers import Solver as Solver
 from .evolution.solvers import SOLVERS as SOLVERS
 from .interface.system import Leg as Leg
 from .evolution.record import Record as Record
-from .evolution.probe_history import ProbeHistory as ProbeHistory
+from .evolution.probes import ProbeHistory as ProbeHistory
 from .store.hdf5 import read_record as read_record, write_record as write_record
 from .evolution.replay import instant_of as instant_of, state_at as state_at
 
 # Several continuations
-from .evolution.branching.tree import (
+from .evolution.branches import (
     branches as branches,
     BranchTree as BranchTree,
     Branch as Branch,

@@ -15,8 +15,7 @@ from receding_fenicsx.atomic import new_file
 from receding_fenicsx.errors import InputError, SolveError
 from receding_fenicsx.evolution.collect import record_of
 from receding_fenicsx.evolution.evolve import continue_history
-from receding_fenicsx.evolution.histories.corners import CORNERS, with_corners
-from receding_fenicsx.evolution.histories.tightening import tightened
+from receding_fenicsx.evolution.histories import CORNERS, tightened, with_corners
 from receding_fenicsx.evolution.journal import JOURNAL, Journal, JournalFile
 from receding_fenicsx.evolution.problem import problem_of_scene
 from receding_fenicsx.evolution.record import Record

@@ -6,11 +6,10 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from receding_fenicsx.interface.changes import Changes
 from receding_fenicsx.interface.exact.path import EventPath
 from receding_fenicsx.interface.exact.segments import Segments
 from receding_fenicsx.interface.law import SEPARATION, STICK
-from receding_fenicsx.interface.system import ContactState, Leg
+from receding_fenicsx.interface.system import Changes, ContactState, Leg
 from receding_fenicsx.interface.tolerances import SIMULTANEOUS
 
 

@@ -8,11 +8,10 @@ from typing import Any
 import numpy as np
 
 from receding_fenicsx.arrays import Array
-from receding_fenicsx.interface.changes import Changes
 from receding_fenicsx.interface.exact.legs import LegProblem
 from receding_fenicsx.interface.exact.path import EventPath
 from receding_fenicsx.interface.law import BACKWARD, FORWARD, SEPARATION, STICK
-from receding_fenicsx.interface.system import ContactState, Leg, reactions
+from receding_fenicsx.interface.system import Changes, ContactState, Leg, reactions
 
 ON_LIMIT, TURNS = 1e-12, 1e-10
 """Distance from a limit over the force scale, and rate over the largest one, that are none."""

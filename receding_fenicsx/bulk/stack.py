@@ -266,7 +266,7 @@ def condense(bodies: Stack, route: str = "schur") -> ContactSystem | None:
     Returns:
         The condensed system on rank 0, None on the others, with the data of the contact nodes, each
         on its first body. Its friction and gap are NaN:
-        :func:`receding_fenicsx.evolution.prepare.with_profiles` sets them.
+        :func:`receding_fenicsx.evolution.problem.with_profiles` sets them.
 
     Raises:
         InputError, SolveError: see :meth:`Stack.condense`; on all ranks.

@@ -1,6 +1,6 @@
 """Evolution of a condensed contact along a load history, into a record.
 
-1. **Prepare**: :func:`~receding_fenicsx.evolution.prepare.system_for` gives the system the friction
+1. **Prepare**: :func:`~receding_fenicsx.evolution.problem.system_for` gives the system the friction
    and the gap of a scene; :func:`~receding_fenicsx.evolution.problem.problem_of_scene` or
    :func:`~receding_fenicsx.evolution.problem.problem_of_history` checks it with its history.
    :mod:`receding_fenicsx.evolution.histories` finds the corners of a harmonic history, and the
@@ -12,7 +12,7 @@
    :meth:`~receding_fenicsx.evolution.run_state.RunState.trace_cycle` follows each leg by the solver
    and checks its energy identity (:func:`~receding_fenicsx.evolution.checks.energy_error`). The
    finished cycle goes to the journal and to the watch for the steady state
-   (:func:`~receding_fenicsx.evolution.cycle_data.add_to_watch`). At checkpoints the solver is
+   (:func:`~receding_fenicsx.evolution.instants.add_to_watch`). At checkpoints the solver is
    replaced by a new one, so that a resumed run repeats an undisturbed one bit by bit.
 4. **Record**: :func:`~receding_fenicsx.evolution.collect.record_of` mirrors the modelled nodes to
    the whole contact and returns the :class:`~receding_fenicsx.evolution.record.Record`.

@@ -9,15 +9,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from receding_fenicsx.arrays import Array
-from receding_fenicsx.evolution.cycle_data import (
+from receding_fenicsx.evolution.instants import (
     FinishedCycle,
+    Instant,
     Samples,
     Totals,
     events_of,
     steady_watch,
 )
-from receding_fenicsx.evolution.instants import Instant
-from receding_fenicsx.evolution.probing import probes_table
+from receding_fenicsx.evolution.probes import probes_table
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.evolution.record_data import Cycles, Events, PathUniqueness, States, Steady
 from receding_fenicsx.interface.law import MIRRORED, State

@@ -1,7 +1,12 @@
-"""Instants and events of the modelled nodes, and the state at rest that a history starts from."""
+"""Instants, events and finished cycles of the modelled nodes, and the state at rest.
+
+From the data of finished cycles a history is resumed and its record assembled.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
@@ -9,7 +14,12 @@ from numpy.typing import NDArray
 
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.interface.law import State
+from receding_fenicsx.interface.measures.steady import CycleEnd, SteadyWatch
+from receding_fenicsx.interface.normal_form import frictional_form
 from receding_fenicsx.interface.system import ContactState, ContactSystem
+from receding_fenicsx.interface.tolerances import STEADY_TOLERANCE
+from receding_fenicsx.interface.uniqueness.watch import Uniqueness
+from receding_fenicsx.scene.model import SolverOptions
 
 
 class Instant(NamedTuple):
@@ -78,3 +88,93 @@ def rest_state(system: ContactSystem, slip: Array | None = None) -> ContactState
     v = np.zeros(n) if slip is None else slip
     state = np.where(system.g0 > 0.0, State.SEPARATION, State.STICK).astype(np.int8)
     return ContactState(np.concatenate([v, np.zeros(n)]), np.zeros(2 * n), state)
+
+
+@dataclass
+class Samples:
+    """Instants and events along the legs of one cycle; rows of events in parts, as `event_rows`."""
+
+    instants: list[Instant] = field(default_factory=list)
+    events: list[NDArray[np.void]] = field(default_factory=list)
+
+
+def events_of(system: ContactSystem, samples: Iterable[Samples]) -> NDArray[np.void]:
+    """Return all rows of events."""
+    parts = [part for one in samples for part in one.events]
+    return np.concatenate([event_rows(system), *parts])
+
+
+class Totals(NamedTuple):
+    """Maxima and sums over the history up to an instant.
+
+    Attributes:
+        force_scale: largest nodal force.
+        energy_scale: largest energy of a leg.
+        residual: largest residual of the contact law over the force scale.
+        energy_error: largest relative error of a leg's energy identity.
+        sweeps: Gauss-Seidel sweeps.
+        events: changes of state of the whole contact.
+        jumps: jumps stepped over.
+        released: energy released by the jumps, of the modelled body.
+    """
+
+    force_scale: float = 0.0
+    energy_scale: float = 0.0
+    residual: float = 0.0
+    energy_error: float = 0.0
+    sweeps: int = 0
+    events: int = 0
+    jumps: int = 0
+    released: float = 0.0
+
+
+@dataclass(frozen=True)
+class FinishedCycle:
+    """Results of one finished cycle.
+
+    Attributes:
+        corners: the ends of its legs.
+        dissipation: (N,) frictional dissipation of the modelled nodes.
+        slip: (N,) v at its end less v at its start.
+        totals: over the history up to its end.
+        samples: its samples and events, where they were asked for.
+        uniqueness: whether the path up to its end is the only one.
+    """
+
+    corners: list[Instant]
+    dissipation: Array
+    slip: Array
+    totals: Totals
+    samples: Samples | None = None
+    uniqueness: Uniqueness = field(default_factory=Uniqueness)
+
+
+def steady_watch(
+    system: ContactSystem, solver: SolverOptions, cycles: list[FinishedCycle]
+) -> SteadyWatch:
+    """Return the watch for the steady state after some finished cycles."""
+    watch = new_watch(system, solver.steady_tolerance or STEADY_TOLERANCE)
+    for cycle in cycles:
+        watch.add(end_of(cycle))
+    return watch
+
+
+def new_watch(system: ContactSystem, tolerance: float) -> SteadyWatch:
+    """Return a watch for the steady state that has seen no cycle."""
+    model = frictional_form(system)
+    friction = np.maximum(model.friction.forward, model.friction.backward)
+    return SteadyWatch(tolerance, model.K[: model.n], friction)
+
+
+def end_of(cycle: FinishedCycle) -> CycleEnd:
+    """Return what a cycle leaves for the watch."""
+    corners, totals = cycle.corners, cycle.totals
+    return CycleEnd(
+        r=corners[-1].state.r,
+        v=corners[-1].v,
+        dissipation=cycle.dissipation,
+        pressed=np.max([corner.state.P for corner in corners], axis=0),
+        reach=np.max([np.abs(corner.state.u) for corner in corners], axis=0),
+        force=totals.force_scale,
+        residual=totals.residual,
+    )

@@ -1,31 +1,138 @@
-"""Problem to be evolved: a condensed system with its history, solver, output and initial slip."""
+"""Problem to be evolved: a system with the friction and gap of a scene, history, solver, output."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass, fields, replace
+from typing import Any
 
 import numpy as np
 
 from receding_fenicsx.arrays import Array, as_numbers
 from receding_fenicsx.errors import InputError
-from receding_fenicsx.evolution.prepare import has_probes_of, system_for
 from receding_fenicsx.interface.branches.choice import FIRST, Chooser, chooser_for
+from receding_fenicsx.interface.measures.zones import begins_on_axis
+from receding_fenicsx.interface.normal_form import eliminate_tangential
 from receding_fenicsx.interface.system import ContactSystem
 from receding_fenicsx.interface.system_checks import LARGEST, check_range, check_system
 from receding_fenicsx.interface.tolerances import LIMIT_CYCLE_TOLERANCE
 from receding_fenicsx.scene.history import History, check_history, history_from_scene
 from receding_fenicsx.scene.identity import body_difference
 from receding_fenicsx.scene.model import OutputOptions, Scene, SolverOptions
-from receding_fenicsx.scene.profiles import evaluate_checked
-from receding_fenicsx.scene.toml_file import known_scene
+from receding_fenicsx.scene.profiles import Profile, directions, evaluate, evaluate_checked
+from receding_fenicsx.scene.toml_file import known_scene, to_toml
 from receding_fenicsx.scene.toml_reader import check_values
 from receding_fenicsx.scene.validate import check_solver, validate
 
+
+def with_profiles(scene: Scene, system: ContactSystem) -> ContactSystem:
+    """Return a system with the friction and the initial gap of a scene at its contact nodes.
+
+    They are evaluated here only, for a newly condensed body and for a saved one. Body, material,
+    mesh, contact edges, loads and supports of the scene must be those that the system was condensed
+    from. Probes of another scene are dropped.
+
+    Raises:
+        InputError: friction or gap is negative at a node, or cannot be evaluated there.
+    """
+    pairs = [directions(contact.friction) for contact in scene.contacts]
+    f, f_backward = (_values(scene, system, "friction", p) for p in zip(*pairs, strict=True))
+    # a support carries the normal force there, not the contact: no friction
+    f[system.held[system.n :]] = f_backward[system.held[system.n :]] = 0.0
+    gaps = [contact.initial_gap for contact in scene.contacts]
+    return replace(
+        system,
+        f=f,
+        g0=_shifted_to_axis(scene, system, _values(scene, system, "initial_gap", gaps)),
+        scene_toml=to_toml(scene),
+        f_backward=None if np.array_equal(f, f_backward) else f_backward,
+        probes=system.probes if scene.probes and has_probes_of(scene, system) else None,
+    )
+
+
+def has_probes_of(scene: Scene, system: ContactSystem) -> bool:
+    """Return whether a system has the probes of a scene, for which it need not be condensed."""
+    if not scene.probes or system.probes is None or not system.scene_toml:
+        return not scene.probes
+    return known_scene(system.scene_toml).probes == scene.probes
+
+
+def system_for(scene: Scene, system: ContactSystem) -> ContactSystem:
+    """Return a system with the friction and the gap of a scene, in the form that is evolved.
+
+    Without friction the tangential displacements are eliminated. All arrays are made contiguous, as
+    they are when read from a file, so that a saved system gives the same answer bit by bit.
+
+    Raises:
+        InputError: as :func:`with_profiles`; or the scene has friction and the system has no
+            tangential displacements.
+    """
+    system = with_profiles(scene, system)
+    if system.kind == "frictional" and not np.any(system.friction.present):
+        system = eliminate_tangential(system)
+    if system.kind == "normal" and np.any(system.friction.present):
+        raise InputError(
+            "the system has no tangential displacements, since it was condensed without friction; "
+            "condense the scene again"
+        )
+    arrays: dict[str, Any] = {}
+    for field in fields(system):
+        value = getattr(system, field.name)
+        if isinstance(value, np.ndarray):
+            arrays[field.name] = np.ascontiguousarray(value)
+    return replace(system, **arrays)
+
+
+def _values(scene: Scene, system: ContactSystem, key: str, profiles: Sequence[Profile]) -> Array:
+    """Return the values (N,) of the contacts' profiles at their nodes; refuse negative ones."""
+    values = np.empty(system.n)
+    for k, profile in enumerate(profiles):
+        on = system.edges == k
+        found = evaluate_checked(profile, system.x[on], None, f"[contact] {key}")
+        values[on] = _without_round_off(found)
+    if np.any(values < 0.0):
+        i = int(np.argmin(values))
+        edge = scene.contacts[system.edges[i]].edge
+        raise InputError(
+            f"[contact] {key}: is {values[i]:g} at x = {system.x[i]:g} along '{edge}'; it must not "
+            "be negative"
+        )
+    return values
+
+
+def _without_round_off(values: Array) -> Array:
+    """Return values with round-off set to 0, so that a node near x = 0 touches for a gap x^2."""
+    # gap or friction, over the largest one along the edge, below which it is round-off of zero
+    is_zero = np.abs(values) <= 1e-10 * np.abs(values).max(initial=0.0)
+    return np.where(is_zero, 0.0, values)
+
+
+def _shifted_to_axis(scene: Scene, system: ContactSystem, g0: Array) -> Array:
+    """Return the gap of a free body of revolution, shifted so that the body touches on its axis."""
+    if not (system.axisymmetric and system.rigid.shape[1]):
+        return g0
+    for k, contact in enumerate(scene.contacts):
+        first = int(np.argmax(system.edges == k))
+        on = system.edges == k
+        radius = system.points[on, 0]
+        if not begins_on_axis(radius, system.weight[on]):
+            continue
+        # the smallest motion that opens this contact by 1
+        w = system.rigid[system.n :]
+        share = np.linalg.pinv(w.T @ w) @ w[first]
+        if not w[first] @ share > 0.0:
+            continue
+        lift = _without_round_off(w @ share / (w[first] @ share))
+        above = lift > 0.0
+        on_axis = float(evaluate(contact.initial_gap, np.zeros(1))[0])
+        depth = float((g0[above] / lift[above]).min()) - on_axis
+        if depth > 0.0:
+            g0 = _without_round_off(g0 - depth * lift)
+    return g0
+
+
 LEAST_TOLERANCE = 1e-13
 """Smallest tolerance of the limit: round-off of a cycle's forces over the largest."""
-
-DEFAULT_SAMPLED_CYCLES = (0, 1, 2, 9)
-"""Cycles that get samples and events by default, beside the last one."""
 
 
 @dataclass(frozen=True)
@@ -66,7 +173,8 @@ class Problem:
 
     def is_sampled(self, cycle: int) -> bool:
         """Return whether samples of a cycle were asked for by its number."""
-        wanted = DEFAULT_SAMPLED_CYCLES if self.output.cycles is None else self.output.cycles
+        # cycles that get samples and events by default, beside the last one
+        wanted = (0, 1, 2, 9) if self.output.cycles is None else self.output.cycles
         return wanted == "all" or cycle in wanted
 
 
@@ -75,7 +183,7 @@ def problem_of_scene(system: ContactSystem, scene: Scene) -> Problem:
 
     Raises:
         ValueError: the shortenings of its bolts are not known
-            (:mod:`~receding_fenicsx.evolution.histories.tightening`).
+            (:mod:`~receding_fenicsx.evolution.histories`).
         InputError: the scene is not valid, or the system is that of another body.
     """
     validate(scene)

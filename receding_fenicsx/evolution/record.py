@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from receding_fenicsx.arrays import Ints
 from receding_fenicsx.evolution import description, moment, tables
-from receding_fenicsx.evolution.probe_history import ProbeHistory, history_of
+from receding_fenicsx.evolution.probes import ProbeHistory, history_of
 from receding_fenicsx.evolution.record_data import Events, RecordData, States
 from receding_fenicsx.scene.model import Scene
 from receding_fenicsx.scene.toml_file import known_scene

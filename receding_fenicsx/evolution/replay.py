@@ -16,8 +16,12 @@ from receding_fenicsx.interface.law import SLIP_SIGN, State
 from receding_fenicsx.interface.measures.steady import RATCHETTING
 from receding_fenicsx.interface.mirror import mirror_of
 from receding_fenicsx.interface.normal_form import frictional_form
-from receding_fenicsx.interface.rigid_motions import neutral_motions
-from receding_fenicsx.interface.system import ContactState, ContactSystem, reactions
+from receding_fenicsx.interface.system import (
+    ContactState,
+    ContactSystem,
+    neutral_motions,
+    reactions,
+)
 from receding_fenicsx.scene.history import History, history_from_scene, leg_number
 from receding_fenicsx.scene.model import Scene, SolverOptions
 

@@ -17,9 +17,17 @@ from receding_fenicsx.evolution.checks import (
     check_landing,
     energy_error,
 )
-from receding_fenicsx.evolution.cycle_data import FinishedCycle, Samples, Totals, steady_watch
-from receding_fenicsx.evolution.instants import Instant, event_rows, instant, rest_state
-from receding_fenicsx.evolution.probing import known_places, probed_at
+from receding_fenicsx.evolution.instants import (
+    FinishedCycle,
+    Instant,
+    Samples,
+    Totals,
+    event_rows,
+    instant,
+    rest_state,
+    steady_watch,
+)
+from receding_fenicsx.evolution.probes import known_places, probed_at
 from receding_fenicsx.evolution.problem import Problem
 from receding_fenicsx.evolution.solvers import make_solver
 from receding_fenicsx.interface.law import SEPARATION, SLIP_SIGN, STATE_NAMES, STICK, State

@@ -30,7 +30,7 @@ from receding_fenicsx.arrays import Array
 from receding_fenicsx.bulk import stack
 from receding_fenicsx.bulk.from_scene import bulk_of
 from receding_fenicsx.errors import InputError, NotConverged
-from receding_fenicsx.evolution.prepare import with_profiles
+from receding_fenicsx.evolution.problem import with_profiles
 from receding_fenicsx.interface.system import ContactSystem
 from receding_fenicsx.modal.modes import Assembled, assembled
 from receding_fenicsx.mpi import given

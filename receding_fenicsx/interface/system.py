@@ -1,4 +1,4 @@
-"""Data of the condensed contact problem: contact system, states of all nodes, legs.
+"""Data of the condensed contact problem: contact system, states, legs, rigid motions.
 
 Notation of Ahn & Barber (2008): ``v``, ``w`` are the tangential and normal displacements of a
 contact node, ``Q``, ``P`` the tangential and normal reactions on the body (``P > 0`` is
@@ -9,6 +9,7 @@ compression), and
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -16,8 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from receding_fenicsx.arrays import Array, brief, described
-from receding_fenicsx.interface.changes import Changes
 from receding_fenicsx.interface.law import Friction, friction_of
+from receding_fenicsx.interface.tolerances import RIGID_TOLERANCE
 
 
 @dataclass(frozen=True)
@@ -181,6 +182,67 @@ class ContactState:
         return ContactState(self.u.copy(), self.r.copy(), self.state.copy())
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Changes:
+    """Changes of state of single nodes, one a row, in order of place.
+
+    Attributes:
+        s: (k,) places on the leg.
+        node: (k,) nodes.
+        old, new: (k,) their states before and after.
+    """
+
+    s: Array
+    node: NDArray[np.intp]
+    old: NDArray[np.int8]
+    new: NDArray[np.int8]
+
+    @classmethod
+    def none(cls) -> Changes:
+        """Return no changes."""
+        states = np.zeros((2, 0), dtype=np.int8)
+        return cls(np.zeros(0), np.zeros(0, dtype=np.intp), *states)
+
+    @classmethod
+    def of(cls, rows: Iterable[tuple[float, int, int, int]]) -> Changes:
+        """Return changes that were noted one by one: place, node, old state, new state."""
+        s, node, old, new = list(zip(*rows, strict=True)) or [()] * 4
+        states = (np.array(column, dtype=np.int8) for column in (old, new))
+        return cls(np.array(s, dtype=float), np.array(node, dtype=np.intp), *states)
+
+    @classmethod
+    def between(cls, s: float, old: NDArray[np.int8], new: NDArray[np.int8]) -> Changes:
+        """Return the changes between the states (N,) of all nodes before and after s."""
+        node = (old != new).nonzero()[0]
+        return cls(np.full(len(node), s), node, old[node], new[node])
+
+    @classmethod
+    def joined(cls, *parts: Changes) -> Changes:
+        """Return the changes of several parts, one after the other."""
+        some = [part for part in parts if len(part)]
+        if len(some) < 2:
+            return some[0] if some else cls.none()
+        columns = zip(*((part.s, part.node, part.old, part.new) for part in some), strict=True)
+        return cls(*map(np.concatenate, columns))
+
+    def __len__(self) -> int:
+        """Return the number k of changes."""
+        return len(self.s)
+
+    def __iter__(self) -> Iterator[tuple[float, int, int, int]]:
+        """Yield place, node, old state and new state of one change after the other."""
+        columns = self.s, self.node, self.old, self.new
+        return zip(*(column.tolist() for column in columns), strict=True)
+
+    def select(self, rows: NDArray[np.bool_] | NDArray[np.intp] | slice) -> Changes:
+        """Return some of the changes: a mask, numbers of rows in the order wanted, or a slice."""
+        return Changes(self.s[rows], self.node[rows], self.old[rows], self.new[rows])
+
+    def placed(self, scale: float, offset: float = 0.0) -> Changes:
+        """Return the same changes at the places ``offset + scale * s``."""
+        return Changes(offset + scale * self.s, self.node, self.old, self.new)
+
+
 @dataclass
 class Leg:
     """One straight piece of the load path, traced by any method.
@@ -238,3 +300,39 @@ def reactions(system: ContactSystem, load: Array, u: Array) -> Array:
         [1.0, 3.0]
     """
     return load @ system.r_star + system.K @ u
+
+
+def neutral_motions(rigid: Array, kept: NDArray[np.bool_]) -> Array:
+    """Return (2N, k) orthonormal rigid motions that leave the kept freedoms where they are.
+
+    Args:
+        rigid: (2N, n) rigid motions that supports leave.
+        kept: (2N,) freedoms whose displacement is given.
+    """
+    if rigid.shape[1] == 0:
+        return rigid
+    given = rigid[kept]
+    _, size, right = np.linalg.svd(given, full_matrices=len(given) < rigid.shape[1])
+    motions = rigid @ right[int(np.count_nonzero(size > RIGID_TOLERANCE)) :].T
+    return np.linalg.qr(motions)[0] if motions.size else motions
+
+
+def has_rigid(rigid: Array, motion: Array) -> bool:
+    """Return whether a motion (2N,) of the contact nodes is among the rigid ones left free."""
+    if rigid.shape[1] == 0:
+        return False
+    weights = np.linalg.lstsq(rigid, motion, rcond=None)[0]
+    return bool(np.abs(rigid @ weights - motion).max() <= RIGID_TOLERANCE)
+
+
+def softest_motion(K: Array, held: NDArray[np.bool_], rigid: Array) -> float:
+    """Return the stiffness of the softest motion that is not free, over that of the stiffest.
+
+    Args:
+        K: (2N, 2N) stiffness.
+        held: (2N,) freedoms that supports hold.
+        rigid: (2N, n) rigid motions that supports leave.
+    """
+    stiffness = np.linalg.eigvalsh(K[np.ix_(~held, ~held)])[rigid.shape[1] :]
+    largest = float(stiffness.max(initial=0.0))
+    return float(stiffness[0]) / largest if largest > 0.0 else 1.0

@@ -18,9 +18,6 @@ from receding_fenicsx.measures.half_widths import tractions
 from receding_fenicsx.reference.corners import corner_exponent
 from receding_fenicsx.scene.rectangle_edges import edge_range
 
-SINGULAR = -0.05
-"""Fitted exponent below which a corner counts as singular where no closed form is known."""
-
 
 def corners_of(record: Record, row: int) -> dict[str, Any]:
     """Return the corners in contact at a turning point, and whether the pressure is singular there.
@@ -63,7 +60,8 @@ def is_singular(corner: Mapping[str, Any]) -> bool:
     """Return whether stresses are infinite at a corner of :func:`corners_of`."""
     exact, fitted = corner["exponent"], corner["fitted"]
     if exact is None:
-        return fitted is not None and fitted < SINGULAR
+        # fitted exponent below which a corner counts as singular where no closed form is known
+        return fitted is not None and fitted < -0.05
     return bool(exact < 0.0 and (fitted is None or fitted < 0.0))
 
 

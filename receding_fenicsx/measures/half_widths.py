@@ -18,9 +18,6 @@ from receding_fenicsx.interface.measures.zone_ends import (
 )
 from receding_fenicsx.interface.measures.zones import contact_half_width, stick_half_width
 
-AGAINST_X = ("top", "left")
-"""Edges of a rectangle whose x is opposite to the tangential direction t = (n_y, -n_x)."""
-
 
 def half_width_estimates(record: Record, row: int, betas: tuple[float, ...] = ()) -> dict[str, Any]:
     """Estimate the half widths at a turning point.
@@ -66,14 +63,11 @@ def half_widths(record: Record, row: int) -> dict[str, float | None]:
     return {key: width if bears and np.isfinite(width) else None for key, width in widths.items()}
 
 
-NEGLIGIBLE_FORCE = 1e-12
-"""Part of the record's largest nodal force below which a force is round-off."""
-
-
 def _bears(record: Record, row: int) -> bool:
     """Return whether the contact carries a force at a turning point."""
     P = np.abs(record.turning_points.P)
-    return bool(P[row].max(initial=0.0) > NEGLIGIBLE_FORCE * P.max(initial=0.0))
+    # part of the record's largest nodal force below which a force is round-off
+    return bool(P[row].max(initial=0.0) > 1e-12 * P.max(initial=0.0))
 
 
 def estimated_ends(record: Record, row: int, betas: tuple[float, ...] = ()) -> list[dict[str, Any]]:
@@ -121,7 +115,8 @@ def contact_betas(record: Record) -> tuple[float, ...]:
     if body.mesh is not None:
         # x runs along t
         return (beta, -beta) if scene.axisymmetric and beta != 0.0 else (beta,)
-    return (-beta,) if edge in AGAINST_X else (beta,)
+    # edges of a rectangle whose x is opposite to the tangential direction t = (n_y, -n_x)
+    return (-beta,) if edge in ("top", "left") else (beta,)
 
 
 def _shown(ends: Sequence[ZoneEnd]) -> dict[str, Any]:

@@ -20,8 +20,6 @@ from receding_fenicsx.interface.law import State
 from receding_fenicsx.interface.mirror import mirror_of
 from receding_fenicsx.interface.system import ContactSystem
 
-AT_LIMIT = 1e-6
-"""Largest relative difference of |Q| and f P of a node at its friction limit."""
 NEGLIGIBLE_SLIP = 1e-4
 """Largest range of v over a cycle, over that of any node of the edge, that counts as no slip."""
 SLIP = (State.FORWARD_SLIP, State.BACKWARD_SLIP)
@@ -126,7 +124,8 @@ def limit_nodes(record: Record, cycle: int) -> LimitNodes:
 
 def _is_at_limit(record: Record, Q: Array, P: Array) -> NDArray[np.bool_]:
     """Return whether the tangential reactions Q reach a limit at the pressures P."""
-    low, high = record.friction.limits((1.0 - AT_LIMIT) * P)
+    # largest relative difference of |Q| and f P of a node at its friction limit
+    low, high = record.friction.limits((1.0 - 1e-6) * P)
     return (Q <= low) | (Q >= high)
 
 

@@ -35,8 +35,8 @@ from receding_fenicsx.bulk.from_scene import bulk_of
 from receding_fenicsx.bulk.stack import Stack
 from receding_fenicsx.errors import InputError, NotConverged, SolveError
 from receding_fenicsx.evolution.evolve import evolve
-from receding_fenicsx.evolution.histories.tightening import tightened
-from receding_fenicsx.evolution.prepare import with_profiles
+from receding_fenicsx.evolution.histories import tightened
+from receding_fenicsx.evolution.problem import with_profiles
 from receding_fenicsx.interface.law import State
 from receding_fenicsx.interface.system import ContactSystem
 from receding_fenicsx.mpi import given

@@ -41,11 +41,8 @@ LARGEST, SMALLEST = 2.0, 1e-3
 """Range of the real part of lambda that is searched."""
 STARTS = (40, 9)
 """Starts of Newton's method along the real and the imaginary axis of lambda."""
-NEWTON_STEPS = 25
 STEP = 1e-5
 """Step of the difference quotient in lambda."""
-ROOT_TOLERANCE = 1e-8
-"""Largest determinant that counts as zero; its terms are of order one."""
 
 
 def characteristic(lam: NDArray[Any], angle: float, kappa: float, slip: float | None) -> Any:
@@ -98,13 +95,14 @@ def corner_exponent(angle: float, kappa: float, slip: float | None = None) -> co
     )
     lam = (real + 1j * imaginary).ravel()
     with np.errstate(all="ignore"):
-        for _ in range(NEWTON_STEPS):
+        for _ in range(25):
             value = characteristic(lam, alpha, kappa, slip)
             up, down = (characteristic(lam + d, alpha, kappa, slip) for d in (STEP, -STEP))
             lam = lam - 2.0 * STEP * value / (up - down)
         size = np.abs(characteristic(lam, alpha, kappa, slip))
     # lambda = 0 is a rigid motion
-    good = lam[(size < ROOT_TOLERANCE) & (lam.real > SMALLEST) & (lam.real < LARGEST)]
+    # largest determinant that counts as zero; its terms are of order one
+    good = lam[(size < 1e-8) & (lam.real > SMALLEST) & (lam.real < LARGEST)]
     if not len(good):
         raise SolveError(f"a corner of {angle:g} degrees has no exponent below {LARGEST - 1.0:g}")
     smallest = good[np.argmin(good.real)]

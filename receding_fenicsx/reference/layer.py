@@ -41,8 +41,6 @@ PANELS, MAX_WAVE_NUMBER = 100, 40.0
 """Gauss panels over the wave numbers 0 < k < 40 / h, where R and G have fallen to 1e-16."""
 ALTERNATIONS, WIDTH_TOLERANCE = 30, 1e-9
 """Largest number of rounds for two half widths, and their relative change that ends them."""
-EXTRA_POINTS = 40
-"""Chebyshev points of a transform besides one for every half wave."""
 
 
 def contact_half_width(load: float = 0.0, modulus_ratio: float = 0.0) -> float:
@@ -132,7 +130,8 @@ def _kernels(z: Array) -> tuple[Array, Array]:
 
 def _transforms(k: Array, c: float) -> tuple[Array, Array]:
     """Return the cosine transforms of the terms of a pressure on |x| < c, at k and at 0."""
-    points = int(0.5 * k[-1] * c) + EXTRA_POINTS
+    # chebyshev points of a transform besides one for every half wave
+    points = int(0.5 * k[-1] * c) + 40
     angle = math.pi * (np.arange(points) + 0.5) / points
     order = 2 * np.arange(TERMS) + 1
     terms = np.sin(np.multiply.outer(angle, order)) * np.sin(angle)[:, None]

@@ -11,7 +11,7 @@ from typing import Any
 import h5py
 
 from receding_fenicsx.errors import InputError
-from receding_fenicsx.evolution.prepare import system_for
+from receding_fenicsx.evolution.problem import system_for
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.evolution.record_data import (
     Cycles,

@@ -6,7 +6,7 @@ import csv
 from pathlib import Path
 
 from receding_fenicsx.atomic import make_folder, new_file
-from receding_fenicsx.evolution.probe_history import probe_names
+from receding_fenicsx.evolution.probes import probe_names
 from receding_fenicsx.evolution.record import Record
 
 PROBES = "probes"

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 
 from receding_fenicsx.atomic import make_folder, new_file, unwritable
 from receding_fenicsx.errors import InputError, RecedingError
-from receding_fenicsx.evolution.histories.corners import CORNERS
+from receding_fenicsx.evolution.histories import CORNERS
 from receding_fenicsx.evolution.journal import JOURNAL, has_checkpoint
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.interface.system import ContactSystem

@@ -12,8 +12,7 @@ from receding_fenicsx.arrays import check_types
 from receding_fenicsx.bulk.from_scene import condensed, is_small, probes_of
 from receding_fenicsx.errors import InputError, SolveError, ToleranceNotMet
 from receding_fenicsx.evolution.evolve import evolve_bare
-from receding_fenicsx.evolution.prepare import system_for, with_profiles
-from receding_fenicsx.evolution.problem import problem_of_scene
+from receding_fenicsx.evolution.problem import problem_of_scene, system_for, with_profiles
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.mpi import world
 from receding_fenicsx.output.report import summary

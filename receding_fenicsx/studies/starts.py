@@ -14,9 +14,8 @@ from numpy.typing import NDArray
 from receding_fenicsx.arrays import Array, described
 from receding_fenicsx.errors import InputError, SolveError
 from receding_fenicsx.evolution.evolve import evolve
-from receding_fenicsx.evolution.histories.tightening import tightened
-from receding_fenicsx.evolution.prepare import system_for
-from receding_fenicsx.evolution.problem import Problem, problem_of_scene
+from receding_fenicsx.evolution.histories import tightened
+from receding_fenicsx.evolution.problem import Problem, problem_of_scene, system_for
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.interface.law import State
 from receding_fenicsx.interface.measures.steady import NOT_REACHED

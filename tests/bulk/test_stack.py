@@ -16,7 +16,7 @@ import receding_fenicsx as rf
 from receding_fenicsx.bulk.fields import gather_fields, solve_fields
 from receding_fenicsx.bulk.mesh.meshing import make_meshes
 from receding_fenicsx.bulk.stack import Stack, build_all
-from receding_fenicsx.evolution.prepare import system_for
+from receding_fenicsx.evolution.problem import system_for
 from receding_fenicsx.modal.modes import mode_system
 from receding_fenicsx.mpi import on_root
 from receding_fenicsx.output.snapshots.load_arrows import load_arrows

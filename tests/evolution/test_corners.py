@@ -16,8 +16,8 @@ from small import small_system
 from receding_fenicsx import condense, evolve, run, run_table, summarise
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.errors import InputError, SolveError
-from receding_fenicsx.evolution.histories import corners
-from receding_fenicsx.evolution.histories.corners import CORNERS, with_corners
+from receding_fenicsx.evolution import histories
+from receding_fenicsx.evolution.histories import CORNERS, with_corners
 from receding_fenicsx.evolution.problem import Problem
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.interface.system import ContactSystem
@@ -174,7 +174,7 @@ def test_error_of_the_polygon_falls_with_the_square_of_the_corners() -> None:
 @pytest.mark.one_rank
 def test_tolerance_out_of_reach_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
     scene, system = spring()
-    monkeypatch.setattr(corners, "MOST_CORNERS", 64)
+    monkeypatch.setattr(histories, "MOST_CORNERS", 64)
     with pytest.raises(SolveError, match="with 64 corners the error estimate") as caught:
         with_corners(system, replace(scene, history=replace(scene.history, tolerance=1e-9)))
     assert "\n" not in str(caught.value)
@@ -183,14 +183,14 @@ def test_tolerance_out_of_reach_is_an_error(monkeypatch: pytest.MonkeyPatch) -> 
 @pytest.mark.one_rank
 def test_polygon_that_fails_is_the_one_that_is_run(monkeypatch: pytest.MonkeyPatch) -> None:
     scene, system = spring()
-    found = corners._dissipation
+    found = histories._dissipation
 
     def failing(problem: Problem, refined: Scene) -> tuple[Array, float]:
         if refined.history.corners == 32:
             raise SolveError("lift-off")
         return found(problem, refined)
 
-    monkeypatch.setattr(corners, "_dissipation", failing)
+    monkeypatch.setattr(histories, "_dissipation", failing)
     refined, doubling = with_corners(system, scene)
     assert refined.history.corners == 32
     assert doubling is not None and doubling[:, 0].tolist() == [8, 16, 32]

@@ -9,8 +9,7 @@ from small import cyclic, table
 
 from receding_fenicsx.evolution.evolve import evolve
 from receding_fenicsx.evolution.limit import search
-from receding_fenicsx.evolution.limit.tail import NoLimit, follow
-from receding_fenicsx.evolution.limit.traced import TracedCycle, trace
+from receding_fenicsx.evolution.limit.tail import NoLimit, TracedCycle, follow, trace
 from receding_fenicsx.evolution.replay import turning_point
 from receding_fenicsx.interface.exact.segments import Segments
 from receding_fenicsx.interface.normal_form import frictional_form

@@ -17,7 +17,7 @@ from models import block_system
 
 from receding_fenicsx import cli, environment
 from receding_fenicsx.bulk.mesh import meshing
-from receding_fenicsx.evolution.prepare import with_profiles
+from receding_fenicsx.evolution.problem import with_profiles
 from receding_fenicsx.pictures import Drawing
 from receding_fenicsx.scene.toml_file import read_scene
 from receding_fenicsx.store.hdf5 import read_record, read_system, write_system

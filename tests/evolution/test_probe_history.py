@@ -19,7 +19,7 @@ from receding_fenicsx.bulk.fields import fields_at
 from receding_fenicsx.bulk.from_scene import bulk_of
 from receding_fenicsx.evolution.evolve import continue_history
 from receding_fenicsx.evolution.journal import Journal, JournalFile
-from receding_fenicsx.evolution.probe_history import probe_names
+from receding_fenicsx.evolution.probes import probe_names
 from receding_fenicsx.evolution.problem import problem_of_scene
 from receding_fenicsx.store.probe_files import write_probes
 from receding_fenicsx.timing import Timer

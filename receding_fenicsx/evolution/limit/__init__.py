@@ -8,11 +8,11 @@ to bottom:
 1. **When** (`search.LimitSearch`): after cycle 2, then 3, 4, 6, 8, 12, ... of a history with
    `until = "limit"`. Everything follows from the finished cycles alone, with solvers of its own, so
    that a resumed run repeats it bit by bit and a failed search leaves no trace.
-2. **Trace** the last cycle once more (`traced.trace`): its events, and the rates between them. In
+2. **Trace** the last cycle once more (`tail.trace`): its events, and the rates between them. In
    given states the rates $q$ do not depend on the displacements, so that a change $S$ of the
    quantities $y = [v, g, A, B]$ changes at events only, each of which moves by $\delta s$:
    $$q_l\, \delta s = -S_l, \qquad S \leftarrow S + (q^- - q^+)\, \delta s ,$$
-   one triangular system for all events of the cycle (`traced.TracedCycle.events`).
+   one triangular system for all events of the cycle (`tail.TracedCycle.events`).
 3. **Follow** all cycles to come by this map to their limit (`tail.follow`), and check that each of
    them has the same events: in the same order, with no gap and no margin below zero. A rigid walk
    that each cycle adds (ratchetting) changes no quantity, and needs nothing of its own.

@@ -9,10 +9,8 @@ from itertools import count, pairwise
 import numpy as np
 
 from receding_fenicsx.errors import SolveError
-from receding_fenicsx.evolution.cycle_data import FinishedCycle, end_of, new_watch
-from receding_fenicsx.evolution.instants import Instant, instant
-from receding_fenicsx.evolution.limit.tail import NoLimit, Tail, follow
-from receding_fenicsx.evolution.limit.traced import trace
+from receding_fenicsx.evolution.instants import FinishedCycle, Instant, end_of, instant, new_watch
+from receding_fenicsx.evolution.limit.tail import NoLimit, Tail, follow, trace
 from receding_fenicsx.evolution.problem import Problem
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.evolution.record_data import Limit, Steady
@@ -46,15 +44,6 @@ on with the history where that has ended without a limit."""
 MAX_CHECKS = 10
 """Cycles played from the one that was found until the states at start and end are the same, which
 round-off may tell; load steps come to a cycle of their own."""
-
-NO_GAIN = 1e-10
-"""Slip that the cycle found adds, over the largest displacement, that is an error of the drifts."""
-
-PROVED = "the cycles played last go on in the same order of events and come to this one"
-"""What is said of a limit."""
-
-IN_STEPS = "load steps play a cycle of their own from the limit of the exact path"
-"""What is said of the limit of load steps."""
 
 
 class LimitSearch:
@@ -136,7 +125,9 @@ class LimitSearch:
             cycles_played=-1,
             residual=watch.change[0],
             unique=-1 if in_steps else 1,
-            reason=IN_STEPS if in_steps else PROVED,
+            reason="load steps play a cycle of their own from the limit of the exact path"
+            if in_steps
+            else "the cycles played last go on in the same order of events and come to this one",
             jumped=True,
         )
         change = np.append(np.array(trial.steady.change), watch.change[0])
@@ -239,7 +230,9 @@ class LimitSearch:
         r, v, seen = begin.state.r, begin.v, [(i.state.r, i.v) for i in ends]
         if len(seen) == 2:
             gain = end.v - v
-            gain[np.abs(gain) <= NO_GAIN * np.abs(end.state.u).max()] = 0.0
+            # slip that the cycle found adds, over the largest displacement, that is an error of the
+            # drifts
+            gain[np.abs(gain) <= 1e-10 * np.abs(end.state.u).max()] = 0.0
             seen = [(r + k * (end.state.r - r), v + k * gain) for k in range(3)]
         watch = new_watch(problem.system, problem.solver.steady_tolerance or LIMIT_CYCLE_TOLERANCE)
         for r, v in seen:

@@ -12,7 +12,6 @@ import numpy as np
 
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.errors import NoEquilibrium, SolveError
-from receding_fenicsx.interface.changes import Changes
 from receding_fenicsx.interface.equilibrium import Limit
 from receding_fenicsx.interface.exact.legs import LegProblem
 from receding_fenicsx.interface.exact.segments import Segments, States
@@ -24,7 +23,7 @@ from receding_fenicsx.interface.residual import (
     reachable,
     relative_residual,
 )
-from receding_fenicsx.interface.system import ContactState, Leg
+from receding_fenicsx.interface.system import Changes, ContactState, Leg
 from receding_fenicsx.interface.tolerances import ACCEPTED_RESIDUAL
 
 

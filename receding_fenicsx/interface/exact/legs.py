@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from receding_fenicsx.arrays import Array
-from receding_fenicsx.interface.changes import Changes
-from receding_fenicsx.interface.system import ContactState, ContactSystem, Leg
+from receding_fenicsx.interface.system import Changes, ContactState, ContactSystem, Leg
 
 EVENTS_WITHOUT_PROGRESS = 20
 """Events per node within ``SIMULTANEOUS`` of one place after which there is no end of them."""

@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.errors import NoEquilibrium, NoQuasiStaticContinuation, SolveError
-from receding_fenicsx.interface.changes import Changes
 from receding_fenicsx.interface.equilibrium import Limit, furthest, is_balanced
 from receding_fenicsx.interface.exact.first_loading import load_from_rest
 from receding_fenicsx.interface.exact.jumps import check_jumps, find_jump, no_state_beyond
@@ -35,7 +34,7 @@ from receding_fenicsx.interface.exact.unloading import (
 )
 from receding_fenicsx.interface.law import SEPARATION
 from receding_fenicsx.interface.residual import largest_force
-from receding_fenicsx.interface.system import ContactState, ContactSystem, Leg, reactions
+from receding_fenicsx.interface.system import Changes, ContactState, ContactSystem, Leg, reactions
 from receding_fenicsx.interface.tolerances import JUMP_STEP, REMAINING_LOAD, UNLOADING_ROUND_OFF
 
 if TYPE_CHECKING:

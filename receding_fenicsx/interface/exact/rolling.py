@@ -17,8 +17,7 @@ from numpy.typing import NDArray
 
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.interface.law import State
-from receding_fenicsx.interface.rigid_motions import has_rigid
-from receding_fenicsx.interface.system import ContactState, ContactSystem
+from receding_fenicsx.interface.system import ContactState, ContactSystem, has_rigid
 from receding_fenicsx.interface.tolerances import RIGID_TOLERANCE
 
 POTENTIAL_TOLERANCE = 1e-9

@@ -7,10 +7,9 @@ from math import sqrt
 import numpy as np
 
 from receding_fenicsx.arrays import Array
-from receding_fenicsx.interface.changes import Changes
 from receding_fenicsx.interface.exact.segments import EPSILON, Segments
 from receding_fenicsx.interface.residual import limit_excuse, residual_at_rest
-from receding_fenicsx.interface.system import ContactState
+from receding_fenicsx.interface.system import Changes, ContactState
 from receding_fenicsx.interface.tolerances import ROUND_OFFS
 
 NODAL_IMBALANCE = 1e-13

@@ -26,8 +26,12 @@ from receding_fenicsx.interface.law import (
     limit_distances,
 )
 from receding_fenicsx.interface.residual import local_stiffness
-from receding_fenicsx.interface.rigid_motions import has_rigid, neutral_motions
-from receding_fenicsx.interface.system import ContactState, ContactSystem
+from receding_fenicsx.interface.system import (
+    ContactState,
+    ContactSystem,
+    has_rigid,
+    neutral_motions,
+)
 from receding_fenicsx.interface.tolerances import (
     ON_LIMIT,
     RATE_TOLERANCE,

@@ -6,9 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from receding_fenicsx.arrays import Array
-from receding_fenicsx.interface.changes import Changes
 from receding_fenicsx.interface.exact.segments import Segments, States
 from receding_fenicsx.interface.law import BACKWARD, FORWARD, SEPARATION, STICK
+from receding_fenicsx.interface.system import Changes
 
 
 def tied(

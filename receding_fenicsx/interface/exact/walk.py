@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.errors import SolveError
-from receding_fenicsx.interface.changes import Changes
 from receding_fenicsx.interface.exact import kernel, kernel_data
 from receding_fenicsx.interface.exact.consistency import ConsistentStates, EquilibriumEnd
 from receding_fenicsx.interface.exact.legs import LegProblem, PathPoint
@@ -36,7 +35,7 @@ from receding_fenicsx.interface.exact.unloading import (
 )
 from receding_fenicsx.interface.law import SEPARATION, STICK
 from receding_fenicsx.interface.residual import reachable, residual_at_rest
-from receding_fenicsx.interface.system import ContactState, Leg, reactions
+from receding_fenicsx.interface.system import Changes, ContactState, Leg, reactions
 from receding_fenicsx.interface.tolerances import ACCEPTED_RESIDUAL, UNLOADING_ROUND_OFF
 
 REFINEMENTS = 4

@@ -7,8 +7,7 @@ from numpy.typing import NDArray
 
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.interface.law import State
-from receding_fenicsx.interface.rigid_motions import neutral_motions
-from receding_fenicsx.interface.system import ContactSystem, reactions
+from receding_fenicsx.interface.system import ContactSystem, neutral_motions, reactions
 
 
 def solve_directly(

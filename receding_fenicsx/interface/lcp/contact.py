@@ -28,8 +28,7 @@ from numpy.typing import NDArray
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.interface.law import BACKWARD, FORWARD, SEPARATION, STICK, Friction, State
 from receding_fenicsx.interface.lcp.lemke import solve
-from receding_fenicsx.interface.rigid_motions import neutral_motions
-from receding_fenicsx.interface.system import ContactSystem
+from receding_fenicsx.interface.system import ContactSystem, neutral_motions
 
 EXHAUSTED = 2**16
 """Largest number of sets of states that is gone through: eight nodes with all four states."""

@@ -16,7 +16,6 @@ import numpy as np
 
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.errors import SolveError
-from receding_fenicsx.interface.changes import Changes
 from receding_fenicsx.interface.equilibrium import Limit, furthest
 from receding_fenicsx.interface.exact.legs import LegProblem
 from receding_fenicsx.interface.exact.rolling import at_rest
@@ -25,7 +24,7 @@ from receding_fenicsx.interface.exact.unloading import carries_nothing, zero_cro
 from receding_fenicsx.interface.gauss_seidel.sweeps import GaussSeidelOptions, solve_step
 from receding_fenicsx.interface.law import BACKWARD, FORWARD, STICK
 from receding_fenicsx.interface.load_steps.steps import LegInSteps, StepTrials
-from receding_fenicsx.interface.system import ContactState, ContactSystem, Leg
+from receding_fenicsx.interface.system import Changes, ContactState, ContactSystem, Leg
 from receding_fenicsx.interface.tolerances import JUMP_STEP
 
 MAX_PARTS = 300

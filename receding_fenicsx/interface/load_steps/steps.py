@@ -28,7 +28,6 @@ from receding_fenicsx.errors import (
     NotConverged,
     SolveError,
 )
-from receding_fenicsx.interface.changes import Changes
 from receding_fenicsx.interface.equilibrium import Limit
 from receding_fenicsx.interface.exact.first_loading import load_from_rest
 from receding_fenicsx.interface.exact.jumps import check_jumps, find_jump
@@ -48,7 +47,7 @@ from receding_fenicsx.interface.residual import (
     local_stiffness,
     relative_residual,
 )
-from receding_fenicsx.interface.system import ContactState, ContactSystem, Leg
+from receding_fenicsx.interface.system import Changes, ContactState, ContactSystem, Leg
 from receding_fenicsx.interface.tolerances import REMAINING_LOAD, STEP_ON_LIMIT
 
 if TYPE_CHECKING:

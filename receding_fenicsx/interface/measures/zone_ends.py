@@ -42,14 +42,6 @@ from receding_fenicsx.interface.measures.zones import (
     stick_zone,
 )
 
-Window = tuple[int, int, int]
-"""First and last cell of a fit, and its number of terms. Cell 0, the last whole one, may touch the
-last node and is left out."""
-
-QUADRATIC_WINDOWS: tuple[Window, ...] = ((1, 6, 3), (1, 4, 2), (1, 3, 2), (1, 8, 3))
-"""Fits on elements of order 2; the first one that the zone has room for gives the value."""
-LINEAR_WINDOWS: tuple[Window, ...] = ((1, 8, 2), (1, 6, 2), (2, 10, 2), (1, 10, 3))
-"""Fits on nodes of order 1."""
 LINEAR_SHIFT = 0.4
 """Largest shift of an end, in node spacings, by the error of elements of order 1."""
 
@@ -199,7 +191,13 @@ def zone_end(at: Tractions, last: int, side: int, stick: bool = False) -> ZoneEn
     inside = np.flatnonzero((right <= low) & (left >= at.x[first]))[::-1]
     search = -spacing, 2.0 * spacing
     windows = []
-    for a, b, terms in QUADRATIC_WINDOWS if quadratic else LINEAR_WINDOWS:
+    # first and last cell of a fit, and its number of terms; cell 0, the last whole one, may touch
+    # the last node and is left out; the first fit that the zone has room for gives the value
+    on_order_2, on_order_1 = (
+        ((1, 6, 3), (1, 4, 2), (1, 3, 2), (1, 8, 3)),
+        ((1, 8, 2), (1, 6, 2), (2, 10, 2), (1, 10, 3)),
+    )
+    for a, b, terms in on_order_2 if quadratic else on_order_1:
         chosen = inside[a : b + 1]
         # over the length on which the traction is smooth
         reach = {2: 0.6, 3: 0.4}[terms] * (low - at.x[first])

@@ -43,8 +43,7 @@ from numpy.typing import NDArray
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.interface.law import BACKWARD, FORWARD, SEPARATION
 from receding_fenicsx.interface.lcp.contact import Undecided
-from receding_fenicsx.interface.rigid_motions import neutral_motions
-from receding_fenicsx.interface.system import ContactSystem
+from receding_fenicsx.interface.system import ContactSystem, neutral_motions
 from receding_fenicsx.interface.tolerances import SAME_MARGIN
 from receding_fenicsx.interface.uniqueness.instants import Sides, States, bits_of, mask_of, nodes_of
 

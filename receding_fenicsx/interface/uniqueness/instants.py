@@ -16,8 +16,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from receding_fenicsx.interface.changes import Changes
 from receding_fenicsx.interface.law import BACKWARD, FORWARD, SEPARATION, STICK
+from receding_fenicsx.interface.system import Changes
 from receding_fenicsx.interface.tolerances import SIMULTANEOUS
 
 Change = tuple[int, int, int]

@@ -11,13 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from receding_fenicsx.arrays import Array
-from receding_fenicsx.interface.changes import Changes
 from receding_fenicsx.interface.exact.segments import Segments
 from receding_fenicsx.interface.exact.ties import ties_at
 from receding_fenicsx.interface.exact.unloading import carries_nothing, zero_crossing
 from receding_fenicsx.interface.law import STICK
 from receding_fenicsx.interface.lcp.all_solutions import all_solutions
-from receding_fenicsx.interface.system import ContactState, ContactSystem, Leg
+from receding_fenicsx.interface.system import Changes, ContactState, ContactSystem, Leg
 from receding_fenicsx.interface.tolerances import JUMP_STEP, SAME_MARGIN, SIMULTANEOUS
 from receding_fenicsx.interface.uniqueness.certificate import (
     Certificate,

@@ -20,7 +20,7 @@ from receding_fenicsx.arrays import Array, spread
 from receding_fenicsx.atomic import make_folder
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.evolution.moment import Moment, moment_of
-from receding_fenicsx.evolution.probe_history import probe_names
+from receding_fenicsx.evolution.probes import probe_names
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.evolution.record_data import States
 from receding_fenicsx.output.plots.cycle_plots import (

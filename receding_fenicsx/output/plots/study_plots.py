@@ -16,7 +16,7 @@ from matplotlib.ticker import LogLocator, NullFormatter
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.atomic import make_folder
 from receding_fenicsx.errors import InputError
-from receding_fenicsx.evolution.branching.tree import Branch, BranchTree
+from receding_fenicsx.evolution.branches import Branch, BranchTree
 from receding_fenicsx.interface.branches.critical_friction import CriticalFriction
 from receding_fenicsx.interface.law import State
 from receding_fenicsx.interface.mirror import mirror_of

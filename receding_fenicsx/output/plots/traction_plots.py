@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.evolution.moment import Moment, recovered_tractions
-from receding_fenicsx.evolution.probe_history import ProbeHistory
+from receding_fenicsx.evolution.probes import ProbeHistory
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.interface.measures.zones import zones
 from receding_fenicsx.measures.limit_nodes import shown_states

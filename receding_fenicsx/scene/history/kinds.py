@@ -35,7 +35,7 @@ def history_from_scene(scene: Scene) -> History:
       ``cycle_rows`` back to it.
     * "harmonic": see :mod:`~receding_fenicsx.scene.history.harmonic`. Where the scene does not fix
       the number of corners, the polygon is the coarsest one:
-      :func:`~receding_fenicsx.evolution.histories.corners.with_corners` finds how many are needed.
+      :func:`~receding_fenicsx.evolution.histories.with_corners` finds how many are needed.
 
     Loads in ``constant`` are applied first, on a leg of their own, and kept. Before them each of
     the scene's preloads has a leg of its own.

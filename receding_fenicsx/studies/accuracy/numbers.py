@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from receding_fenicsx.arrays import Array
-from receding_fenicsx.evolution.probe_history import history_of, probe_names
+from receding_fenicsx.evolution.probes import history_of, probe_names
 from receding_fenicsx.evolution.record import DISSIPATION_ROUND_OFF, Record
 from receding_fenicsx.interface.measures.zone_ends import zone_end
 from receding_fenicsx.interface.measures.zones import NO_NODES, contact_zone, on_axis, stick_zone

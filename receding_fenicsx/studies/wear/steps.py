@@ -10,9 +10,8 @@ from numpy.typing import NDArray
 
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.errors import SolveError
-from receding_fenicsx.evolution.cycle_data import FinishedCycle, Totals
 from receding_fenicsx.evolution.evolve import continue_history
-from receding_fenicsx.evolution.instants import instant
+from receding_fenicsx.evolution.instants import FinishedCycle, Totals, instant
 from receding_fenicsx.evolution.journal import Journal
 from receding_fenicsx.evolution.problem import Problem
 from receding_fenicsx.evolution.run_state import RunState

@@ -14,7 +14,7 @@ from receding_fenicsx.arrays import Array, check_types
 from receding_fenicsx.atomic import sync
 from receding_fenicsx.environment import versions
 from receding_fenicsx.errors import InputError, NoEquilibrium, SolveError
-from receding_fenicsx.evolution.histories.corners import with_corners
+from receding_fenicsx.evolution.histories import with_corners
 from receding_fenicsx.evolution.problem import Problem, problem_of_scene
 from receding_fenicsx.interface.law import State
 from receding_fenicsx.interface.system import ContactSystem

@@ -14,7 +14,7 @@ from msh import turned, write_msh
 
 from receding_fenicsx import evolve
 from receding_fenicsx.errors import InputError
-from receding_fenicsx.evolution.prepare import with_profiles
+from receding_fenicsx.evolution.problem import with_profiles
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.interface.law import State
 from receding_fenicsx.interface.mirror import mirror_of

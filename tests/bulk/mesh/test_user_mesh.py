@@ -16,7 +16,7 @@ from msh import Array, Ints, rectangle, turned, write_msh
 from receding_fenicsx.bulk.from_scene import condensed
 from receding_fenicsx.cli import main
 from receding_fenicsx.errors import InputError
-from receding_fenicsx.evolution.prepare import with_profiles
+from receding_fenicsx.evolution.problem import with_profiles
 from receding_fenicsx.interface.system import ContactSystem
 from receding_fenicsx.mpi import given, on_root
 from receding_fenicsx.scene.model import Body, Contact, HistoryOptions, Load, Scene, Support, Tie

@@ -10,7 +10,7 @@ import pytest
 from bodies import cylinder
 
 import receding_fenicsx as rf
-from receding_fenicsx.evolution.prepare import with_profiles
+from receding_fenicsx.evolution.problem import with_profiles
 from receding_fenicsx.interface.measures.zones import on_axis
 from receding_fenicsx.reference.closed_forms import PUNCH_STICK
 from receding_fenicsx.studies import run as study

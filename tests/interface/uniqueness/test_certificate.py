@@ -12,10 +12,9 @@ from small import small_system, table
 from ways import rates
 
 from receding_fenicsx.evolution.evolve import evolve
-from receding_fenicsx.interface.changes import Changes
 from receding_fenicsx.interface.law import BACKWARD, FORWARD, SEPARATION, STICK
 from receding_fenicsx.interface.lcp.contact import choices
-from receding_fenicsx.interface.system import ContactSystem
+from receding_fenicsx.interface.system import Changes, ContactSystem
 from receding_fenicsx.interface.uniqueness.certificate import Certificate, certify
 from receding_fenicsx.interface.uniqueness.instants import (
     InstantsOfLegs,

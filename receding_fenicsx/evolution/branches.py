@@ -1,4 +1,12 @@
-"""Follow all branches of a history, each as a record."""
+"""All branches of a load history: every path that the contact may take from rest.
+
+1. The history is played with the first continuation at every choice; the choices are noted
+   (:class:`~receding_fenicsx.interface.branches.choice.Chooser`).
+2. For each choice on it and each continuation that was not taken, the history is played again with
+   the same choices up to there and then this one (:func:`branches`), and so on with its choices.
+   Each branch is a :class:`~receding_fenicsx.evolution.record.Record` of its own.
+3. A branch that ends where no quasi-static path leads on keeps its record up to there.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +18,7 @@ import numpy as np
 
 from receding_fenicsx.errors import InputError, SolveError
 from receding_fenicsx.evolution.evolve import continue_history
-from receding_fenicsx.evolution.histories.tightening import tightened
+from receding_fenicsx.evolution.histories import tightened
 from receding_fenicsx.evolution.journal import Journal
 from receding_fenicsx.evolution.problem import Problem, problem_of_history, problem_of_scene
 from receding_fenicsx.evolution.record import Record
@@ -18,9 +26,6 @@ from receding_fenicsx.interface.branches.choice import Choice, Chooser, Key
 from receding_fenicsx.interface.system import ContactSystem
 from receding_fenicsx.scene.history import History
 from receding_fenicsx.scene.model import OutputOptions, Scene, SolverOptions
-
-MOST_BRANCHES = 64
-"""Branches that are followed by default."""
 
 
 @dataclass(frozen=True)
@@ -103,7 +108,7 @@ class BranchTree:
 def branches(
     system: ContactSystem,
     history: Scene | History,
-    most: int = MOST_BRANCHES,
+    most: int = 64,
     solver: SolverOptions | None = None,
     output: OutputOptions | None = None,
 ) -> BranchTree:

@@ -1,1 +1,0 @@
-"""Histories that depend on the condensed system: corners of harmonic ones, tightened bolts."""

@@ -1,0 +1,235 @@
+"""Displacements and stresses at the probes along the load path."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from receding_fenicsx.arrays import Array, Ints
+from receding_fenicsx.errors import InputError
+from receding_fenicsx.evolution import tables
+from receding_fenicsx.evolution.instants import Instant, Samples, event_rows, events_of
+from receding_fenicsx.evolution.record_data import Probes, RecordData
+from receding_fenicsx.interface.system import ContactState, ContactSystem, Leg, ProbeMatrix
+from receding_fenicsx.scene.checks import suggestion
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+
+TURNING_POINT, SAMPLE, EVENT = range(3)
+"""Kinds of instants in a table of probes."""
+
+Places = tuple[Array, Array, Array]
+"""Places (k,) on a leg, not decreasing, with displacements (k, 2N) and load factors there."""
+
+
+def known_places(start: ContactState, ends: tuple[Array, Array], leg: Leg) -> Places:
+    """Return the places on a leg at which its displacements are known: start, stops, samples."""
+    places = [(0.0, start.u), *leg.stops, *((s, state.u) for s, state in leg.samples)]
+    places.sort(key=lambda place: place[0])
+    s: Array = np.array([place for place, _ in places], dtype=float)
+    load: Array = np.outer(1.0 - s, ends[0]) + np.outer(s, ends[1])
+    return s, np.array([u for _, u in places]), load
+
+
+def probed_at(system: ContactSystem, known: Places | None, wanted: Array) -> Array:
+    """Return displacements and stresses (6 m,) at the probes, at places along a leg.
+
+    Between two events the path is straight, so that values at an event itself are exact; where a
+    solver does not tell the displacements there they are linear between its samples.
+
+    Args:
+        system: the condensed body.
+        known: where the displacements are known; None for a leg that is one static problem.
+        wanted: (k,) places of events.
+
+    Returns:
+        The values (k, 6 m) at each place, NaN where nothing is known; m = 0 without probes.
+    """
+    if system.probes is None or known is None or not len(wanted):
+        return np.full((len(wanted), event_rows(system)["probed"].shape[1]), np.nan)
+    s, u, load = known
+    v, w = u[:, : system.n], u[:, system.n :]
+    if system.slip_map is not None:
+        v = np.hstack([w, load]) @ system.slip_map.T
+    values = _values(system.probes, v, w, load)
+    # of several known at one place, the last: after a jump
+    before = np.searchsorted(s, wanted, side="right") - 1
+    after = np.minimum(before + 1, len(s) - 1)
+    length = s[after] - s[before]
+    part = np.divide(wanted - s[before], length, out=np.zeros(len(wanted)), where=length > 0.0)
+    found: Array = values[before] + part[:, None] * (values[after] - values[before])
+    return found
+
+
+def probes_table(
+    system: ContactSystem, corners: list[Instant], samples: list[Samples]
+) -> Probes | None:
+    """Return the record's table of the probes: turning points, samples and events, in order.
+
+    At each place of the load path there is one instant: a turning point rather than the sample or
+    event there.
+
+    Args:
+        system: the condensed body.
+        corners: ends of the legs.
+        samples: samples and events of the kept cycles.
+
+    Returns:
+        The table; None for a system without probes.
+    """
+    probes = system.probes
+    if probes is None:
+        return None
+    sampled = [instant for part in samples for instant in part.instants]
+    events, instants = events_of(system, samples), corners + sampled
+    events = events[~np.isnan(events["probed"]).any(axis=1)]
+    known = event_rows(system, len(instants))
+    for key in ("cycle", "leg", "s", "load"):
+        known[key] = np.array([getattr(i, key) for i in instants]).reshape(known[key].shape)
+    if instants:
+        v, w = np.array([i.v for i in instants]), np.array([i.state.w for i in instants])
+        known["probed"] = _values(probes, v, w, known["load"])
+    every = np.concatenate([known, events])
+    counts = len(corners), len(sampled), len(events)
+    kind = np.repeat(np.array([TURNING_POINT, SAMPLE, EVENT], dtype=np.int8), counts)
+    cycle, leg, s = every["cycle"].astype(np.int64), every["leg"].astype(np.int64), every["s"]
+    rows = _in_order(kind, cycle, leg, s)
+    values = every["probed"][rows].reshape(len(rows), -1, 6)
+    return Probes(
+        names=probes.names,
+        points=probes.points,
+        kind=kind[rows],
+        cycle=cycle[rows],
+        leg=leg[rows],
+        s=s[rows],
+        load=every["load"][rows],
+        displacement=np.ascontiguousarray(values[..., :2]),
+        stress=np.ascontiguousarray(values[..., 2:]),
+    )
+
+
+def _values(probes: ProbeMatrix, v: Array, w: Array, load: Array) -> Array:
+    """Return the values (n, 6 m) at n instants."""
+    rows = probes.rows.reshape(-1, probes.rows.shape[-1])
+    return np.hstack([v, w, load]) @ rows.T
+
+
+def _in_order(kind: NDArray[np.int8], cycle: Ints, leg: Ints, s: Array) -> Ints:
+    """Return the rows in the order of the load path, the first kind at each place."""
+    order = np.lexsort((kind, s, leg, cycle))
+    places = np.column_stack([cycle[order], leg[order], s[order]])
+    new = np.ones(len(order), dtype=bool)
+    new[1:] = np.any(places[1:] != places[:-1], axis=1)
+    return order[new]
+
+
+KINDS = np.array(["turning point", "sample", "event"])
+"""Kinds of instants, by their number in the record."""
+
+
+@dataclass(frozen=True)
+class ProbeHistory:
+    """Displacements and stresses at the m points of a probe, at n instants along the load path.
+
+    The instants are all turning points, and the samples and events of the cycles that the record
+    keeps. In an axisymmetric body x is r, y is z and s_zz the hoop stress.
+
+    Attributes:
+        name: name of the probe.
+        points: (m, 2) coordinates.
+        load_names: names of the loads.
+        kind: (n,) "turning point", "sample" or "event".
+        cycle: (n,) cycle; 0 is the first loading.
+        leg: (n,) leg within the cycle, from 0.
+        s: (n,) position along the leg, in [0, 1].
+        load: (n, n_loads) load factors.
+        displacement: (n, m, 2) displacements u_x, u_y.
+        stress: (n, m, 4) stresses s_xx, s_yy, s_zz, s_xy; tension is positive.
+    """
+
+    name: str
+    points: Array
+    load_names: tuple[str, ...]
+    kind: NDArray[np.str_]
+    cycle: Ints
+    leg: Ints
+    s: Array
+    load: Array
+    displacement: Array
+    stress: Array
+
+    def __repr__(self) -> str:
+        """Return the points, the instants and the largest von Mises stress in three lines."""
+        first, last = (tuple(self.points[k].tolist()) for k in (0, -1))
+        where = f"point {first}" if len(self.points) == 1 else f"{first} to {last}"
+        n, m = np.unravel_index(np.argmax(self.von_mises), self.von_mises.shape)
+        counts = ", ".join(f"{np.count_nonzero(self.kind == kind)} {kind}s" for kind in KINDS)
+        instant = f"cycle {self.cycle[n]}, leg {self.leg[n]}, s = {self.s[n]:.6g}"
+        return (
+            f"Probe {self.name}: {len(self.points)} point(s), {where}\n"
+            f"  instants   {counts}, cycles {self.cycle[0]} to {self.cycle[-1]}\n"
+            f"  von Mises  largest {self.von_mises[n, m]:.6g}, point {m}, {instant}"
+        )
+
+    @property
+    def von_mises(self) -> Array:
+        """(n, m) von Mises equivalent stress."""
+        xx, yy, zz, xy = np.moveaxis(self.stress, -1, 0)
+        pairs = (xx - yy) ** 2 + (yy - zz) ** 2 + (zz - xx) ** 2
+        return np.asarray(np.sqrt(0.5 * pairs + 3.0 * xy**2))
+
+    def to_table(self) -> dict[str, NDArray[Any]]:
+        """Return columns of equal length, with a row for each instant and point.
+
+        The column of a load is "load.NAME", its factor.
+        """
+        n, m = len(self.s), len(self.points)
+        single = {key: getattr(self, key) for key in ("cycle", "leg", "s", "kind")}
+        single |= {f"load.{name}": self.load[:, k] for k, name in enumerate(self.load_names)}
+        table = {name: np.repeat(values, m) for name, values in single.items()}
+        table["point"] = np.tile(np.arange(m), n)
+        table |= {axis: np.tile(self.points[:, k], n) for k, axis in enumerate("xy")}
+        table |= {key: self.displacement[..., k].ravel() for k, key in enumerate(("ux", "uy"))}
+        stresses = ("sxx", "syy", "szz", "sxy")
+        table |= {key: self.stress[..., k].ravel() for k, key in enumerate(stresses)}
+        table["von_mises"] = self.von_mises.ravel()
+        return table
+
+    def to_pandas(self) -> pd.DataFrame:
+        """Return :meth:`to_table` as a DataFrame; needs pandas."""
+        return tables.optional("pandas").DataFrame(self.to_table())
+
+
+def probe_names(record: RecordData) -> tuple[str, ...]:
+    """Return the names of a record's probes, in their order."""
+    return () if record.probes is None else tuple(dict.fromkeys(record.probes.names))
+
+
+def history_of(record: RecordData, name: str) -> ProbeHistory:
+    """Return the history of a probe; see :meth:`Record.probe`."""
+    names = probe_names(record)
+    if record.probes is None:
+        raise InputError(
+            f"probe '{name}': the record has no probes; add a table [[probe]] to the scene"
+        )
+    if name not in names:
+        raise InputError(f"probe '{name}': is not in the record; {suggestion(name, names)}")
+    probes = record.probes
+    own = np.flatnonzero(np.array(probes.names) == name)
+    return ProbeHistory(
+        name=name,
+        points=probes.points[own],
+        load_names=record.load_names,
+        kind=KINDS[probes.kind],
+        cycle=probes.cycle,
+        leg=probes.leg,
+        s=probes.s,
+        load=probes.load,
+        displacement=probes.displacement[:, own],
+        stress=probes.stress[:, own],
+    )
