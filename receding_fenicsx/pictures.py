@@ -4,15 +4,13 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Iterator
-from concurrent.futures import Future
 from dataclasses import replace
-from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from receding_fenicsx import mpi, workers
+from receding_fenicsx import mpi
 from receding_fenicsx.arrays import spread
 from receding_fenicsx.bulk.from_scene import bulk_of
 from receding_fenicsx.errors import RecedingError
@@ -20,10 +18,8 @@ from receding_fenicsx.evolution.instants import Instant
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.evolution.replay import instant_of
 from receding_fenicsx.mpi import world
-from receding_fenicsx.output.snapshots import render
 from receding_fenicsx.scene import history
 from receding_fenicsx.scene.model import Scene
-from receding_fenicsx.store import hdf5
 from receding_fenicsx.store.run_folder import read_run
 from receding_fenicsx.timing import Say, Timer
 
@@ -33,14 +29,6 @@ if TYPE_CHECKING:
     from receding_fenicsx.bulk.stack import Stack
     from receding_fenicsx.interface.branches.critical_friction import CriticalFriction
     from receding_fenicsx.interface.system import ContactSystem
-
-PICTURE_GROWTH = (1.0, 1.1)
-"""Largest size ratio between neighbouring layers of the mesh for pictures: up to
-``PICTURE_CELLS`` cells of the contact elements' size fill the body, and above."""
-MAX_INSTANTS = 6
-"""Largest number of turning points of a cycle that a run draws."""
-PICTURE_CELLS = 30_000
-"""Number of cells from which the mesh for pictures is graded."""
 
 
 def snapshot(
@@ -143,125 +131,56 @@ def draw_slip_mode(
         InputError: there is no mode, or it is of another mesh.
     """
     with drawing_modules():
-        from receding_fenicsx.output.snapshots import mode
+        from receding_fenicsx.output.snapshots.draw import draw_mode
     with picture_body(scene, comm or world()) as bulk:
-        return mode.draw(bulk, critical, Path(file))
+        return draw_mode(bulk, critical, Path(file))
 
 
-class Drawing:
-    """Pictures of a run.
+def draw_run(
+    comm: MPI.Comm,
+    scene: Scene,
+    system: ContactSystem | None,
+    record: Record | None,
+    folder: Path | None,
+    *,
+    body: bool,
+    everything: bool = True,
+    pdf: bool = False,
+    say: Say | None = None,
+) -> None:
+    """Draw the figures of a run and, if wanted, the default snapshots of the body; collective.
 
-    Where a second core is available, processes that draw are started beside the computation, and
-    the figures are drawn beside the snapshots of the body.
+    Args:
+        comm: communicator.
+        scene: the scene.
+        system: its system, on rank 0.
+        record: its record, on rank 0.
+        folder: folder of the run, on rank 0.
+        body: draw snapshots of the body too.
+        everything: draw all pictures, not only those that answer the scene's question.
+        pdf: draw the figures as PDF too.
+        say: called on rank 0 with the progress.
+
+    Raises:
+        RecedingError: a library is missing, or drawing failed.
     """
+    with drawing_modules():
+        from receding_fenicsx.output.plots import figures
+        from receding_fenicsx.output.snapshots import colours
+        from receding_fenicsx.output.snapshots.draw import snapshots
 
-    def __init__(
-        self,
-        comm: MPI.Comm,
-        say: Say | None,
-        *,
-        figures: bool,
-        body: bool,
-        everything: bool,
-        pdf: bool,
-    ) -> None:
-        """Start no process yet.
+    def begin() -> list[Instant]:
+        found, formats = mpi.given(record), figures.FORMATS if pdf else ("png",)
+        figures.plot_all(found, mpi.given(folder) / "figures", formats, say, everything)
+        return default_instants(scene, mpi.given(system), found, everything) if body else []
 
-        Args:
-            comm: communicator.
-            say: called on rank 0 with the progress.
-            figures: draw figures of the contact; without them nothing is drawn.
-            body: draw snapshots of the body too.
-            everything: draw all pictures, not only those that answer the scene's question.
-            pdf: draw the figures as PDF too.
-        """
-        self.comm, self.say = comm, say
-        self.figures, self.body, self.pdf = figures, body, pdf
-        self.everything = everything
-        self.beside: Future[Any] | None = None
-
-    def __enter__(self) -> Drawing:
-        """Start the processes on rank 0; without one that draws figures they are drawn here."""
-        if self.comm.rank == 0 and self.figures and self.body and workers.cores() > 1:
-            figures = "receding_fenicsx.output.plots.figures"
-            # a missing renderer is an error when it is needed, on all ranks
-            with contextlib.suppress(RecedingError, OSError):
-                self.beside = workers.submit("figures", import_module, figures)
-                render.start()
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        """End figures that are not needed any more; the processes serve later runs too."""
-        if self.beside is not None and not self.beside.done():
-            workers.end("figures")
-
-    def draw(
-        self,
-        scene: Scene,
-        system: ContactSystem | None,
-        record: Record | None,
-        folder: Path | None,
-    ) -> None:
-        """Draw the figures and, if wanted, the default snapshots of the body; collective.
-
-        Args:
-            scene: the scene.
-            system: its system, on rank 0.
-            record: its record, on rank 0, also in ``record.h5``.
-            folder: folder of the run, on rank 0.
-
-        Raises:
-            RecedingError: a library is missing, or drawing failed.
-        """
-        if not self.figures:
-            return
-        comm = self.comm
-        mpi.on_root(comm, lambda: self._begin_figures(mpi.given(record), mpi.given(folder)))
-        if self.body:
-            with drawing_modules():
-                from receding_fenicsx.output.snapshots import colours
-                from receding_fenicsx.output.snapshots.draw import snapshots
-
-            def choose() -> list[Instant]:
-                return default_instants(
-                    scene, mpi.given(system), mpi.given(record), self.everything
-                )
-
-            instants, place = comm.bcast((mpi.on_root(comm, choose), folder))
-            with picture_body(scene, comm) as fine:
-                quantities = colours.DEFAULT_QUANTITIES
-                if not self.everything:
-                    quantities = (colours.quantity_of("max_shear"),)
-                snapshots(fine, instants, place / "snapshots", quantities, self.say)
-        mpi.on_root(comm, self._finish_figures)
-
-    def _begin_figures(self, record: Record, folder: Path) -> None:
-        """Begin to draw the figures beside, or draw them here: a user's are not known there."""
-        with drawing_modules():
-            from receding_fenicsx.output.plots import figures
-        place, formats = folder / "figures", figures.FORMATS if self.pdf else ("png",)
-        if self.beside is None or figures.FIGURES != figures.OF_PACKAGE:
-            figures.plot_all(record, place, formats, self.say, self.everything)
-        else:
-            job = (folder / "record.h5", place, formats, self.everything)
-            self.beside = workers.submit("figures", _draw_figures, *job)
-
-    def _finish_figures(self) -> None:
-        """Wait for figures drawn beside."""
-        if self.beside is not None:
-            if self.say is not None:
-                self.say("figures")
-            try:
-                workers.result("figures", self.beside)
-            except workers.WorkerEnded as ended:
-                raise RecedingError(f"figures: drawing failed ({ended})") from None
-
-
-def _draw_figures(file: Path, folder: Path, formats: tuple[str, ...], everything: bool) -> None:
-    """Draw the figures of a record that is in a file."""
-    from receding_fenicsx.output.plots import figures
-
-    figures.plot_all(hdf5.read_record(file), folder, formats, None, everything)
+    instants, place = comm.bcast((mpi.on_root(comm, begin), folder))
+    if body:
+        with picture_body(scene, comm) as fine:
+            quantities = colours.DEFAULT_QUANTITIES
+            if not everything:
+                quantities = (colours.quantity_of("max_shear"),)
+            snapshots(fine, instants, place / "snapshots", quantities, say)
 
 
 @contextlib.contextmanager
@@ -273,7 +192,8 @@ def picture_body(scene: Scene, comm: MPI.Comm) -> Iterator[Stack]:
     # a mesh of the user's own is not refined, a half-plane has none
     if all(body.is_rectangle for body in scene.bodies):
         cells = scene.mesh.contact_elements**2 * scene.body.height / scene.body.width
-        growth = min(scene.mesh.growth, PICTURE_GROWTH[cells > PICTURE_CELLS])
+        # size ratio of neighbouring layers: fewer cells than this fill the body ungraded
+        growth = min(scene.mesh.growth, 1.1 if cells > 30_000 else 1.0)
         scene = replace(scene, mesh=replace(scene.mesh, growth=growth))
     bulk = bulk_of(scene, comm, Timer())
     try:
@@ -287,7 +207,7 @@ def default_instants(
 ) -> list[Instant]:
     """Return the turning points at which a run draws the body.
 
-    With ``everything`` up to ``MAX_INSTANTS`` loaded ones of each of cycles 0, 1 and the last, else
+    With ``everything`` up to six loaded ones of each of cycles 0, 1 and the last, else
     the one of the last loaded cycle with the largest loads.
     """
     table = record.turning_points
@@ -295,7 +215,7 @@ def default_instants(
     chosen = []
     if everything:
         for cycle in sorted({0, 1, int(table.cycle.max(initial=0))}):
-            chosen += spread(np.flatnonzero((table.cycle == cycle) & loaded), MAX_INSTANTS).tolist()
+            chosen += spread(np.flatnonzero((table.cycle == cycle) & loaded), 6).tolist()
     elif np.any(loaded):
         largest = np.abs(table.load).max(axis=0)
         size = np.abs(table.load / np.where(largest > 0.0, largest, 1.0)).sum(axis=1)

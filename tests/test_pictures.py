@@ -1,8 +1,6 @@
 """Pictures of a run: drawn beside each other, errors of the processes, progress."""
 
 import json
-import os
-import signal
 import subprocess
 import sys
 import time
@@ -13,8 +11,7 @@ from mpi4py import MPI
 
 import pytest
 
-from receding_fenicsx import environment, pictures, read_scene, workers
-from receding_fenicsx.errors import InputError, RecedingError
+from receding_fenicsx import environment, read_scene
 from receding_fenicsx.mpi import on_root
 from receding_fenicsx.output.plots import figures
 from receding_fenicsx.studies import run as study
@@ -25,63 +22,38 @@ SMALL = ["mesh.contact_elements=12", "history.cycles=1", "output.samples_per_leg
 COMM = MPI.COMM_WORLD
 
 
-def test_pictures_of_a_run_are_the_same_on_one_core_and_on_two(
-    shared_tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+def test_pictures_of_a_run_are_counted_and_those_in_pdf_are_the_figures(
+    shared_tmp_path: Path,
 ) -> None:
     heard: list[str] = []
-    for cores in (1, 2):
-        monkeypatch.setattr(workers, "cores", lambda cores=cores: cores)
-        options = study.RunOptions(all_pictures=True, pdf=cores == 2, progress=heard.append)
-        study.run(read_scene(BLOCK, SMALL), shared_tmp_path / str(cores), options, COMM)
+    for pdf in (False, True):
+        options = study.RunOptions(all_pictures=pdf, pdf=pdf, progress=heard.append)
+        study.run(read_scene(BLOCK, SMALL), shared_tmp_path / str(pdf), options, COMM)
 
     def compare() -> None:
-        one, two = (
+        few, all_ = (
             {str(p.relative_to(folder)): p.read_bytes() for p in folder.rglob("*.p*")}
-            for folder in (shared_tmp_path / "1", shared_tmp_path / "2")
+            for folder in (shared_tmp_path / "False", shared_tmp_path / "True")
         )
-        pages = {name for name in two if name.endswith(".pdf")}
+        pages = {name for name in all_ if name.endswith(".pdf")}
         # PDF only where asked for, one for each figure
-        assert not any(name.endswith(".pdf") for name in one)
-        assert {f"{name[:-4]}.png" for name in pages} == {n for n in one if "figures" in n}
-        assert one == {name: data for name, data in two.items() if name not in pages}
-        drawn = len([name for name in one if "snapshots" in name])
-        assert drawn == 6
-        # drawn here they are counted
-        assert {"figures"} < {line for line in heard if line.startswith("figures")}
-        last = f"pictures of the body: {drawn - 1} of {drawn}, "
-        assert sum(line.startswith(last) for line in heard) == 2
+        assert not any(name.endswith(".pdf") for name in few)
+        assert {f"{name[:-4]}.png" for name in pages} == {
+            n for n in all_ if n.startswith("fig") and n not in pages
+        }
+        # a picture is the same beside few others and beside many
+        assert few.items() < all_.items()
+        for pictures, count in ((few, 1), (all_, 6)):
+            assert sum("snapshots" in name for name in pictures) == count
+            assert any(h.startswith(f"pictures of the body: {count - 1} of {count}") for h in heard)
 
     on_root(COMM, compare)
 
 
 @pytest.mark.one_rank
-def test_errors_of_the_process_that_draws_arrive_in_one_line(
+def test_figures_of_a_user_are_drawn_by_a_run(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    scene, out = read_scene(BLOCK, SMALL), tmp_path / "run"
-    record = study.run(scene, out, study.RunOptions(pictures=False), COMM)
-    (out / "figures").write_text("no folder")
-    with (
-        pytest.raises(InputError, match="figures") as refused,
-        pictures.Drawing(COMM, None, figures=True, body=False, everything=True, pdf=False) as own,
-    ):
-        own.beside = workers.submit("figures", os.getpid)
-        own.draw(scene, None, record, out)
-    assert "\n" not in str(refused.value)
-    monkeypatch.setattr(pictures, "_draw_figures", lambda *_: signal.raise_signal(signal.SIGKILL))
-    with (
-        pytest.raises(RecedingError, match=r"^figures: drawing failed .*SIGKILL"),
-        pictures.Drawing(COMM, None, figures=True, body=False, everything=True, pdf=False) as own,
-    ):
-        own.beside = workers.submit("figures", os.getpid)
-        own.draw(scene, None, record, out)
-
-
-@pytest.mark.one_rank
-def test_figures_of_a_user_are_drawn_where_a_process_draws_beside(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(workers, "cores", lambda: 2)
     monkeypatch.setattr(figures, "FIGURES", dict(figures.FIGURES))
     figures.figure("own", needs=lambda _: True)(lambda record, _: figures.hysteresis(record))
     study.run(read_scene(BLOCK, SMALL), tmp_path / "run", study.RunOptions(all_pictures=True), COMM)

@@ -322,15 +322,15 @@ def test_small_bodies_are_condensed_in_the_same_bits_on_any_number_of_ranks() ->
     assert not is_small(small("mesh.contact_elements=640", "mesh.growth=1"))
 
 
-@pytest.mark.parametrize("place", ["Drawing.draw", "_headlines"])
+@pytest.mark.parametrize("place", ["draw_run", "_headlines"])
 def test_interrupt_after_the_history_says_how_to_continue(
     place: str, shared_tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def interrupt(*_: object) -> None:
+    def interrupt(*_: object, **__: object) -> None:
         raise KeyboardInterrupt
 
     out = shared_tmp_path / "out"
-    options = study.RunOptions(pictures=False, error=place == "_headlines")
+    options = study.RunOptions(pictures=place == "draw_run", error=place == "_headlines")
     with monkeypatch.context() as patch:
         patch.setattr(f"receding_fenicsx.studies.run.{place}", interrupt)
         with pytest.raises(KeyboardInterrupt) as caught:
@@ -339,7 +339,7 @@ def test_interrupt_after_the_history_says_how_to_continue(
         assert isinstance(caught.value, rf.Interrupted) and caught.value.exit_code == 130
         assert str(caught.value).endswith("out.part holds the whole history; continue by --resume")
     assert not out.exists()
-    study.run(small(), out, dataclasses.replace(options, resume=True))
+    study.run(small(), out, dataclasses.replace(options, resume=True, pictures=False))
     assert (out / "summary.json").is_file()
 
 

@@ -16,7 +16,7 @@ from receding_fenicsx.evolution.problem import problem_of_scene, system_for, wit
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.mpi import world
 from receding_fenicsx.output.report import summary
-from receding_fenicsx.pictures import Drawing, drawing_modules
+from receding_fenicsx.pictures import draw_run, drawing_modules
 from receding_fenicsx.scene.model import Scene
 from receding_fenicsx.scene.validate import validate
 from receding_fenicsx.store import hdf5, summary_file
@@ -121,12 +121,8 @@ def run(
     if options.error and scene.accuracy.tolerance is None:
         scene = study.with_coarser_partner(scene)
     timer = Timer(options.progress if comm.rank == 0 else None)
-    chosen = {"figures": out is not None and options.pictures, "everything": options.all_pictures}
     body = options.system_file is None if options.snapshots is None else options.snapshots
-    with (
-        shared_folder(comm, out, scene, options.overwrite, options.resume) as folder,
-        Drawing(comm, timer.say, **chosen, body=body, pdf=options.pdf) as drawing,
-    ):
+    with shared_folder(comm, out, scene, options.overwrite, options.resume) as folder:
         found = _found(scene, comm, timer, folder, options)
         if options.starts and found.failure is None:
             found.extra.update(_starts(found, comm, timer, folder, options))
@@ -137,9 +133,19 @@ def run(
             text = mpi.on_root(comm, lambda: summary.summarise(mpi.given(record), found.extra))
             _write_summary(comm, folder, text, timer)
             with resumable(folder, "while drawing"), timer("pictures"):
-                if failure is None or isinstance(failure, ToleranceNotMet):
-                    drawing.draw(found.scene, found.system, record, folder)
-                    if options.pictures and "accuracy" in found.extra:
+                if options.pictures and (failure is None or isinstance(failure, ToleranceNotMet)):
+                    draw_run(
+                        comm,
+                        found.scene,
+                        found.system,
+                        record,
+                        folder,
+                        body=body,
+                        everything=options.all_pictures,
+                        pdf=options.pdf,
+                        say=timer.say,
+                    )
+                    if "accuracy" in found.extra:
                         mpi.on_root(comm, lambda: study.draw_way(mpi.given(folder), found.extra))
             _write_summary(comm, folder, text, timer)
             mpi.on_root(comm, lambda: _write_report(folder, record))

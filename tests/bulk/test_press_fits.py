@@ -22,7 +22,7 @@ from receding_fenicsx.mpi import on_root
 from receding_fenicsx.output.plots.labels import scales_of
 from receding_fenicsx.output.report.summary import summarise
 from receding_fenicsx.output.report.turning_points import zones_header
-from receding_fenicsx.output.snapshots.whole_contact import whole_contact
+from receding_fenicsx.output.snapshots.whole_body import whole_contact
 from receding_fenicsx.studies import run as study
 
 comm = MPI.COMM_WORLD

@@ -18,7 +18,6 @@ from models import block_system
 from receding_fenicsx import cli, environment
 from receding_fenicsx.bulk.mesh import meshing
 from receding_fenicsx.evolution.problem import with_profiles
-from receding_fenicsx.pictures import Drawing
 from receding_fenicsx.scene.toml_file import read_scene
 from receding_fenicsx.store.hdf5 import read_record, read_system, write_system
 from receding_fenicsx.store.summary_file import read_summary
@@ -89,10 +88,10 @@ def test_the_body_is_drawn_from_a_saved_system_only_when_asked_for(
 ) -> None:
     drawn: list[bool] = []
 
-    def draw(self: Drawing, *_: object) -> None:
-        drawn.extend([self.body] * self.figures)
+    def draw(*_: object, body: bool, **__: object) -> None:
+        drawn.append(body)
 
-    monkeypatch.setattr(Drawing, "draw", draw)
+    monkeypatch.setattr("receding_fenicsx.studies.run.draw_run", draw)
     saved, all_, figures = (
         ["--system", str(system)],
         ["--pictures", "all"],

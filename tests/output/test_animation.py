@@ -26,8 +26,7 @@ from receding_fenicsx.mpi import given
 from receding_fenicsx.output.plots import style
 from receding_fenicsx.output.snapshots import animation, draw
 from receding_fenicsx.output.snapshots.colours import quantity_of
-from receding_fenicsx.output.snapshots.layout import RIGHT, Layout
-from receding_fenicsx.output.snapshots.page import CLOCK_BOX, Clock, _draw_clock, compose
+from receding_fenicsx.output.snapshots.page import RIGHT, Clock, Layout, _draw_clock, compose
 from receding_fenicsx.output.snapshots.view import View
 from receding_fenicsx.pictures import animate
 from receding_fenicsx.studies import run as study
@@ -80,10 +79,10 @@ def test_film_shows_all_frames_with_the_states_and_the_loads(
     reader = imageio_ffmpeg.read_frames(str(mp4))
     meta = next(reader)
     width, height = meta["size"]
-    assert width == pytest.approx(style.PAGE * animation.FILM_DPI, abs=2)
+    assert width == pytest.approx(1280, abs=2)
     assert width % 2 == height % 2 == 0
     frames = [np.frombuffer(frame, np.uint8).reshape(height, width, 3) for frame in reader]
-    assert len(frames) == FRAMES + animation.LAST_FRAME_REPEATS
+    assert len(frames) == FRAMES + 6
     # the last picture stands still, the ones before differ
     for a, b in pairwise(frames[:FRAMES]):
         assert np.abs(a.astype(int) - b).mean() > 1.0
@@ -96,7 +95,7 @@ def test_film_shows_all_frames_with_the_states_and_the_loads(
     pages = Image.open(gif)
     assert pages.n_frames == len(frames)  # type: ignore[attr-defined]
     assert pages.info["loop"] == 0
-    assert pages.size[0] == animation.GIF_WIDTH
+    assert pages.size[0] == 800
     pages.seek(FRAMES // 2)
     pixels = np.asarray(pages.convert("RGB"))
     for colour in (*style.STATE_COLOURS.values(), style.SHEAR_COLOUR):
@@ -123,8 +122,7 @@ def test_axis_of_a_film_that_ends_unloaded_has_room_for_the_largest_tractions(
         return Figure(figsize=(1.0, 1.0))
 
     monkeypatch.setattr(draw, "compose", note)
-    monkeypatch.setattr(draw.render, "begin", lambda picture: None)
-    monkeypatch.setattr(draw.render, "finish", lambda job: None)
+    monkeypatch.setattr(draw, "raster", lambda *_: None)
     film = animation.Scenario(instants, np.array([0.0, 0.5, 0.9]))
     animation.draw_frames(bulk, film, fields, quantity_of("max_shear"))
     bulk.destroy()
@@ -173,7 +171,7 @@ def test_dots_of_the_dial_lie_on_no_number(now: float) -> None:
         # the size that the dial has on the page
         figure = Figure(figsize=(4.0, 3.0), dpi=200)
         canvas = FigureCanvasAgg(figure)
-        axes = figure.add_axes((0.5, 0.5, CLOCK_BOX[1] / 4.0, 0.2))
+        axes = figure.add_axes((0.5, 0.5, (RIGHT - 0.5) / 4.0, 0.2))
         _draw_clock(axes, clock)
         canvas.draw()
     dots = [line for line in axes.lines if line.get_marker() == "o"]
@@ -198,10 +196,10 @@ def test_numbers_at_the_loads_of_a_film_are_not_cut_at_the_edge(lowest: float) -
     with mpl.rc_context(style.RC):
         figure = Figure(figsize=(4.0, 3.0), dpi=200)
         canvas = FigureCanvasAgg(figure)
-        axes = figure.add_axes((0.5, 0.5, CLOCK_BOX[1] / 4.0, 0.2))
+        axes = figure.add_axes((0.5, 0.5, (RIGHT - 0.5) / 4.0, 0.2))
         _draw_clock(axes, clock)
         canvas.draw()
-        end = axes.get_position().x1 * 4.0 + RIGHT - sum(CLOCK_BOX)
+        end = axes.get_position().x1 * 4.0 + 0.5 - 0.22
         for label in axes.get_yticklabels():
             assert label.get_window_extent().x1 / figure.dpi < end, label.get_text()
 

@@ -1,8 +1,8 @@
 """Figures of branches and of slip modes show the numbers of their trees and modes."""
 
-from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import models
 import numpy as np
@@ -15,8 +15,9 @@ from small import cyclic, small_system, table
 import receding_fenicsx as rf
 from receding_fenicsx.interface.law import State
 from receding_fenicsx.interface.mirror import mirror_of
-from receding_fenicsx.output.snapshots import mode
-from receding_fenicsx.output.snapshots.draw import Sheet, draw_sheets
+from receding_fenicsx.output.snapshots import draw
+from receding_fenicsx.output.snapshots.page import compose
+from receding_fenicsx.output.snapshots.view import View
 
 BLOCK = Path(__file__).parents[2] / "demos" / "block.toml"
 
@@ -118,14 +119,14 @@ def test_body_in_a_slip_mode_has_its_picture(
         drawn.append(figure)
         save(figure, path)
 
-    sheets: list[Sheet] = []
+    views: list[View] = []
 
-    def noted(drawn_sheets: list[Sheet]) -> Iterable[Figure]:
-        sheets.extend(drawn_sheets)
-        return draw_sheets(drawn_sheets)
+    def noted(view: View, *rest: Any) -> Figure:
+        views.append(view)
+        return compose(view, *rest)
 
     monkeypatch.setattr(rf.style, "save", kept)
-    monkeypatch.setattr(mode, "draw_sheets", noted)
+    monkeypatch.setattr(draw, "compose", noted)
     scene = rf.read_scene(BLOCK, ["mesh.contact_elements=8", "history.cycles=1"])
     system, critical = rf.condense(scene), None
     if system is not None:
@@ -136,7 +137,7 @@ def test_body_in_a_slip_mode_has_its_picture(
         assert file.is_file()
         (page,) = drawn
         assert any(f"{critical.factor:.4g}" in text.get_text() for text in page.texts)
-        view, shape = sheets[0].view, np.reshape(critical.mode, (2, -1)).T
+        view, shape = views[0], np.reshape(critical.mode, (2, -1)).T
         apart = np.abs(view.points[:, None] - system.points[::2]).max(axis=2)
         corner = apart.argmin(axis=0)  # nodes between the vertices are not drawn
         assert apart.min(axis=0).max() < 1e-9

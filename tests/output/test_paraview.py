@@ -20,9 +20,8 @@ from receding_fenicsx.evolution.instants import Instant
 from receding_fenicsx.evolution.moment import Moment
 from receding_fenicsx.evolution.replay import instant_of
 from receding_fenicsx.mpi import on_root
-from receding_fenicsx.output.snapshots.paraview import Grid, grid_of, time_of, write_instant
-from receding_fenicsx.output.snapshots.vertices import merge_axis
-from receding_fenicsx.output.snapshots.whole_contact import whole_contact
+from receding_fenicsx.output.snapshots.paraview import Grid, grid_of, write_instant
+from receding_fenicsx.output.snapshots.whole_body import merge_axis, whole_contact
 from receding_fenicsx.pictures import picture_body
 from receding_fenicsx.scene.model import Body, Contact, HistoryOptions, Material, Scene, Support
 from receding_fenicsx.studies import run as study
@@ -101,11 +100,6 @@ def on_contact(grid: Grid) -> np.ndarray[Any, Any]:
     """Return the contact's points in the order of x."""
     nodes = np.flatnonzero(grid.at_points["state"])
     return nodes[np.argsort(grid.points[nodes, 0])]
-
-
-def test_time_counts_cycles() -> None:
-    assert time_of(0, 0, 0.5, 1) == 0.5
-    assert [time_of(3, leg, s, 2) for leg, s in ((0, 0.0), (0, 1.0), (1, 1.0))] == [3.0, 3.5, 4.0]
 
 
 def test_contact_has_the_values_of_the_record(half: dict[float, tuple[Grid, Moment]]) -> None:

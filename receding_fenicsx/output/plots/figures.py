@@ -335,6 +335,3 @@ figure(
     all_edges=True,
     each=True,
 )(probe_stresses)
-
-OF_PACKAGE = dict(FIGURES)
-"""Figures that are registered wherever the package is imported: those that a helper process has."""

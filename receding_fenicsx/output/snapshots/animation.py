@@ -26,34 +26,23 @@ from receding_fenicsx.mpi import on_root
 from receding_fenicsx.output.plots import style
 from receding_fenicsx.output.plots.labels import load_symbol, peak, pressure_of
 from receding_fenicsx.output.snapshots.colours import Quantity
-from receding_fenicsx.output.snapshots.draw import draw_sheets, sheets_of
-from receding_fenicsx.output.snapshots.layout import layout_of
-from receding_fenicsx.output.snapshots.load_arrows import largest_factors
-from receding_fenicsx.output.snapshots.page import Clock, traction_limits
-from receding_fenicsx.output.snapshots.render import find_renderer
-from receding_fenicsx.output.snapshots.view import units_of, view_of
+from receding_fenicsx.output.snapshots.draw import draw_pages
+from receding_fenicsx.output.snapshots.page import Clock, layout_of, traction_limits
+from receding_fenicsx.output.snapshots.view import largest_factors, units_of, view_of
 from receding_fenicsx.timing import Countdown, Say
 
 if TYPE_CHECKING:
     from receding_fenicsx.bulk.stack import Stack
 
-FILM_DPI = 171.0
-"""Dots per inch of a frame, for a width of 1280 pixels."""
-GIF_WIDTH = 800
-FRAMES_PER_SECOND = 12
-LAST_FRAME_REPEATS = 6
-"""Number of times that the last frame is repeated before the film starts again."""
 CODING = {
     ".mp4": "-c:v libx264 -crf 20 -pix_fmt yuv420p -movflags +faststart -f mp4".split(),
     ".gif": [
         *("-f", "gif", "-filter_complex"),
-        f"scale=min({GIF_WIDTH}\\,iw):-1:flags=lanczos,split[a][b];[a]palettegen[c];"
+        "scale=min(800\\,iw):-1:flags=lanczos,split[a][b];[a]palettegen[c];"
         "[b][c]paletteuse=dither=none",
     ],
 }
-"""Options of FFmpeg by the file's ending."""
-TIMEOUT = 300.0
-"""Largest time of FFmpeg in seconds."""
+"""Options of FFmpeg by the file's ending; a GIF is at most 800 pixels wide."""
 
 Frame = NDArray[np.uint8]
 """(height, width, 3) array of red, green and blue."""
@@ -92,15 +81,14 @@ def animate(
         The files written, on rank 0; None elsewhere.
 
     Raises:
-        RecedingError: off-screen rendering does not work on this machine, or FFmpeg failed.
+        RecedingError: FFmpeg failed.
     """
-    on_root(bulk.comm, find_renderer)
     film: Scenario = bulk.comm.bcast(scenario)
     fields: list[Fields] = []
     tell = Countdown(say, "fields:")
     for now in film.instants:
-        of = len(film.instants)
-        tell(len(fields), of, f"cycle {now.cycle}, leg {now.leg}, s = {now.s:.3f}")
+        where = f"cycle {now.cycle}, leg {now.leg}, s = {now.s:.3f}"
+        tell(len(fields), len(film.instants), where)
         found = fields_at(bulk, now.load, np.concatenate([now.v, now.state.w]))
         if found is not None:
             # keep one stress only: all stresses of all frames would take much memory
@@ -150,13 +138,13 @@ def draw_frames(
     ]
     frames: list[Frame] = []
     tell = Countdown(say, "frames:")
-    with mpl.rc_context(style.RC):
-        layout = layout_of(*views, dpi=FILM_DPI)
-        for page in draw_sheets(sheets_of(views, quantity, layout, clocks)):
-            tell(len(frames), len(views), f"time {clocks[len(frames)].now:.2f} of 1")
-            canvas = FigureCanvasAgg(page)
+    # dots per inch for a width of 1280 pixels
+    for page in draw_pages(views, quantity, layout_of(*views, dpi=171.0), clocks):
+        tell(len(frames), len(views), f"time {clocks[len(frames)].now:.2f} of 1")
+        canvas = FigureCanvasAgg(page)
+        with mpl.rc_context(style.RC):
             canvas.draw()
-            frames.append(np.array(canvas.buffer_rgba())[:, :, :3])
+        frames.append(np.array(canvas.buffer_rgba())[:, :, :3])
     return frames
 
 
@@ -187,15 +175,16 @@ def write_film(path: Path, frames: list[Frame]) -> None:
     # H.264 needs an even number of pixels
     height, width = (n - n % 2 for n in frames[0].shape[:2])
     with new_file(path, overwrite=True) as beside, tempfile.TemporaryFile() as raw:
-        for frame in [*frames, *[frames[-1]] * LAST_FRAME_REPEATS]:
+        # the last frame stays for half a second before the film starts again
+        for frame in [*frames, *[frames[-1]] * 6]:
             raw.write(np.ascontiguousarray(frame[:height, :width]).tobytes())
         raw.seek(0)
         command = [program, "-y", "-v", "error", "-f", "rawvideo", "-pix_fmt", "rgb24"]
-        command += ["-s", f"{width}x{height}", "-r", str(FRAMES_PER_SECOND), "-i", "pipe:0"]
+        command += ["-s", f"{width}x{height}", "-r", "12", "-i", "pipe:0"]
         command += [*CODING[path.suffix], str(beside)]
         # FFmpeg reads a file, not a pipe: PETSc would end the job at a broken pipe
         done = subprocess.run(
-            command, stdin=raw, capture_output=True, env=child_environment(), timeout=TIMEOUT
+            command, stdin=raw, capture_output=True, env=child_environment(), timeout=300.0
         )
         if done.returncode != 0:
             last = (done.stderr.decode(errors="replace").strip().splitlines() or ["no message"])[-1]

@@ -1,14 +1,13 @@
 """Pictures of a stress on the deformed body, with states and tractions of the contact.
 
-pyvista renders the field, Matplotlib draws the page around it: one picture for each instant and
-stress, as wide as a journal page. The next field is rendered while a page is drawn.
+One picture for each instant and stress, as wide as a journal page: ``render`` makes the image of
+the field, Matplotlib draws the page around it.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from concurrent.futures import Future
-from dataclasses import dataclass
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -16,25 +15,27 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
 
-from receding_fenicsx.arrays import Array
 from receding_fenicsx.atomic import make_folder
 from receding_fenicsx.bulk.fields import gather_cell_stresses, gather_fields, solve_fields
+from receding_fenicsx.errors import InputError
 from receding_fenicsx.evolution.instants import Instant
+from receding_fenicsx.interface.branches.critical_friction import CriticalFriction
+from receding_fenicsx.interface.law import Friction, State
+from receding_fenicsx.interface.system import ContactState
 from receding_fenicsx.mpi import given, on_root
 from receding_fenicsx.output.plots import style
-from receding_fenicsx.output.snapshots import paraview, render
+from receding_fenicsx.output.snapshots import paraview
 from receding_fenicsx.output.snapshots.colours import (
     QUANTITIES,
-    Colours,
     Quantity,
     colours_of,
+    quantity_of,
     scaled,
 )
-from receding_fenicsx.output.snapshots.layout import Layout, layout_of
-from receding_fenicsx.output.snapshots.page import Clock, compose
-from receding_fenicsx.output.snapshots.vertices import merge_axis, vertex_areas
-from receding_fenicsx.output.snapshots.view import View, view_of
-from receding_fenicsx.output.snapshots.whole_contact import whole_contact
+from receding_fenicsx.output.snapshots.page import Clock, Layout, compose, layout_of
+from receding_fenicsx.output.snapshots.render import raster
+from receding_fenicsx.output.snapshots.view import Units, View, units_of, view_of
+from receding_fenicsx.output.snapshots.whole_body import merge_axis, vertex_areas, whole_contact
 from receding_fenicsx.scene.history import history_from_scene
 from receding_fenicsx.timing import Countdown, Say
 
@@ -60,44 +61,29 @@ def snapshots(
 
     Returns:
         The files written, on rank 0; None elsewhere.
-
-    Raises:
-        RecedingError: off-screen rendering does not work on this machine.
     """
     comm, folder = bulk.comm, Path(folder)
     beside = folder.parent / "fields"
-
-    def prepare() -> None:
-        render.find_renderer()
-        for place in (folder, beside):
-            make_folder(place)
-
-    on_root(comm, prepare)
-    solved = [_solve(bulk, now, beside / f"{_name(now)}.xdmf") for now in instants]
+    on_root(comm, lambda: make_folder(folder))
+    on_root(comm, lambda: make_folder(beside))
+    names = [f"cycle{now.cycle:04d}_leg{now.leg}_s{now.s:.3f}" for now in instants]
+    fields = [beside / f"{name}.xdmf" for name in names]
+    solved = [_solve(bulk, now, file) for now, file in zip(instants, fields, strict=True)]
 
     def draw() -> list[Path]:
         made: list[Path] = []
-        sheets: list[Sheet] = []
-        paths: list[Path] = []
-        for now, view in zip(instants, solved, strict=True):
+        tell, count = Countdown(say, "pictures of the body:"), len(instants) * len(quantities)
+        for name, view in zip(names, solved, strict=True):
             layout = layout_of(given(view))
             for quantity in quantities:
-                sheets += sheets_of([given(view)], quantity, layout)
-                paths.append(folder / f"{_name(now)}_{quantity.name}.png")
-        tell = Countdown(say, "pictures of the body:")
-        with mpl.rc_context(style.RC):
-            for path, page in zip(paths, draw_sheets(sheets), strict=True):
-                tell(len(made), len(paths), path.stem)
-                style.save(page, path)
+                path = folder / f"{name}_{quantity.name}.png"
+                tell(len(made), count, path.stem)
+                for page in draw_pages([given(view)], quantity, layout):
+                    style.save(page, path)
                 made.append(path)
-        return [*made, *[beside / f"{_name(now)}.xdmf" for now in instants]]
+        return [*made, *fields]
 
     return on_root(comm, draw)
-
-
-def _name(now: Instant) -> str:
-    """Return the name of an instant's files."""
-    return f"cycle{now.cycle:04d}_leg{now.leg}_s{now.s:.3f}"
 
 
 def _solve(bulk: Stack, now: Instant, file: Path) -> View | None:
@@ -111,82 +97,84 @@ def _solve(bulk: Stack, now: Instant, file: Path) -> View | None:
         legs = len(history.path if now.cycle == 0 else history.loop) - 1
         merged = merge_axis(fields) if bulk.body.half else fields
         grid = paraview.grid_of(merged, cell_stress, whole_contact(bulk, now))
-        paraview.write_instant(file, grid, paraview.time_of(now.cycle, now.leg, now.s, legs))
+        # time counts cycles
+        paraview.write_instant(file, grid, now.cycle + (now.leg + now.s) / legs)
         return view_of(bulk, fields, now)
 
     return on_root(bulk.comm, write)
 
 
-@dataclass(frozen=True)
-class Sheet:
-    """Everything of a page before the field is rendered.
-
-    Attributes:
-        view: body and contact at the instant.
-        layout: layout of the page.
-        values: (n,) field at the vertices.
-        colours: its colours.
-        levels: values at which contour lines are drawn.
-        clock: position in a film; None for a single picture.
-    """
-
-    view: View
-    layout: Layout
-    values: Array
-    colours: Colours
-    levels: Array
-    clock: Clock | None
-
-
-def sheets_of(
+def draw_pages(
     views: Sequence[View],
     quantity: Quantity,
     layout: Layout,
-    clocks: Sequence[Clock | None] = (),
-) -> list[Sheet]:
-    """Return the sheets of a stress of several views of a body with the same layout and colours.
+    clocks: Sequence[Clock | None] = (None,),
+) -> Iterator[Figure]:
+    """Yield the pages of a stress of several views of a body with the same layout and colours.
 
     Args:
         views: the views, all in the same units.
         quantity: the stress.
         layout: layout of the pages.
-        clocks: position of each page in a film; empty for single pictures.
+        clocks: position of each page in a film; None for a single picture.
     """
     values = [scaled(view, quantity) for view in views]
     seen = [layout.shows(view.moved) for view in views]
-    colours, levels = colours_of(
-        np.concatenate([v[at] for v, at in zip(values, seen, strict=True)]),
-        quantity,
-        views[0].pressure_symbol,
-        np.concatenate(
-            [vertex_areas(v.points, v.cells)[at] for v, at in zip(views, seen, strict=True)]
-        ),
-    )
-    return [
-        Sheet(view, layout, field, colours, levels, clock)
-        for view, field, clock in zip(views, values, clocks or [None] * len(views), strict=True)
-    ]
+    areas = [vertex_areas(v.points, v.cells)[at] for v, at in zip(views, seen, strict=True)]
+    shown = np.concatenate([v[at] for v, at in zip(values, seen, strict=True)])
+    colours, levels = colours_of(shown, quantity, views[0].pressure_symbol, np.concatenate(areas))
+    for view, field, clock in zip(views, values, clocks, strict=True):
+        pixels = raster(
+            view.moved,
+            view.cells,
+            field,
+            colours.limits,
+            colours.table,
+            layout.window,
+            layout.pixels,
+        )
+        contours = (field, levels) if len(levels) else None
+        with mpl.rc_context(style.RC):
+            page = compose(view, layout, pixels, colours, clock, contours)
+        yield page
 
 
-def draw_sheets(sheets: Sequence[Sheet]) -> Iterator[Figure]:
-    """Yield the pages of sheets; the next field is rendered while a page is drawn."""
-    coming = [_begin(sheet) for sheet in sheets[:1]]
-    for n, sheet in enumerate(sheets):
-        pixels = render.finish(coming.pop())
-        coming = [_begin(later) for later in sheets[n + 1 : n + 2]]
-        contours = (sheet.values, sheet.levels) if len(sheet.levels) else None
-        yield compose(sheet.view, sheet.layout, pixels, sheet.colours, sheet.clock, contours)
+def draw_mode(bulk: Stack, critical: CriticalFriction | None, file: Path) -> Path | None:
+    """Draw the body deformed by a slip mode (rank 0's), without loads, at the mode's friction.
 
+    Raises:
+        InputError: there is no mode, or the body's contact nodes are not those of the mode.
+    """
+    n, none = len(bulk.contact.x), np.zeros(len(bulk.scene.load_names))
 
-def _begin(sheet: Sheet) -> Future[render.Pixels]:
-    """Begin to render the field of a sheet."""
-    picture = render.Picture(
-        points=sheet.view.moved,
-        cells=sheet.view.cells,
-        values=sheet.values,
-        limits=sheet.colours.limits,
-        colours=sheet.colours.table,
-        window=sheet.layout.window,
-        size=sheet.layout.pixels,
-    )
-    return render.begin(picture)
+    def checked() -> CriticalFriction:
+        found = given(critical)
+        if len(found.signs) != n or not found.mode.any():
+            raise InputError(
+                f"slip mode: a mode of the scene's {n} contact nodes is needed, not one of "
+                f"{len(found.signs)} with largest entry {np.abs(found.mode).max():g}"
+            )
+        return found
+
+    critical = bulk.comm.bcast(on_root(bulk.comm, checked))
+    signs = critical.signs
+    force = np.abs(critical.reactions).reshape(2, n).max(axis=0)
+    slips = np.where(signs > 0.0, State.FORWARD_SLIP, State.BACKWARD_SLIP)
+    # reaction over the largest one below which a node without a direction of slip is open
+    stays = np.where(force > 1e-9 * force.max(), State.STICK, State.SEPARATION)
+    states = np.where(signs != 0.0, slips, stays).astype(np.int8)
+    state = ContactState(critical.mode, critical.reactions, states)
+    now = Instant(0, 0, 0.0, none, critical.mode[:n], state)
+    parts = gather_fields(solve_fields(bulk, none, critical.mode))
+
+    def draw() -> Path:
+        fields = given(parts)
+        view = view_of(bulk, fields, now, Units(units_of(bulk, [fields], none).factor, 1.0, ""))
+        f = [critical.factor * c for c in (view.f.forward, view.f.backward)]
+        text = rf"changes in a slip mode, slip as assumed, $\varphi$ = {critical.factor:.4g}"
+        view = replace(view, caption=text, f=Friction(*f))
+        for page in draw_pages([view], quantity_of("von_mises"), layout_of(view)):
+            style.save(page, file)
+        return file
+
+    return on_root(bulk.comm, draw)

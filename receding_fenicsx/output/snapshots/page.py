@@ -1,4 +1,4 @@
-"""Page of a picture: rendered field, marks, tractions, colour bar, captions, loads of a film."""
+"""Page of a picture: field, marks, tractions, colour bar, captions, loads of a film."""
 
 from __future__ import annotations
 
@@ -9,28 +9,115 @@ from matplotlib.artist import Artist, allow_rasterization
 from matplotlib.axes import Axes
 from matplotlib.backend_bases import RendererBase
 from matplotlib.cm import ScalarMappable
+from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.colors import ListedColormap, Normalize
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 from matplotlib.tri import Triangulation
+from numpy.typing import NDArray
 
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.interface.measures.zones import zones
 from receding_fenicsx.output.plots import style
 from receding_fenicsx.output.plots.labels import position_label
-from receding_fenicsx.output.snapshots.body_marks import draw_loads, draw_outlines, draw_states
 from receding_fenicsx.output.snapshots.colours import Colours
-from receding_fenicsx.output.snapshots.layout import RIGHT, Layout
 from receding_fenicsx.output.snapshots.render import Pixels
-from receding_fenicsx.output.snapshots.view import View
+from receding_fenicsx.output.snapshots.view import Strip, View
 from receding_fenicsx.scene.units import in_unit
 
 Box = tuple[float, float, float, float]
 """Left, bottom, width and height in inches."""
-CLOCK_BOX = (0.22, RIGHT - 0.5)
-"""Distance of the curves of the loads from the tractions, and their width, in inches."""
-CLOCK_MARGIN = 0.12
-"""Room left and right of the curves of the loads in a film, over their length."""
+LEFT, RIGHT = 0.62, 0.98
+"""Margins in inches: left for the axis of the tractions, right for the colour bar."""
+
+# -- layout --------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Boxes of a page in inches, and the part of the plane that the body's axes show.
+
+    Attributes:
+        width, height: of the page.
+        body: left, bottom, width and height of the body's axes.
+        tractions: left, bottom, width and height of the axes of the tractions.
+        window: left, right, bottom and top of the body's axes in the view's coordinates.
+        dpi: dots per inch.
+    """
+
+    width: float
+    height: float
+    body: tuple[float, float, float, float]
+    tractions: tuple[float, float, float, float]
+    window: tuple[float, float, float, float]
+    dpi: float
+
+    def shows(self, points: Array) -> NDArray[np.bool_]:
+        """Return (n,) whether points (n, 2) lie within the body's axes."""
+        left, right, bottom, top = self.window
+        x, y = points.T
+        return (left <= x) & (x <= right) & (bottom <= y) & (y <= top)
+
+    @property
+    def pixels(self) -> tuple[int, int]:
+        """Width and height of the body's axes in pixels."""
+        return round(self.body[2] * self.dpi), round(self.body[3] * self.dpi)
+
+
+def layout_of(*views: View, dpi: float = style.DPI) -> Layout:
+    """Return the layout of a page for one view, or for several views of the same body."""
+    shown = []
+    for view in views:
+        shown += [view.points, view.moved, *(a.tails for a in view.arrows)]
+        shown += [arrows.heads for arrows in view.arrows]
+        rigid = [strip for strip in view.strips if strip.rigid]
+        shown += [strip.place - band_depths(view, strip)[1] * strip.normal for strip in rigid]
+    margin, everything = 0.03 * views[0].size, np.vstack(shown)
+    low, high = everything.min(axis=0) - margin, everything.max(axis=0) + margin
+    if views[0].near:
+        around = visible_box(views[0])
+        low, high = np.maximum(low, around[0]), np.minimum(high, around[1])
+    width = style.PAGE - LEFT - RIGHT
+    # largest height of the body in inches
+    scale = min(width / (high[0] - low[0]), 4.5 / (high[1] - low[1]))
+    # a narrow body is centred
+    spare = 0.5 * (width / scale - (high[0] - low[0]))
+    low[0], high[0] = low[0] - spare, high[0] + spare
+    height = float(scale * (high[1] - low[1]))
+    # inches: below the tractions, of the tractions, between them and the body, above the body
+    below, tractions, between, above = 0.64, 0.95, 0.06, 0.3
+    bottom = below + tractions + between
+    return Layout(
+        width=style.PAGE,
+        height=bottom + height + above,
+        body=(LEFT, bottom, width, height),
+        tractions=(LEFT, below, width, tractions),
+        window=(float(low[0]), float(high[0]), float(low[1]), float(high[1])),
+        dpi=dpi,
+    )
+
+
+def band_depths(view: View, strip: Strip) -> tuple[float, float]:
+    """Return the distances of the band of states from the contact edge, below the plane."""
+    below = float(strip.gap.max())
+    inner, outer = 0.03 * view.size, 0.115 * view.size
+    inch = float(np.ptp(visible_box(view)[:, 0])) / (style.PAGE - LEFT - RIGHT)
+    # smallest height of the band of states in inches
+    return below + inner, below + max(outer, inner + 0.13 * inch)
+
+
+def visible_box(view: View) -> Array:
+    """Return (2, 2) lowest and highest coordinates of the part of the body that a view shows."""
+    if not view.near:
+        return np.stack([view.points.min(axis=0), view.points.max(axis=0)])
+    places = np.vstack([strip.place for strip in view.strips])
+    middle = 0.5 * (places.min(axis=0) + places.max(axis=0))
+    # half the width of a close-up of a small contact, over the contact's length
+    reach = 1.5 * float(np.linalg.norm(np.ptp(places, axis=0)))
+    return np.stack([middle - reach, middle + reach])
+
+
+# -- page --------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True)
@@ -85,12 +172,12 @@ def compose(
     clock: Clock | None = None,
     contours: tuple[Array, Array] | None = None,
 ) -> Figure:
-    """Draw the page around the rendered field.
+    """Draw the page around the image of the field.
 
     Args:
         view: body and contact at the instant.
         layout: layout of the page.
-        pixels: the rendered field.
+        pixels: the image.
         colours: its colours.
         clock: position in a film; None for a single picture.
         contours: field at the vertices, and the values at which contour lines are drawn.
@@ -106,14 +193,13 @@ def compose(
     body.set_xlim(layout.window[0], layout.window[1])
     body.set_ylim(layout.window[2], layout.window[3])
     body.set_axis_off()
-    draw_outlines(body, view)
-    draw_states(body, view)
-    draw_loads(body, view)
+    _draw_outlines(body, view)
+    _draw_loads(body, view)
     _draw_tractions(_axes_at(figure, layout.tractions), view, layout, clock)
     if clock is not None:
         left, bottom, width, height = layout.tractions
-        gap, wide = CLOCK_BOX
-        box = (left + width + gap, bottom, wide, height)
+        # right of the tractions
+        box = (left + width + 0.22, bottom, RIGHT - 0.5, height)
         _draw_clock(_axes_at(figure, box), clock)
     _draw_colour_bar(figure, view, layout, colours)
     note = f"{colours.note} {view.stress_unit}" if colours.note else ""
@@ -201,7 +287,7 @@ def _draw_clock(axes: Axes, clock: Clock) -> None:
         axes.plot(clock.time, clock.load[:, k], color=colour, lw=0.9, label=name)
         axes.plot(clock.now, clock.now_load[k], "o", color=colour, ms=5.0, clip_on=False)
     # keep the dots clear of the numbers at the axis
-    axes.set_xlim(-CLOCK_MARGIN, 1.0 + CLOCK_MARGIN)
+    axes.set_xlim(-0.12, 1.12)
     axes.set_xticks([])
     low, high = min(0.0, float(clock.load.min())), max(0.0, float(clock.load.max()))
     room = 0.06 * (high - low)
@@ -259,3 +345,107 @@ def _draw_tractions(axes: Axes, view: View, layout: Layout, clock: Clock | None)
     symbols = ",  ".join(f"${name}{divided}$" for *_, name in curves)
     axes.set_ylabel(in_unit(symbols, view.stress_unit))
     style.ticks(axes.yaxis, 5)
+
+
+# -- outlines, contact and loads -----------------------------------------------------------------
+
+
+def _draw_outlines(axes: Axes, view: View) -> None:
+    """Draw the undeformed and the deformed outline, and planes and states of contact edges.
+
+    The states are a band below a rigid plane, or a coloured line between two bodies.
+    """
+    before = LineCollection(list(view.points[view.edges]), colors=style.GUIDE_COLOUR)
+    before.set(linewidths=0.6, linestyles=[(0, (3, 2))], zorder=2)
+    after = LineCollection(list(view.moved[view.edges]), colors="black", capstyle="round")
+    after.set(linewidths=0.8, zorder=3)
+    axes.add_collection(before)
+    axes.add_collection(after)
+    for strip in view.strips:
+        if strip.rigid:
+            _draw_plane(axes, view, strip)
+            _draw_band(axes, view, strip)
+        else:
+            _draw_line(axes, strip)
+
+
+def _draw_plane(axes: Axes, view: View, strip: Strip) -> None:
+    """Draw the rigid plane below a contact edge, beyond it if it is the only contact edge."""
+    direction, first = strip.direction, strip.place[0]
+    shown = view.points if len(view.strips) == 1 else strip.place
+    along = (shown - first) @ direction
+    ends = np.array([along.min() - 0.05 * view.size, along.max() + 0.05 * view.size])
+    flat = first + ends[:, None] * direction - strip.gap[[0, -1], None] * strip.normal
+    plane = strip.place - strip.gap[:, None] * strip.normal
+    # missing part of the body's length with which a contact edge still counts as the whole edge
+    if np.ptp(strip.x) > (1.0 - 1e-6) * np.ptp(along):
+        # beyond a shorter contact edge no plane is known
+        plane = np.vstack([flat[:1], plane, flat[1:]])
+    plane = plane - 0.01 * view.size * strip.normal
+    axes.plot(plane[:, 0], plane[:, 1], color="black", lw=1.3, zorder=4, clip_on=view.near)
+
+
+def _draw_line(axes: Axes, strip: Strip) -> None:
+    """Draw the states between two bodies as a coloured line on the first body's edge."""
+    found = zones(strip.x, strip.state)
+    pieces = []
+    for _, a, b in found:
+        x = np.concatenate([[a], strip.x[(strip.x > a) & (strip.x < b)], [b]])
+        pieces.append(np.stack([np.interp(x, strip.x, part) for part in strip.moved.T], axis=1))
+    colours = [style.STATE_COLOURS[style.STATE_OF_NAME[name]] for name, _, _ in found]
+    whole = LineCollection(pieces, colors="black", linewidths=4.4, capstyle="butt", zorder=4)
+    axes.add_collection(whole)
+    line = LineCollection(pieces, colors=colours, linewidths=3.4, capstyle="butt", zorder=5)
+    axes.add_collection(line)
+
+
+def _draw_band(axes: Axes, view: View, strip: Strip) -> None:
+    """Draw the states as a band below the plane, with their numbers."""
+    foot = strip.place[0] - strip.x[0] * strip.direction
+    inner, outer = (depth * strip.normal for depth in band_depths(view, strip))
+    boxes, fills = [], []
+    for name, a, b in zones(strip.x, strip.state):
+        state = style.STATE_OF_NAME[name]
+        ends = foot + np.array([[a], [b]]) * strip.direction
+        boxes.append(np.vstack([ends - inner, ends[::-1] - outer]))
+        fills.append(style.STATE_COLOURS[state])
+        if b - a > 0.025 * np.ptp(strip.x):  # room for the number
+            middle = boxes[-1].mean(axis=0)
+            axes.annotate(
+                str(int(state)),
+                middle,
+                xytext=(0.0, -0.3),
+                textcoords="offset points",
+                ha="center",
+                va="center_baseline",
+                fontsize=7.0,
+                color=style.STATE_INKS[state],
+                zorder=6,
+            )
+    axes.add_collection(
+        PolyCollection(boxes, facecolors=fills, edgecolors="black", linewidths=0.4, zorder=5)
+    )
+
+
+def _draw_loads(axes: Axes, view: View) -> None:
+    """Draw the arrows of the loads; in a close-up only those that end in it."""
+    for arrows in view.arrows:
+        for tail, head in zip(arrows.tails, arrows.heads, strict=True):
+            if view.near and not axes.viewLim.contains(*head):
+                continue
+            axes.annotate(
+                "",
+                head,
+                xytext=tail,
+                zorder=7,
+                annotation_clip=False,
+                arrowprops={
+                    "arrowstyle": "-|>,head_length=0.35,head_width=0.14",
+                    "lw": 0.8,
+                    "color": "#202020",
+                    "shrinkA": 0.0,
+                    "shrinkB": 0.0,
+                },
+            )
+        if arrows.joined:
+            axes.plot(*arrows.tails.T, color="#202020", lw=0.8, zorder=7)

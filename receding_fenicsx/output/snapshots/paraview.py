@@ -32,8 +32,7 @@ from numpy.typing import NDArray
 from receding_fenicsx.arrays import Array, Ints
 from receding_fenicsx.atomic import new_file
 from receding_fenicsx.bulk.fields import Fields
-from receding_fenicsx.output.snapshots.vertices import edge_values
-from receding_fenicsx.output.snapshots.whole_contact import WholeContact
+from receding_fenicsx.output.snapshots.whole_body import WholeContact, edge_values
 from receding_fenicsx.store.hdf5_file import new_hdf5
 
 INSTANT = re.compile(r"cycle\d+_leg\d+_s\d+\.\d+\.xdmf")
@@ -126,18 +125,6 @@ def _vectors(plane: Array) -> Array:
 def _append(fill: float, n: int, values: NDArray[Any]) -> NDArray[Any]:
     """Put n times ``fill`` before values."""
     return np.concatenate([np.full((n, *values.shape[1:]), fill, dtype=values.dtype), values])
-
-
-def time_of(cycle: int, leg: int, s: float, legs: int) -> float:
-    """Return the time of an instant, counted in cycles.
-
-    Args:
-        cycle: its cycle; 0 is the path from rest.
-        leg: its leg in the cycle.
-        s: its position on the leg, in [0, 1].
-        legs: number of legs of the cycle.
-    """
-    return cycle + (leg + s) / legs
 
 
 def write_instant(file: Path, grid: Grid, time: float) -> None:

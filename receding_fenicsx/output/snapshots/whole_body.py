@@ -1,4 +1,4 @@
-"""Contact nodes of the whole contact at one instant: positions, states, forces, gap."""
+"""The whole body and its whole contact, with both halves of a modelled half."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from receding_fenicsx.arrays import Array, Ints
+from receding_fenicsx.bulk.fields import Fields
 from receding_fenicsx.evolution.instants import Instant
 from receding_fenicsx.interface.law import State
 from receding_fenicsx.interface.measures.zones import begins_on_axis
@@ -18,6 +19,80 @@ from receding_fenicsx.scene.profiles import evaluate
 
 if TYPE_CHECKING:
     from receding_fenicsx.bulk.stack import Stack
+
+# -- vertices of the fields ----------------------------------------------------------------------
+
+
+def merge_axis(fields: Fields) -> Fields:
+    """Merge the vertices of both halves of a body on the axis x = 0; average their values."""
+    near = 1e-9 * np.abs(fields.points).max()
+    axis = np.flatnonzero(np.abs(fields.points[:, 0]) <= near)
+    # vertices of two bodies are not merged
+    bodies = np.zeros(len(axis)) if fields.body is None else fields.body[axis]
+    keys = np.stack([fields.points[axis, 1], bodies], axis=1)
+    _, first, place = np.unique(keys, axis=0, return_index=True, return_inverse=True)
+    points = fields.points.copy()
+    points[axis, 0] = 0.0
+    target = np.arange(len(fields.points))
+    target[axis] = axis[first][place]
+    count = np.bincount(target, minlength=len(target)).astype(float)
+    used = np.flatnonzero(count)
+
+    def mean(values: Array) -> Array:
+        return np.bincount(target, values, minlength=len(target))[used] / count[used]
+
+    return Fields(
+        points=points[used],
+        cells=np.searchsorted(used, target[fields.cells]),
+        displacement=np.stack([mean(part) for part in fields.displacement.T], axis=1),
+        stress={name: mean(values) for name, values in fields.stress.items()},
+        body=None if fields.body is None else fields.body[used],
+    )
+
+
+def outline(cells: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return (k, 2) vertices of the edges that belong to one cell only."""
+    sides = np.stack([cells, np.roll(cells, -1, axis=1)], axis=2).reshape(-1, 2)
+    edges, count = np.unique(np.sort(sides, axis=1), axis=0, return_counts=True)
+    return np.asarray(edges[count == 1], dtype=np.int64)
+
+
+def vertex_areas(points: Array, cells: NDArray[np.int64]) -> Array:
+    """Return (n,) areas of the vertices: equal shares of the cells around each."""
+    x, y = points[cells][..., 0], points[cells][..., 1]
+    area = 0.5 * np.abs(np.sum(x * np.roll(y, -1, axis=1) - y * np.roll(x, -1, axis=1), axis=1))
+    width = cells.shape[1]
+    share = np.repeat(area / width, width)
+    return np.asarray(np.bincount(cells.ravel(), share, len(points)), dtype=float)
+
+
+def edge_values(fields: Fields, values: Array, place: Array, normal: Array, body: int = 0) -> Array:
+    """Interpolate values along a straight edge from the vertices on it.
+
+    Args:
+        fields: fields of the whole body.
+        values: (n, k) values at its vertices.
+        place: (m, 2) points of the edge.
+        normal: (2,) unit normal of the edge.
+        body: number of the body that the edge belongs to.
+
+    Returns:
+        (m, k) values.
+    """
+    tangent = np.array([normal[1], -normal[0]])
+    near = 1e-9 * np.abs(fields.points).max()
+    along = (fields.points - place[0]) @ tangent
+    wanted = (place - place[0]) @ tangent
+    on = np.abs((fields.points - place[0]) @ normal) <= near
+    on &= (along >= wanted.min() - near) & (along <= wanted.max() + near)
+    if fields.body is not None:
+        on &= fields.body == body
+    order = np.argsort(along[on], kind="stable")
+    position, known = along[on][order], values[on][order]
+    return np.stack([np.interp(wanted, position, column) for column in known.T], axis=1)
+
+
+# -- nodes of the contact ------------------------------------------------------------------------
 
 
 @dataclass(frozen=True)
@@ -58,12 +133,7 @@ class WholeContact:
 
 
 def whole_contact(bulk: Stack, instant: Instant) -> WholeContact:
-    """Return the whole contact of a body or of several at one instant.
-
-    Args:
-        bulk: the body or bodies.
-        instant: state of the modelled contact nodes.
-    """
+    """Return the whole contact of a body or of several at one instant of its modelled nodes."""
     scene, contact = bulk.scene, bulk.contact
     half = np.full(len(contact.x), bulk.body.half)
     if scene.axisymmetric:
