@@ -140,8 +140,8 @@ def eliminate(
     if len(rows) < relative.rows:
         x, y = relative.places[np.setdiff1d(np.arange(relative.rows), rows)[0]]
         raise InputError(
-            f"[contact]: a support or load holds the node at ({x:.6g}, {y:.6g}) of one side, where "
-            "the nodes of both do not match; hold both sides, or make the other one the slave"
+            f"[[support]]: one or a displacement holds the node at ({x:.6g}, {y:.6g}) of one side "
+            "where the nodes of both do not match; hold both sides, or make the other one the slave"
         )
     pivot, scale = column[order[first]], value[order[first]]
     solved = np.zeros(len(held), dtype=bool)

@@ -157,3 +157,254 @@ def test_rings_with_interference_have_lames_pressure_with_the_order_of_the_eleme
             )
     if errors:
         assert errors[1] < (0.3 if not shift else 0.56 if degree == 1 else 0.35) * errors[0] < 0.02
+
+
+@pytest.mark.parametrize(("degree", "limit"), [(1, 0.004), (2, 0.004)])
+@pytest.mark.parametrize("interference", [None, 0.01])
+def test_ring_in_a_rigid_circle_has_lames_pressure(
+    degree: int, limit: float, interference: float | None, shared_tmp_path: Path
+) -> None:
+    """u_r = (2 p_i a^2 - p ((1 - nu) b^2 + (1 + nu) a^2)) b / (E (b^2 - a^2)) is 0 or -0.01."""
+    young, nu, a, b = 200.0, 0.3, 1.0, 2.0
+    soft = (1.0 - nu) * b**2 + (1.0 + nu) * a**2
+    load = rf.Load("p", "bottom", pressure=1.0)
+    found = last(
+        rf.Scene(
+            body=rf.Body(mesh=grid(shared_tmp_path / "r.msh", ring(a, b), 48, 12)),
+            material=rf.Material(young, nu, "plane stress"),
+            mesh=rf.MeshOptions(degree=degree, cell="quadrilateral"),
+            contacts=(rf.Contact("top", interference=interference),),
+            loads=() if interference else (load,),
+            history=ONCE,
+        )
+    )
+    if found is not None:
+        system, record = found
+        p = 0.01 * young * (b**2 - a**2) / (b * soft) if interference else 2.0 * a**2 / soft
+        assert record.turning_points.P[-1] / system.weight == pytest.approx(p, rel=limit)
+
+
+# -- edges that meet -----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("degree", [1, 2])
+def test_block_pushed_into_a_corner_is_symmetric_about_the_diagonal(
+    degree: int, shared_tmp_path: Path
+) -> None:
+    found = last(
+        rf.Scene(
+            body=rf.Body(mesh=grid(shared_tmp_path / "c.msh", lambda s, t: (s, t), 10, 10)),
+            material=rf.Material(100.0),
+            mesh=rf.MeshOptions(degree=degree, cell="quadrilateral"),
+            contacts=(rf.Contact("bottom", friction=0.3), rf.Contact("left", friction=0.3)),
+            loads=(
+                rf.Load("P", "top", pressure="1 + x"),
+                rf.Load("P", "right", pressure="1 + y"),
+            ),
+            history=ONCE,
+        )
+    )
+    if found is not None:
+        system, record = found
+        P, Q = record.turning_points.P[-1], record.turning_points.Q[-1]
+        floor, wall = np.split(np.arange(system.n), 2)
+        assert P[floor] == pytest.approx(P[wall][::-1], abs=1e-13)
+        assert Q[floor] == pytest.approx(-Q[wall][::-1], abs=1e-13)
+        assert np.abs(Q).max() > 0.02
+        # the corner's weight is that of its neighbours
+        assert system.weight[floor].sum() == pytest.approx(1.0, rel=1e-14)
+        # t is x on the floor and -y on the wall
+        assert P[floor].sum() - Q[wall].sum() == pytest.approx(1.5, rel=1e-12)
+
+
+@pytest.mark.parametrize("friction", [0.0, 0.3])
+@pytest.mark.parametrize("degree", [1, 2])
+@pytest.mark.parametrize("counts", [(4, 4, 4, 4), (4, 5, 6, 7)])
+def test_four_blocks_around_a_point_are_in_uniform_stress(
+    degree: int, counts: tuple[int, ...], friction: float, shared_tmp_path: Path
+) -> None:
+    def block(name: str, n: int, x: float, y: float) -> rf.Body:
+        path = shared_tmp_path / f"{name}.msh"
+        return rf.Body(name, mesh=grid(path, lambda s, t: (x + s, y + t), n, n))
+
+    corners = {"a": (0.0, 0.0), "b": (-1.0, 0.0), "c": (-1.0, -1.0), "d": (0.0, -1.0)}
+    first, *others = (block(k, n, *at) for (k, at), n in zip(corners.items(), counts, strict=True))
+    pairs = (
+        ("a.left", "b.right"),
+        ("c.right", "d.left"),
+        ("a.bottom", "d.top"),
+        ("b.bottom", "c.top"),
+    )
+    outer = {1.0: ("a.top", "b.top", "c.bottom", "d.bottom"), 0.6: ("a.right", "d.right")}
+    outer[0.6] += ("b.left", "c.left")
+    found = last(
+        rf.Scene(
+            body=first,
+            others=tuple(others),
+            material=rf.Material(2.0, 0.3),
+            mesh=rf.MeshOptions(degree=degree, cell="quadrilateral"),
+            contacts=tuple(rf.Contact(e, against=a, friction=friction) for e, a in pairs),
+            loads=tuple(rf.Load("p", e, pressure=p) for p, edges in outer.items() for e in edges),
+            history=ONCE,
+        )
+    )
+    if found is not None:
+        system, record = found
+        expected = np.where(system.edge < 2, 0.6, 1.0)
+        P, Q = record.turning_points.P[-1], record.turning_points.Q[-1]
+        assert P / system.weight == pytest.approx(expected, abs=1e-12)
+        assert np.abs(Q).max() < 1e-13
+
+
+QUARTERS = """
+DefineConstant[ n = 8, m = 8 ];
+Point(1) = {0, 0, 0};
+For k In {0:3}
+  For j In {1:4}
+    r = j < 3 ? j : j - 1;
+    Point(10 * j + k) = {r * Cos(k * Pi / 2), r * Sin(k * Pi / 2), 0};
+  EndFor
+EndFor
+For k In {0:3}
+  For j In {1:4}
+    Circle(10 * j + k) = {10 * j + k, 1, 10 * j + (k + 1) % 4};
+  EndFor
+EndFor
+Transfinite Curve{10:13, 20:23} = n + 1; Transfinite Curve{30:33, 40:43} = m + 1;
+Curve Loop(1) = {20:23}; Curve Loop(2) = {10:13}; Plane Surface(1) = {1, 2};
+Curve Loop(3) = {40:43}; Curve Loop(4) = {30:33}; Plane Surface(2) = {3, 4};
+Physical Surface("i") = {1}; Physical Surface("o") = {2};
+Physical Curve("i0") = {20}; Physical Curve("i1") = {21}; Physical Curve("i2") = {22};
+Physical Curve("i3") = {23}; Physical Curve("o0") = {30}; Physical Curve("o1") = {31};
+Physical Curve("o2") = {32}; Physical Curve("o3") = {33};
+"""
+"""A ring in a ring whose common circle is split into four edges."""
+
+
+@pytest.mark.parametrize("other", [1.0, 0.75])
+def test_ring_split_into_four_edges_that_meet_converges_to_lames_pressure(
+    other: float, shared_tmp_path: Path
+) -> None:
+    """Beside the four nodes of two edges with the first power of the element length."""
+    path, errors = shared_tmp_path / "ring.geo", []
+    on_root(comm, lambda: path.write_text(QUARTERS))
+    for n in (12, 24):
+        numbers = {"n": float(n), "m": other * n}
+        both = [rf.Body(k, mesh=str(path), surface=k, parameters=numbers) for k in "io"]
+        found = last(
+            rf.Scene(
+                body=both[0],
+                others=(both[1],),
+                material=rf.Material(200.0, 0.3, "plane stress"),
+                contacts=tuple(
+                    rf.Contact(f"i.i{k}", against=f"o.o{k}", friction=0.3, interference=0.01)
+                    for k in range(4)
+                ),
+                history=ONCE,
+            )
+        )
+        if found is not None:
+            system, record = found
+            assert system.n == 4 * (n - 1)
+            p = record.turning_points.P[-1] / system.weight
+            errors.append(np.abs(p / LAME - 1.0).max())
+    if errors:
+        assert errors[1] < 0.55 * errors[0] < 0.03
+
+
+# -- ties ----------------------------------------------------------------------------------------
+
+
+def layers(folder: Path, counts: tuple[int, int] | None, degree: int) -> rf.Scene:
+    """Two layers of 4 by 0.5, tied, or one mesh of both; rubbed to and fro on a plane."""
+
+    def layer(name: str, n: int, low: float, high: float, up: int) -> rf.Body:
+        path = folder / f"{name or 'whole'}.msh"
+        mesh = grid(path, lambda s, t: (4.0 * s - 2.0, low + (high - low) * t), n, up)
+        return rf.Body(name, mesh=mesh)
+
+    if counts is None:
+        bodies = [layer("", 16, 0.0, 1.0, 4)]
+        foot, top, side, ties = "bottom", "top", "right", ()
+    else:
+        bodies = [layer("a", counts[0], 0.0, 0.5, 2), layer("b", counts[1], 0.5, 1.0, 2)]
+        foot, top, side, ties = (
+            "a.bottom",
+            "b.top",
+            "b.right",
+            (rf.Tie("b.bottom", against="a.top"),),
+        )
+    return rf.Scene(
+        body=bodies[0],
+        others=tuple(bodies[1:]),
+        material=rf.Material(2.0, 0.3),
+        mesh=rf.MeshOptions(degree=degree, cell="quadrilateral"),
+        contacts=(rf.Contact(foot, friction=0.4),),
+        ties=ties,
+        loads=(
+            rf.Load("p", top, pressure="1 + 0.2*x"),
+            rf.Load("q", side, (0.0, 0.5) if counts is None else None, traction=(0.2, 0.0)),
+        ),
+        probes=(rf.Probe("s", points=((0.3, 0.5), (1.0, 0.9)), body="b" if counts else None),),
+        history=rf.HistoryOptions(
+            "table",
+            columns=("p", "q"),
+            rows=((1.0, 0.0), (1.0, 1.0)),
+            cycle_rows=((1.0, -1.0), (1.0, 1.0)),
+            cycles=2,
+        ),
+    )
+
+
+@pytest.mark.parametrize("degree", [1, 2])
+def test_tied_layers_are_one_mesh(degree: int, shared_tmp_path: Path) -> None:
+    """To round-off where nodes match, else up to the error of the mesh."""
+    whole, same, coarse = (
+        last(layers(shared_tmp_path, counts, degree)) for counts in (None, (16, 16), (16, 11))
+    )
+    if whole is not None and same is not None and coarse is not None:
+        (a, one), (b, two), (c, _) = whole, same, coarse
+        scale = np.abs(a.K).max()
+        assert np.abs(a.K - b.K).max() < 1e-13 * scale
+        assert 1e-6 * scale < np.abs(a.K - c.K).max() < 6e-3 * scale
+        assert np.abs(c.K @ c.rigid).max() < 1e-13 * scale and c.rigid.shape == (2 * c.n, 3)
+        for name in ("P", "Q", "v", "load_displacement"):
+            first, second = (getattr(r.turning_points, name) for r in (one, two))
+            assert first == pytest.approx(second, abs=1e-12), name
+        first, second = one.probe("s"), two.probe("s")
+        assert first.displacement == pytest.approx(second.displacement, abs=1e-12)
+
+
+def test_ties_to_a_rigid_plane_are_supports(shared_tmp_path: Path) -> None:
+    """On a straight edge, and with the other side driven by a load."""
+    scene = layers(shared_tmp_path, None, 2)
+    scene = replace(scene, contacts=(rf.Contact("right", friction=0.4),), loads=(scene.loads[0],))
+    scene = replace(scene, history=ONCE, probes=())
+    held = last(replace(scene, supports=(rf.Support("xy", edge="left"),)))
+    tied = last(replace(scene, ties=(rf.Tie("left"),)))
+    if held is not None and tied is not None:
+        assert held[0].K == pytest.approx(tied[0].K, abs=1e-12)
+        assert held[1].turning_points.P == pytest.approx(tied[1].turning_points.P, abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"ties": (rf.Tie("b.bottom"), rf.Tie("a.top", against="b.bottom"))}, "lies on 'b.bottom'"),
+        ({"ties": (rf.Tie("b.bottom", slave="edge"),)}, "[tie] slave: a rigid plane has no nodes"),
+        ({"ties": (rf.Tie("b.bottom", against="b.top"),)}, "must name an edge of another body"),
+        ({"ties": (rf.Tie("b.bottom", against="a.left"),)}, "do not lie on each other"),
+        ({"ties": ()}, "body 'b': touches nothing"),
+        (
+            {"supports": (rf.Support("x", edge="b.left"),)},
+            "holds the node at (-2, 0.5) of one side",
+        ),
+    ],
+)
+def test_what_cannot_be_tied_is_refused_in_one_line(
+    change: dict, words: str, shared_tmp_path: Path
+) -> None:
+    scene = replace(layers(shared_tmp_path, (11, 16), 1), **change)
+    with pytest.raises(rf.InputError) as caught:
+        last(scene)
+    assert words in str(caught.value) and "\n" not in str(caught.value)
