@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from math import sqrt
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -10,6 +12,11 @@ from receding_fenicsx.interface.system import ContactSystem
 
 RANDOM_SUMS = 4
 """Random sums over the nodes in which forces are compared with those of the displacements."""
+
+
+def summed(n: int, error: float) -> float:
+    """Return the imbalance of n nodes, 50 at least, whose forces have an error of random sign."""
+    return error * sqrt(max(2 * n, 100))
 
 
 class BalanceCheck:

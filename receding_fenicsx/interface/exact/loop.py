@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 from receding_fenicsx.arrays import Array, Ints
 from receding_fenicsx.interface.exact import kernel, kernel_data
+from receding_fenicsx.interface.exact.balance import summed
 from receding_fenicsx.interface.exact.legs import LegProblem, widen
 from receding_fenicsx.interface.exact.pivot_matrix import PivotData, PivotMatrix, SingularExchange
-from receding_fenicsx.interface.exact.round_off import summed
 from receding_fenicsx.interface.exact.segments import (
     EPSILON,
     UNREFINABLE_ROUND_OFFS,

@@ -208,7 +208,7 @@ class EventPath:
         if (b - a).tobytes() in self.changed and not self.segments.is_special:
             changed = np.logical_or.reduce(list(self.changed.values()))
             loop.leave_out(problem.start.state, changed, self._opened)
-        walk = Walk(loop, problem, self._equilibrium_ends, resolved)
+        walk = Walk(loop, problem, self._equilibrium_ends)
         short = stops_short(self.segments, b)
         try:
             walk.run(1.0 - REMAINING_LOAD if short else 1.0)

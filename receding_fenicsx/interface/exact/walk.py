@@ -15,16 +15,11 @@ from numpy.typing import NDArray
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.errors import SolveError
 from receding_fenicsx.interface.exact import kernel, kernel_data
+from receding_fenicsx.interface.exact.balance import summed
 from receding_fenicsx.interface.exact.consistency import ConsistentStates, EquilibriumEnd
 from receding_fenicsx.interface.exact.legs import LegProblem, PathPoint
 from receding_fenicsx.interface.exact.loop import Loop
 from receding_fenicsx.interface.exact.pivot_matrix import SingularExchange
-from receding_fenicsx.interface.exact.round_off import (
-    IMBALANCE_GROWTH,
-    NODAL_IMBALANCE,
-    displacement_uncertainty,
-    summed,
-)
 from receding_fenicsx.interface.exact.segments import EPSILON, Segment, States
 from receding_fenicsx.interface.exact.ties import ties_at
 from receding_fenicsx.interface.exact.unloading import (
@@ -37,6 +32,9 @@ from receding_fenicsx.interface.law import SEPARATION, STICK
 from receding_fenicsx.interface.residual import reachable, residual_at_rest
 from receding_fenicsx.interface.system import Changes, ContactState, Leg, reactions
 from receding_fenicsx.interface.tolerances import ACCEPTED_RESIDUAL, UNLOADING_ROUND_OFF
+
+NODAL_IMBALANCE = 1e-13
+"""Error of a nodal force, over the force scale, up to which it is never removed."""
 
 REFINEMENTS = 4
 """Steps of iterative refinement at most: on soft springs one leaves a large part of the error, that
@@ -57,7 +55,6 @@ class Walk:
         loop: Loop,
         problem: LegProblem,
         equilibrium_ends: EquilibriumEnd = lambda ends: np.inf,
-        accept_round_off: bool = True,
         traced: bool = False,
     ) -> None:
         """Start at the beginning of a leg.
@@ -66,8 +63,6 @@ class Walk:
             loop: the compiled loop of the contact.
             problem: the leg; its force scale includes the held reactions at both ends.
             equilibrium_ends: place on the leg beyond which there is no equilibrium.
-            accept_round_off: accept a residual that round-off of the displacements explains; not
-                where only friction too low to be resolved holds them.
             traced: keep all stops of the path.
         """
         self.loop, self.segments, self.system = loop, loop.segments, loop.system
@@ -75,7 +70,6 @@ class Walk:
         self.path = loop.path(problem, traced)
         self.residual, self._excess = 0.0, False
         self._states = ConsistentStates(self.segments, self.point, equilibrium_ends)
-        self._accept_round_off = accept_round_off
 
     @property
     def s(self) -> float:
@@ -113,7 +107,7 @@ class Walk:
             elif request == kernel.BALANCE:
                 way = way._replace(accepted=self._balanced(way.accepted))
             elif request == kernel.UNDECIDED:
-                way = self._decided(way)
+                self._decide(way)
             elif request == kernel.CHOICE:
                 self._choose(way)
             elif request == kernel.UNLOADING:
@@ -169,15 +163,11 @@ class Walk:
         self._set(before, state)
         return True
 
-    def _decided(self, way: kernel_data.Way) -> kernel_data.Way:
-        """Decide the states at the present point; return the leg with its limits, maybe wider."""
+    def _decide(self, way: kernel_data.Way) -> None:
+        """Decide the states at the present point."""
         before = self._before()
         states = self._states_at(before)
-        segment = states.decide(before)
-        self._give(way, before, states.point.state, segment)
-        load = self.problem.load(self.s)
-        self.path.imbalance[:] = self.segments.balance.errors(self.path.y, load)
-        return way._replace(on_limit=np.where(way.on_limit < 0.0, -1.0, states.on_limit))
+        self._give(way, before, states.point.state, states.decide(before))
 
     def _give(self, way: kernel_data.Way, before: States, state: States, segment: Segment) -> None:
         """Give states and rates with which to go on from here."""
@@ -204,7 +194,8 @@ class Walk:
         state = self._refined(self._at(path.y), load)
         path.y[:] = self.segments.values(state)
         path.imbalance[:] = self.segments.balance.errors(path.y, load)
-        return max(accepted, IMBALANCE_GROWTH * float(np.abs(path.imbalance).max()))
+        # it is removed again where it has doubled
+        return max(accepted, 2.0 * float(np.abs(path.imbalance).max()))
 
     def _check(self, imbalance: Array) -> None:
         """Note the residual of the present point where forces and displacements do not balance."""
@@ -310,7 +301,7 @@ class Walk:
         end = self._refined(reached, load, 0 if np.any(load) else UNLOADING_REFINEMENTS)
         self._note(end)
         leg = self._leg(end)
-        if self._excess and not self._explained(leg):
+        if self._excess:
             raise SolveError(
                 f"the exact path lost accuracy before {self.segments.system.load_text(load)}: "
                 f"residual {self.residual:.1e} over {ACCEPTED_RESIDUAL:.0e}; "
@@ -335,15 +326,6 @@ class Walk:
             places = self.problem.start.u, state.u
             accepted = max(reachable(self.system, u, scale) for u in places)
             self._excess |= residual > accepted
-
-    def _explained(self, leg: Leg) -> bool:
-        """Return whether round-off of the displacements explains the residual."""
-        if not self._accept_round_off:
-            return False
-        states = self.problem.start, leg.end
-        return self.residual <= displacement_uncertainty(
-            self.segments, states, leg.events, self.force_scale
-        )
 
     def _leg(self, end: ContactState) -> Leg:
         """Return what has been followed."""
