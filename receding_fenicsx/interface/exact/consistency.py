@@ -6,12 +6,17 @@ either way. Whether a set of states is right is seen from its rates:
 1. All nodes whose rates violate their limit change state, after some rounds only the worst one.
 2. When a set of states returns, linear complementarity decides the nodes on limits; a body that the
    states leave free drifts out of the way of its ground.
-3. Otherwise an error says which continuation is missing.
+3. A free body that balances on its contact is moved to the middle of its play, and 2 is repeated.
+4. Nodes count as on a limit up to the round-off of their reactions and the residual that is
+   accepted, and 2 is repeated.
+5. Nodes that seem to slip on without resistance stick, if that violates no limit.
+6. Otherwise an error says which continuation is missing.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,10 +27,12 @@ from receding_fenicsx.interface.exact.drift import drifting
 from receding_fenicsx.interface.exact.jumps import explain
 from receding_fenicsx.interface.exact.legs import PathPoint
 from receding_fenicsx.interface.exact.pivot_matrix import SingularExchange
-from receding_fenicsx.interface.exact.segments import Segment, Segments, States
+from receding_fenicsx.interface.exact.rolling import middle
+from receding_fenicsx.interface.exact.segments import EPSILON, Segment, Segments, States
 from receding_fenicsx.interface.exact.tableau import A, B, V
 from receding_fenicsx.interface.law import BACKWARD, FORWARD, SEPARATION, STICK
 from receding_fenicsx.interface.lcp.contact import Undecided, is_exhaustible, solve_states
+from receding_fenicsx.interface.tolerances import ACCEPTED_RESIDUAL, ON_LIMIT, ROUND_OFFS
 
 SIMULTANEOUS_ROUNDS = 3
 """Rounds in which all violating nodes change state together; afterwards only the worst does."""
@@ -98,26 +105,73 @@ class ConsistentStates:
         Raises:
             SolveError: there are no such states.
         """
-        segments, system, point = self.segments, self.segments.system, self.point
+        segments, point = self.segments, self.point
         if point.s >= self.equilibrium_ends(point.problem.ends) - LIMIT_APPROACH:
             raise self.error(before)
-        n, (undecided, free) = system.n, self.rate_problem(before)
+        segment, exhausted = self._pivoted(before)
+        if segment is None and self._balance(before):
+            point.state[:] = before
+            with suppress(SingularExchange):  # the loads turn the body on
+                segment = segments.at(point.state, self.direction)
+            if segment is not None and len(self.violations(segment)):
+                segment, exhausted = self._pivoted(before)
+        if segment is None and self._widen_limits():
+            point.state[:] = before
+            segment, exhausted = self._pivoted(before)
+        if segment is None:
+            # where round-off alone says that a node slips on without resistance, it may rest
+            point.state[:] = np.where(before == SEPARATION, before, STICK)
+            with suppress(SingularExchange):
+                resting = segments.at(point.state, self.direction)
+                segment = None if len(self.violations(resting)) else resting
+        if segment is None:
+            raise self.error(before, exhausted=exhausted)
+        return segment
+
+    def _widen_limits(self) -> bool:
+        """Count nodes as on a limit up to larger distances; return whether more of them are.
+
+        Up to the round-off of the reactions, eps |K| |u|, which exceeds ``ON_LIMIT`` where a nearly
+        singular body is displaced far, and up to the residual that is accepted: a body that wedges
+        itself may hold round-off of the loads by a force at a small arm.
+        """
+        system, segments, y = self.segments.system, self.segments, self.point.y
+        n, u = system.n, self.point.displacements()
+        Q, P = ROUND_OFFS * EPSILON * (np.abs(system.K) @ np.abs(u)).reshape(2, n)
+        friction, gap = segments.friction, P / segments.weight[n : 2 * n]
+        A = np.where(segments.frictional, Q + friction.forward * P, P)
+        by_round_off = np.concatenate([np.zeros(n), gap, A, Q + friction.backward * P])
+        by_residual = ACCEPTED_RESIDUAL / ON_LIMIT * segments.limit * self.point.problem.force_scale
+        wide = np.maximum.reduce([self.on_limit, by_round_off, by_residual])
+        more = (y > self.on_limit) & (y <= wide)
+        self.on_limit, self._highest_limit = wide, float(wide.max())
+        return bool(np.any(more[n:]))
+
+    def _pivoted(self, before: States) -> tuple[Segment | None, bool]:
+        """Solve the linear complementarity problem of the rates of nodes on limits.
+
+        Returns:
+            The rates, None without a solution; and whether all sets of states were tried.
+        """
+        segments, system, n = self.segments, self.segments.system, self.segments.system.n
+        undecided, free = self.rate_problem(before)
         try:
             found = solve_states(system, self.direction @ system.r_star, undecided, free)
-            if found is None:
-                raise self.error(before, exhausted=is_exhaustible(undecided))
-            point.state[:] = np.where(found > 0, found, before)
-            segment = segments.at(point.state, self.direction)
-        except (np.linalg.LinAlgError, SingularExchange) as error:
-            raise self.error(before) from error
+        except np.linalg.LinAlgError:
+            return None, False
+        if found is None:
+            return None, is_exhaustible(undecided)
+        self.point.state[:] = np.where(found > 0, found, before)
+        try:
+            segment = segments.at(self.point.state, self.direction)
+        except SingularExchange:
+            return None, False
         if len(self.violations(segment)):
-            gap, wide = point.y[n : 2 * n], self.on_limit[n : 2 * n]
-            touching = (point.state == SEPARATION) & ~system.held[n:] & (gap <= wide)
-            nodes = np.flatnonzero(touching)
-            segment = drifting(segments, segment, point.state, self.direction, nodes)
-        if len(self.violations(segment)):
-            raise self.error(before)
-        return segment
+            state = self.point.state
+            gap, wide = self.point.y[n : 2 * n], self.on_limit[n : 2 * n]
+            touching = np.flatnonzero((state == SEPARATION) & ~system.held[n:] & (gap <= wide))
+            segment = drifting(segments, segment, state, self.direction, touching)
+        return (None if len(self.violations(segment)) else segment), False
 
     def rate_problem(self, before: States) -> tuple[Undecided, NDArray[np.intp]]:
         """Return the nodes on limits, and the degrees of freedom that move freely."""
@@ -128,6 +182,25 @@ class ConsistentStates:
         open_n = np.flatnonzero(decided_open & ~system.held[n:])
         open_t = np.flatnonzero(decided_open & segments.frictional)
         return undecided, np.concatenate([open_t, free_v, n + open_n])
+
+    def _balance(self, before: States) -> bool:
+        """Turn a body that balances on one node until nodes on both sides are equally far.
+
+        The loads do not determine to which side it leans.
+
+        Returns:
+            Whether the body can turn so.
+        """
+        system, point = self.segments.system, self.point
+        n, y = system.n, point.y
+        motions = self.segments.free_motions(np.where(before == SEPARATION, before, STICK))
+        open_ = (before == SEPARATION) & ~system.held[n:]
+        turn = middle(motions, y[n : 2 * n], open_)
+        if turn is None:
+            return False
+        y[: 2 * n] += turn
+        y[n : 2 * n][~open_] = 0.0
+        return True
 
 
 def state_after(old: int, kinds: int, frictional: bool, slip: float) -> int:

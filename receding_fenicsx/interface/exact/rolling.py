@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import numpy as np
 import scipy.optimize
+from numpy.typing import NDArray
 
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.interface.law import State
@@ -87,3 +88,33 @@ def _lowest(cost: Array, normal: Array, room: Array) -> Array | None:
     on = room + normal @ middle <= GAP_TOLERANCE
     # the vertex once more, without the tolerance of the program
     return middle - np.linalg.lstsq(normal[on], room[on] + normal[on] @ middle, rcond=None)[0]
+
+
+def middle(motions: Array, gap: Array, open_: NDArray[np.bool_]) -> Array | None:
+    """Return the rotation of a body that balances on one node to the middle of its play.
+
+    There it can rotate equally far either way until another node touches.
+
+    Args:
+        motions: (2N, k) rigid motions that leave the contact closed.
+        gap: (N,) gaps.
+        open_: (N,) nodes that do not touch.
+
+    Returns:
+        (2N,) displacement; None where the rotation is not unique, or no node is on one side.
+    """
+    n = len(gap)
+    size, right = np.linalg.svd(motions[n:], full_matrices=False)[1:]
+    turns = motions @ right[size > RIGID_TOLERANCE].T
+    if turns.shape[1] != 1:
+        return None
+    turn = turns[:, 0]
+    rise, room = turn[n:][open_], np.maximum(gap[open_], 0.0)
+    up, down = rise > RIGID_TOLERANCE, rise < -RIGID_TOLERANCE
+    ends = [
+        -float((room[up] / rise[up]).min(initial=np.inf)),
+        float((room[down] / -rise[down]).min(initial=np.inf)),
+    ]
+    if not np.all(np.isfinite(ends)):
+        return None
+    return 0.5 * (ends[0] + ends[1]) * turn

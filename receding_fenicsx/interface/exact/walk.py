@@ -107,7 +107,7 @@ class Walk:
             elif request == kernel.BALANCE:
                 way = way._replace(accepted=self._balanced(way.accepted))
             elif request == kernel.UNDECIDED:
-                self._decide(way)
+                way = self._decided(way)
             elif request == kernel.CHOICE:
                 self._choose(way)
             elif request == kernel.UNLOADING:
@@ -163,11 +163,15 @@ class Walk:
         self._set(before, state)
         return True
 
-    def _decide(self, way: kernel_data.Way) -> None:
-        """Decide the states at the present point."""
+    def _decided(self, way: kernel_data.Way) -> kernel_data.Way:
+        """Decide the states at the present point; return the leg with its limits, maybe wider."""
         before = self._before()
         states = self._states_at(before)
-        self._give(way, before, states.point.state, states.decide(before))
+        segment = states.decide(before)
+        self._give(way, before, states.point.state, segment)
+        load = self.problem.load(self.s)
+        self.path.imbalance[:] = self.segments.balance.errors(self.path.y, load)
+        return way._replace(on_limit=np.where(way.on_limit < 0.0, -1.0, states.on_limit))
 
     def _give(self, way: kernel_data.Way, before: States, state: States, segment: Segment) -> None:
         """Give states and rates with which to go on from here."""
