@@ -189,7 +189,7 @@ def test_bodies_lifted_off_soft_springs_are_solved(number: int) -> None:
     assert judge(sprung(problem(number))).verdict == ACCEPTED
 
 
-@pytest.mark.parametrize("number", [61000569, 61000644, 61001002])
+@pytest.mark.parametrize("number", [61000644, 61001002])
 def test_refusals_of_nearly_loose_bodies_name_the_softest_motion(number: int) -> None:
     """Forces of 1e-8 to 1e-9 of the largest decide, those of the springs that hold the body."""
     outcome = judge(sprung(problem(number)))
