@@ -12,6 +12,7 @@ from problems import (
     ACCEPTED,
     FALSE,
     FAMILIES,
+    MISNAMED,
     REFUSED,
     STEPS,
     UNJUDGED,
@@ -199,7 +200,7 @@ def test_refusals_of_nearly_loose_bodies_name_the_softest_motion(number: int) ->
 def test_a_body_is_not_left_where_soft_springs_pull_it_back_as_it_is_unloaded() -> None:
     """They slide it back in the last 1e-9 of the leg: there is no continuation, or a jump."""
     outcome = judge(sprung(problem(61001120)))
-    assert outcome.verdict == REFUSED, outcome.said
+    assert outcome.verdict in (REFUSED, MISNAMED), outcome.said
 
 
 @pytest.mark.parametrize("number", [464364, 621228])

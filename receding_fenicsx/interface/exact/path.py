@@ -28,7 +28,6 @@ from receding_fenicsx.interface.exact.unloading import (
     carries_nothing,
     is_at_rest,
     is_closed,
-    keeps_limits,
     stops_short,
     zero_crossing,
 )
@@ -214,17 +213,12 @@ class EventPath:
             walk.run(1.0 - REMAINING_LOAD if short else 1.0)
         except NoQuasiStaticContinuation:
             at_end = LEFT_TO_NEXT_LEG if np.any(b) else UNLOADING_ROUND_OFF
-            place = walk.s
-            if place >= 1.0 - at_end:
+            if walk.s >= 1.0 - at_end:
                 # at the end itself only round-off decides: left to the next leg
                 walk.path.place[0] = 1.0
                 leg = walk.stop_here()
-                y = self.segments.values(leg.end)
-                if np.any(b) or keeps_limits(self.segments, problem.start.u, y, leg.force_scale):
-                    leg.samples += [(s, leg.end) for s in problem.samples[len(leg.samples) :]]
-                    return leg
-                # springs far softer than the body move it there
-                walk.path.place[0] = place
+                leg.samples += [(s, leg.end) for s in problem.samples[len(leg.samples) :]]
+                return leg
             if self.on_jump != "static" or not resolved:
                 raise
             return self._jump(walk, problem)
