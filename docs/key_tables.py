@@ -9,7 +9,7 @@ import re
 from typing import Any
 
 import receding_fenicsx as rf
-from receding_fenicsx.scene.schema import descriptions
+from receding_fenicsx.scene.toml_reader import descriptions
 
 KINDS: dict[str, Any] = {
     "body": rf.Body,

@@ -24,7 +24,7 @@ from .scene.model import (
     ModeOptions as ModeOptions,
     OutputOptions as OutputOptions,
 )
-from .scene.units import Units as Units
+from .scene.options import Units as Units
 from .scene.toml_file import read_scene as read_scene, from_toml as from_toml, to_toml as to_toml
 from .scene.validate import validate as validate, scene_warnings as scene_warnings
 from .scene.history import History as History, history_from_scene as history_from_scene
@@ -70,13 +70,13 @@ from .studies.sweep_table import SweepTable as SweepTable
 
 # Joints
 from .studies.joint.curve import joint_curve as joint_curve
-from .studies.joint.result import JointCurve as JointCurve
+from .studies.joint.curve import JointCurve as JointCurve
 from .studies.joint.fits import (
     fit_iwan as fit_iwan,
     fit_jenkins as fit_jenkins,
     JointFit as JointFit,
 )
-from .studies.joint.figure import joint_figure as joint_figure
+from .studies.joint.curve import joint_figure as joint_figure
 
 # Evaluation
 from .interface.measures.zones import (

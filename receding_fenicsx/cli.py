@@ -507,7 +507,7 @@ def schema() -> None:
     """Print the JSON Schema of scene files, by which editors complete and check them."""
     import json
 
-    from receding_fenicsx.scene.schema import scene_schema
+    from receding_fenicsx.scene.toml_reader import scene_schema
 
     if is_root(world()):
         print(json.dumps(scene_schema(), indent=2))

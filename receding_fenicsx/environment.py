@@ -22,8 +22,6 @@ if TYPE_CHECKING:
 TESTED_DOLFINX = ("0.5", "0.11")
 """Releases of DOLFINx that the test suite runs with."""
 
-CHILD_SECONDS = 120
-"""Time limit of a child process."""
 
 FACTORISE = """
 try:
@@ -231,12 +229,13 @@ def _loaded(pattern: str, folder: str = "/") -> list[str]:
 def _child(program: str) -> subprocess.CompletedProcess[str] | str:
     """Run a Python program outside this MPI job; return its result, or the name of the error."""
     try:
+        # time limit of a child process
         return subprocess.run(
             [sys.executable, "-c", program],
             env=child_environment(),
             capture_output=True,
             text=True,
-            timeout=CHILD_SECONDS,
+            timeout=120,
         )
     except (OSError, subprocess.TimeoutExpired) as error:
         return type(error).__name__

@@ -24,7 +24,7 @@ FLOORS = (
     ("reference",),
     ("measures",),
     ("output",),
-    ("pictures", "long_run"),
+    ("pictures",),
     ("studies", "exchange"),
     ("__init__",),
     ("terminal",),

@@ -31,8 +31,12 @@ from receding_fenicsx.evolution.problem import Problem, problem_of_scene
 from receding_fenicsx.evolution.run_state import RunState
 from receding_fenicsx.interface.system import ContactSystem
 from receding_fenicsx.scene.history import History, ended_by, history_from_scene
-from receding_fenicsx.scene.history.harmonic import DEFAULT_TOLERANCE, MOST_CORNERS, is_straight
-from receding_fenicsx.scene.history.kinds import preload_legs
+from receding_fenicsx.scene.history.kinds import (
+    DEFAULT_TOLERANCE,
+    MOST_CORNERS,
+    is_straight,
+    preload_legs,
+)
 from receding_fenicsx.scene.model import OutputOptions, Scene
 
 CORNERS = "corners.txt"

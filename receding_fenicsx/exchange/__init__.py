@@ -3,7 +3,7 @@ r"""Systems from and to other programs.
 A finite element program gives the stiffness $A$ of a body, or of its retained freedoms, and nodal
 forces $f_k$ of its loads. `receding-fenicsx import FILE.toml` makes a contact system of them:
 
-1. :func:`~receding_fenicsx.exchange.specification.read_specification` reads which files, nodes,
+1. :func:`~receding_fenicsx.exchange.importing.read_specification` reads which files, nodes,
    normals, friction, supports and loads there are.
 2. :mod:`~receding_fenicsx.exchange.formats` reads the matrices: MatrixMarket, Abaqus, CalculiX.
 3. :func:`~receding_fenicsx.exchange.importing.import_system` eliminates the freedoms that are not

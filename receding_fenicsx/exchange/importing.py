@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,22 +13,129 @@ from scipy import sparse
 from scipy.sparse.linalg import splu
 
 from receding_fenicsx.arrays import Array
+from receding_fenicsx.atomic import read_text
 from receding_fenicsx.bulk.rigid_motions import motions, scaled
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.exchange.formats import Freedom, read_matrix, read_vector
-from receding_fenicsx.exchange.specification import Edge, Import, read_specification
 from receding_fenicsx.interface.system import ContactSystem
 from receding_fenicsx.interface.system_checks import UNSYMMETRIC, check_system
-from receding_fenicsx.scene.profiles import directions, evaluate_checked
+from receding_fenicsx.scene.checks import Number, OneOf, Pair, Table
+from receding_fenicsx.scene.column_file import read_columns
+from receding_fenicsx.scene.profiles import FrictionProfile, Profile, directions, evaluate_checked
+from receding_fenicsx.scene.toml_reader import Place, as_list, convert, parse_toml
+
+DIRECTIONS = {"x": (1,), "y": (2,), "xy": (1, 2)}
+"""Freedoms that a support holds."""
+
+
+@dataclass(frozen=True)
+class Edge(Table):
+    """Straight contact edge: its nodes, the normal into the body, and the law.
+
+    ``weights`` are the lengths that the nodes stand for; default: half of those to the neighbours.
+    """
+
+    nodes: tuple[Number, ...]
+    normal: Pair
+    friction: FrictionProfile = 0.35
+    initial_gap: Profile = 0.0
+    weights: tuple[Number, ...] = ()
+    name: str = "contact"
+
+
+@dataclass(frozen=True)
+class Fixed(Table):
+    """Nodes that are held in "x", "y" or "xy"."""
+
+    nodes: tuple[Number, ...]
+    fix: Annotated[str, OneOf("x", "y", "xy")]
+
+
+@dataclass(frozen=True)
+class NodalLoad(Table):
+    """Load: a file of nodal forces on the body, or of r*, which hold the contact against them."""
+
+    name: str
+    forces: str = ""
+    reactions: str = ""
+
+
+@dataclass(frozen=True)
+class Specification(Table):
+    """Files, their order of rows, and the number of rigid motions that are left free.
+
+    The rows of a MatrixMarket file are x and y of one node after the other (``order`` "nodes"), or
+    x of all nodes, then y ("components").
+    """
+
+    stiffness: str
+    nodes: str
+    free: int
+    order: Annotated[str, OneOf("nodes", "components")] = "nodes"
+    title: str = ""
+
+
+@dataclass(frozen=True)
+class Import:
+    """A specification with its tables and the coordinates of its nodes by their numbers."""
+
+    files: Specification
+    contact: tuple[Edge, ...]
+    support: tuple[Fixed, ...]
+    load: tuple[NodalLoad, ...]
+    points: dict[int, Array]
+    folder: Path
+
+    @property
+    def fixed(self) -> set[Freedom]:
+        """Freedoms that supports hold."""
+        return {(int(n), k) for s in self.support for n in s.nodes for k in DIRECTIONS[s.fix]}
+
+    @property
+    def freedoms(self) -> list[Freedom]:
+        """Freedom of each row of a matrix that does not name them."""
+        if self.files.order == "nodes":
+            return [(node, k) for node in self.points for k in (1, 2)]
+        return [(node, k) for k in (1, 2) for node in self.points]
+
+
+def read_specification(path: Path) -> Import:
+    """Read a specification and the file of its nodes.
+
+    Raises:
+        InputError: a file cannot be read, a key is unknown or missing, or a value is wrong.
+    """
+    raw = parse_toml(read_text(path))
+    tables: dict[str, Any] = {}
+    for name, kind in (("contact", Edge), ("support", Fixed), ("load", NodalLoad)):
+        label = f"[[{name}]]"
+        items = as_list(raw.pop(name, []), name)
+        tables[name] = tuple(convert(kind, item, partial(_labelled, label)) for item in items)
+    files = convert(Specification, raw, partial(_labelled, "specification"))
+    names = [load.name for load in tables["load"]]
+    if not tables["contact"] or not names or len(set(names)) < len(names):
+        raise InputError("needs a [[contact]], and [[load]] tables with names of their own")
+    for load in tables["load"]:
+        if bool(load.forces) == bool(load.reactions):
+            raise InputError(f"load '{load.name}': give either forces or reactions")
+    wanted = ("node", "x", "y")
+    columns = read_columns(files.nodes, path.parent, "nodes", wanted, wanted)
+    if len(columns.names) != 3:
+        columns.refuse(f"has {len(columns.names)} column(s), not node, x, y")
+    points = {int(row[0]): row[1:] for row in columns.values}
+    if len(points) < len(columns.values) or np.any(columns.values[:, 0] % 1.0):
+        columns.refuse("the numbers of the nodes have to be whole and different")
+    return Import(files, **tables, points=points, folder=path.parent)
+
+
+def _labelled(label: str, place: Place) -> tuple[str, Place]:
+    return label, place
+
 
 NO_RESISTANCE = 1e-10
 """Stiffness against a motion, over the largest, up to which it is the round-off of zero."""
-RESISTANCE = 1e-7
-"""The same, from which a rigid motion is resisted; what is between cannot be judged."""
 STRAIGHT = 1e-6
 """Distance of an edge's nodes from a line, over its length, up to which it is straight."""
-PENALTY = 1e15
-"""Diagonal entry over their median that is no stiffness but a support."""
 X, Y = 1, 2
 """Numbers of the freedoms of a node."""
 
@@ -97,7 +206,8 @@ def _check_matrix(A: sparse.csc_matrix, freedoms: list[Freedom]) -> None:
         raise InputError("stiffness: has entries that are not finite")
     diagonal = np.abs(A.diagonal())
     share = diagonal / (diagonal.max() or 1.0)
-    if PENALTY * np.median(np.append(share[share > 0.0], 0.0)) < share.max():
+    # diagonal entry over their median that is no stiffness but a support
+    if 1e15 * np.median(np.append(share[share > 0.0], 0.0)) < share.max():
         raise InputError(
             f"stiffness: has entries of {diagonal.max():.0e}, which stand for supports; export it "
             "without them, and name them by [[support]]"
@@ -201,7 +311,8 @@ def _rigid(K: Array, held: NDArray[np.bool_], moved: Array, free: int) -> Array:
         raise InputError("stiffness: is zero at the contact")
     resisted = np.vstack([np.where(held[:, None], moved, K @ moved / largest), np.zeros((3, 3))])
     _, size, right = np.linalg.svd(resisted, full_matrices=False)
-    if np.any((size > NO_RESISTANCE) & (size < RESISTANCE)):
+    # a larger size resists the motion; what is between cannot be judged
+    if np.any((size > NO_RESISTANCE) & (size < 1e-7)):
         raise InputError("stiffness: has too few digits to tell which rigid motions are free")
     motion = moved @ right[size <= NO_RESISTANCE].T
     # the rotation of a single node is none

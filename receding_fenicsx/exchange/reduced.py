@@ -37,10 +37,8 @@ from receding_fenicsx.mpi import given
 from receding_fenicsx.scene.model import Scene
 from receding_fenicsx.scene.validate import validate
 from receding_fenicsx.scene.validate_loads import check_modes
-from receding_fenicsx.store.hdf5_file import new_hdf5, write
+from receding_fenicsx.store.hdf5 import new_hdf5, write
 from receding_fenicsx.timing import Timer
-
-REDUCED = "receding_fenicsx reduced model"
 
 
 @dataclass(frozen=True)
@@ -81,7 +79,7 @@ class ReducedModel:
         Raises:
             InputError: the file exists already or cannot be written.
         """
-        with new_hdf5(Path(path), overwrite, REDUCED) as file:
+        with new_hdf5(Path(path), overwrite, "receding_fenicsx reduced model") as file:
             for field in fields(self):
                 write(file, field.name, getattr(self, field.name))
             file.attrs["description"] = inspect.getdoc(ReducedModel) or ""

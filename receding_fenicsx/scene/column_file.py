@@ -35,8 +35,6 @@ PROFILE_KEYS = (
 """Keys whose profiles may be read from a file."""
 SIGNAL_KEYS = ("rows", "cycle_rows")
 """Keys of [history] whose rows may be read from a file."""
-TIME = ("time", "t")
-"""Names, in any case, of a column that is checked and dropped, unless a load has the name."""
 
 
 @dataclass(frozen=True)
@@ -231,7 +229,8 @@ def _with_signals(history: dict[str, Any], loads: Any, folder: Path) -> dict[str
     known = [name for name in names if isinstance(name, str)]
 
     def is_time(name: str) -> bool:
-        return name.lower() in TIME and name not in known
+        # names, in any case, of a column that is checked and dropped, unless a load has the name
+        return name.lower() in ("time", "t") and name not in known
 
     history = dict(history)
     for key in files:

@@ -24,23 +24,23 @@ from receding_fenicsx.scene.checks import (
     nearest,
     unknown_name,
 )
-from receding_fenicsx.scene.loads import FREE as FREE
-from receding_fenicsx.scene.loads import INTERFERENCE as INTERFERENCE
-from receding_fenicsx.scene.loads import Bolt as Bolt
-from receding_fenicsx.scene.loads import Load as Load
-from receding_fenicsx.scene.loads import Spring as Spring
-from receding_fenicsx.scene.loads import Support as Support
+from receding_fenicsx.scene.options import FREE as FREE
+from receding_fenicsx.scene.options import INTERFERENCE as INTERFERENCE
 from receding_fenicsx.scene.options import AccuracyOptions as AccuracyOptions
+from receding_fenicsx.scene.options import Bolt as Bolt
 from receding_fenicsx.scene.options import Harmonic as Harmonic
 from receding_fenicsx.scene.options import HistoryOptions as HistoryOptions
+from receding_fenicsx.scene.options import Load as Load
 from receding_fenicsx.scene.options import ModeOptions as ModeOptions
 from receding_fenicsx.scene.options import OutputOptions as OutputOptions
 from receding_fenicsx.scene.options import Probe as Probe
 from receding_fenicsx.scene.options import ShakedownOptions as ShakedownOptions
 from receding_fenicsx.scene.options import SolverOptions as SolverOptions
+from receding_fenicsx.scene.options import Spring as Spring
+from receding_fenicsx.scene.options import Support as Support
+from receding_fenicsx.scene.options import Units
 from receding_fenicsx.scene.options import WearOptions as WearOptions
 from receding_fenicsx.scene.profiles import FrictionProfile, Profile
-from receding_fenicsx.scene.units import Units
 
 MIN_CONTACT_ELEMENTS, MAX_CONTACT_ELEMENTS = 4, 20000
 """Numbers of elements on a contact edge: fewer cannot show stick, slip and separation side by
@@ -51,8 +51,6 @@ MIN_REFINED_GROWTH = 1.01
 """Smallest growth along a refined edge."""
 RECTANGLE_KEYS = ("shape", "width", "height", "position")
 """Keys of a body that a mesh file replaces."""
-HALF_PLANE = "half-plane"
-"""Shape of a body without a mesh."""
 TABLE_OF = {
     "others": "body",
     "materials": "material",
@@ -111,7 +109,8 @@ class Body(Table):
     @property
     def is_half_plane(self) -> bool:
         """Whether the body is a half-plane without a mesh."""
-        return self.mesh is None and self.shape == HALF_PLANE
+        # shape of a body without a mesh
+        return self.mesh is None and self.shape == "half-plane"
 
     @property
     def is_rectangle(self) -> bool:

@@ -15,8 +15,6 @@ FAR = "far"
 """The far field of a half-plane, on which loads and supports act."""
 HORIZONTAL = ("bottom", "top")
 """Edges along x."""
-LOAD_SAMPLES = 401
-"""Points along an edge at which load profiles are checked (odd: one lies at the centre)."""
 BODY_SAMPLES = 41
 """Points along each side of a rectangle at which loads on bodies are checked."""
 
@@ -86,4 +84,5 @@ def body_points(scene: Scene, body: Body) -> tuple[Array, Array]:
 def load_samples(scene: Scene, load: Load) -> Array:
     """Return the positions along a load's span at which its profile is checked."""
     low, high = load.span or edge_range(scene, load.edge)
-    return 0.5 * (low + high) + 0.5 * (high - low) * np.linspace(-1.0, 1.0, LOAD_SAMPLES)
+    # points along an edge at which load profiles are checked (odd: one lies at the centre)
+    return 0.5 * (low + high) + 0.5 * (high - low) * np.linspace(-1.0, 1.0, 401)

@@ -14,9 +14,8 @@ from receding_fenicsx.errors import InputError, InputErrors
 from receding_fenicsx.scene.checks import check_name, nearest, unknown_name
 from receding_fenicsx.scene.history import History, history_from_scene
 from receding_fenicsx.scene.model import Probe, Scene, SolverOptions
-from receding_fenicsx.scene.options import HEADLINE_NAMES
+from receding_fenicsx.scene.options import HEADLINE_NAMES, check_units
 from receding_fenicsx.scene.toml_reader import check_values
-from receding_fenicsx.scene.units import check_units
 from receding_fenicsx.scene.validate_bodies import (
     check_bodies,
     check_contact,
@@ -39,23 +38,12 @@ from receding_fenicsx.scene.validate_loads import (
     check_support,
 )
 
-LOCKING_POISSON = 0.45
-"""Poisson's ratio above which elements of order 1 are too stiff. On the paper's block with 81
-contact nodes, the error of their dissipation is 3 to 8 % at 0.49 and 11 to 30 % at 0.499; that of
-order 2 is 1 %."""
-MAX_RECORD_BYTES = 1e12
-"""Size of the largest record."""
-BYTES_PER_NODE = 50
-"""Bytes of one node at one instant of a record: v, w, P, Q, p, q and the state."""
-DEFAULT_SAMPLED_CYCLES = 5
-"""Number of cycles that are sampled by default: 0, 1, 2, 9 and the last."""
 PROBE_KINDS = ("point", "points", "segment")
 """Keys of a probe of which exactly one is given."""
 MOST_POINTS = 1000
 """Largest number of points of all probes together: each costs six solves with the bulk."""
 NOT_IN_FILE_NAMES = '/\\:*?"<>|'
 """Characters that the names of files cannot hold on some systems."""
-MAX_NAME_LENGTH = 80
 
 
 def validate(scene: Scene) -> None:
@@ -122,7 +110,10 @@ def scene_warnings(scene: Scene) -> list[str]:
         ),
         default=0.0,
     )
-    if scene.mesh.degree == 1 and largest > LOCKING_POISSON:
+    # Poisson's ratio above which elements of order 1 are too stiff. On the paper's block with 81
+    # contact nodes, the error of their dissipation is 3 to 8 % at 0.49 and 11 to 30 % at 0.499;
+    # that of order 2 is 1 %
+    if scene.mesh.degree == 1 and largest > 0.45:
         lines.append(
             f"[mesh] degree: elements of order 1 lock near incompressibility (Poisson's ratio "
             f"{largest:g}), which the residual does not show; use degree = 2"
@@ -197,7 +188,8 @@ def _check_record_size(scene: Scene, history: History) -> None:
     output, legs = scene.output, max(len(history.loop) - 1, len(history.path) - 1)
     # a run until the steady state or the limit ends long before
     cycles = 0 if history.until_steady or history.until_limit else history.cycles
-    sampled = min(DEFAULT_SAMPLED_CYCLES, cycles + 1)
+    # number of cycles that are sampled by default: 0, 1, 2, 9 and the last
+    sampled = min(5, cycles + 1)
     if output.cycles is not None:
         sampled = len(output.cycles) if isinstance(output.cycles, tuple) else cycles + 1
     nodes = scene.mesh.degree * scene.mesh.contact_elements + 1
@@ -209,8 +201,10 @@ def _check_record_size(scene: Scene, history: History) -> None:
             "use fewer, or sample fewer cycles by output.cycles",
         ),
     ):
-        size = count * legs * nodes * BYTES_PER_NODE
-        if size > MAX_RECORD_BYTES:
+        # bytes of one node at one instant of a record: v, w, P, Q, p, q and the state
+        size = count * legs * nodes * 50
+        # size of the largest record
+        if size > 1e12:
             raise InputError(f"{key}: requires a record of {size / 1e9:.0f} GB; {advice}")
 
 
@@ -245,7 +239,7 @@ def _check_probe_name(name: str) -> None:
         any(c in NOT_IN_FILE_NAMES for c in name)
         or name != name.strip()
         or name.startswith(".")
-        or len(name) > MAX_NAME_LENGTH
+        or len(name) > 80
     ):
         raise InputError(
             f"[[probe]] name: {name!r} cannot be the name of a file; use letters, digits, _ and -"

@@ -25,8 +25,6 @@ from receding_fenicsx.scene.rectangle_edges import (
     is_cylinder,
 )
 
-MIN_HOLE = 1e-6
-"""Smallest radius of a ring's hole, over the ring's width."""
 MIN_REFINED_SIZE = 1e-6
 """Smallest refined element, over the length of the contact edge: below it, round-off counts."""
 MAX_POSITION = 1e4
@@ -35,21 +33,10 @@ MAX_SLENDERNESS = 1e5
 """Largest depth of a rectangle below its contact edge, over the length of that edge."""
 MIN_DEPTH = 0.01
 """Smallest depth of a rectangle below its contact edge, over the size of an element there."""
-MAX_CELLS = 1e8
-"""Estimated number of cells of a rectangle above which no machine can mesh and factor it."""
 
 
 LENGTH_TOLERANCE = 1e-9
 """Distance of two positions that count as equal, over the length of the edge."""
-
-KINK = 1e-6
-"""Change of slope of a table, over its largest slope, that is a kink and not round-off."""
-SAMPLED_POINTS = 6
-"""Number of kinks of a table from which it is taken for samples of a curve."""
-COARSE_TABLE = 1.5
-"""Distance of a table's points, over that of the nodes, above which the mesh resolves its kinks.
-A parabola of 51 points on 161 nodes has peaks of 4 % of the largest pressure, one of 201 points
-0.2 %."""
 
 
 def check_bodies(scene: Scene) -> None:
@@ -174,7 +161,8 @@ def check_half_planes(scene: Scene) -> None:
 def _check_radii(scene: Scene, body: Body, label: str) -> None:
     """Refuse a ring that reaches the axis."""
     x = body.position[0]
-    if not is_cylinder(scene, body) and not x - 0.5 * body.width > MIN_HOLE * body.width:
+    # smallest radius of a ring's hole, over the ring's width
+    if not is_cylinder(scene, body) and not x - 0.5 * body.width > 1e-6 * body.width:
         raise InputError(
             f"{label} position: x = {x:g} and width {body.width:g} make a ring from "
             f"r = {x - 0.5 * body.width:g} to {x + 0.5 * body.width:g}; move it off the "
@@ -275,7 +263,8 @@ def check_elements(mesh: MeshOptions, body: Body, edge: str) -> None:
             "length; reduce it, material so far away has no effect"
         )
     cells = count_cells(mesh, depth / length)
-    if cells > MAX_CELLS:
+    # estimated number of cells of a rectangle above which no machine can mesh and factor it
+    if cells > 1e8:
         raise InputError(
             f"[mesh] growth: {mesh.growth:g} makes about {cells:.0e} cells; "
             "enlarge it, or use fewer contact_elements"
@@ -423,11 +412,16 @@ def gap_warnings(scene: Scene) -> list[str]:
         nodes = contact_samples(scene, contact)
         x, gap = (np.asarray(table[key]) for key in ("x", "value"))
         slope = np.diff(gap) / np.diff(x)
-        kinks = np.abs(np.diff(slope)) > KINK * np.abs(slope).max(initial=0.0)
+        # change of slope of a table, over its largest slope, that is a kink and not round-off
+        kinks = np.abs(np.diff(slope)) > 1e-6 * np.abs(slope).max(initial=0.0)
         inside = (x[1:-1] > nodes[0]) & (x[1:-1] < nodes[-1])
         apart = float(np.median(np.diff(x)))
         spacing = float(nodes[1] - nodes[0])
-        if np.count_nonzero(kinks & inside) >= SAMPLED_POINTS and apart > COARSE_TABLE * spacing:
+        # number of kinks of a table from which it is taken for samples of a curve
+        # distance of a table's points, over that of the nodes, above which the mesh resolves its
+        # kinks. A parabola of 51 points on 161 nodes has peaks of 4 % of the largest pressure, one
+        # of 201 points 0.2 %
+        if np.count_nonzero(kinks & inside) >= 6 and apart > 1.5 * spacing:
             lines.append(
                 f"{scene.joint_labels[i]} initial_gap: the table is linear between points "
                 f"{apart:.3g} apart, nodes are {spacing:.3g} apart: its kinks give peaks of "

@@ -8,7 +8,6 @@ import numpy as np
 
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.scene.checks import SMALLEST, check_name, check_positive
-from receding_fenicsx.scene.loads import KINDS, ON_BODY
 from receding_fenicsx.scene.model import (
     FREE,
     INTERFERENCE,
@@ -19,6 +18,7 @@ from receding_fenicsx.scene.model import (
     Spring,
     Support,
 )
+from receding_fenicsx.scene.options import KINDS, ON_BODY
 from receding_fenicsx.scene.profiles import check_table, evaluate_checked
 from receding_fenicsx.scene.rectangle_edges import (
     body_points,

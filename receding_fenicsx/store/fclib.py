@@ -26,8 +26,7 @@ from receding_fenicsx.interface.gauss_seidel.compliance_form import (
 from receding_fenicsx.interface.system import ContactState, ContactSystem
 from receding_fenicsx.scene import history
 from receding_fenicsx.scene.toml_file import from_toml
-from receding_fenicsx.store.hdf5 import read_system
-from receding_fenicsx.store.hdf5_file import new_hdf5
+from receding_fenicsx.store.hdf5 import new_hdf5, read_system
 from receding_fenicsx.store.run_folder import read_run
 
 COMPRESSED_ROWS = -2

@@ -2,28 +2,37 @@
 
 from __future__ import annotations
 
+import logging
+from collections.abc import Callable
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from receding_fenicsx import long_run, mpi
-from receding_fenicsx.arrays import check_types
+import numpy as np
+
+from receding_fenicsx import mpi
+from receding_fenicsx.arrays import Array, check_types
+from receding_fenicsx.atomic import new_file
 from receding_fenicsx.bulk.from_scene import condensed, is_small, probes_of
 from receding_fenicsx.errors import InputError, SolveError, ToleranceNotMet
-from receding_fenicsx.evolution.evolve import evolve_bare
+from receding_fenicsx.evolution.collect import record_of
+from receding_fenicsx.evolution.evolve import continue_history, evolve_bare
+from receding_fenicsx.evolution.histories import CORNERS, tightened, with_corners
+from receding_fenicsx.evolution.journal import JOURNAL, Journal, JournalFile
 from receding_fenicsx.evolution.problem import problem_of_scene, system_for, with_profiles
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.mpi import world
 from receding_fenicsx.output.report import summary
 from receding_fenicsx.pictures import draw_run, drawing_modules
+from receding_fenicsx.scene import history
 from receding_fenicsx.scene.model import Scene
 from receding_fenicsx.scene.validate import validate
 from receding_fenicsx.store import hdf5, summary_file
 from receding_fenicsx.store.case_file import CASES, CaseFile
-from receding_fenicsx.store.probe_files import PROBES, write_probes
 from receding_fenicsx.store.run_folder import SYSTEM, shared_folder
-from receding_fenicsx.store.workspace import resumable
+from receding_fenicsx.store.summary_file import PROBES, write_probes
+from receding_fenicsx.store.workspace import interruption, resumable
 from receding_fenicsx.studies.accuracy import meshes, study
 from receding_fenicsx.studies.accuracy.study import Solved
 from receding_fenicsx.studies.runner import Runner, StudyOptions, check_workers, on_ranks
@@ -32,15 +41,12 @@ from receding_fenicsx.studies.starts import (
     check_starts,
     limit_with_starts,
 )
-from receding_fenicsx.timing import Say, Timer
+from receding_fenicsx.timing import Countdown, Say, Timer
 
 if TYPE_CHECKING:
     from mpi4py import MPI
 
     from receding_fenicsx.interface.system import ContactSystem
-
-MOST_CHECKED = 320
-"""Contact elements of the finest mesh that :func:`check` condenses: within a second or so."""
 
 
 @dataclass(frozen=True)
@@ -215,7 +221,7 @@ def _evolved(
     """Return the record, on rank 0, and why the evolution failed, on all ranks; collective."""
     with timer("evolve"):
         evolved = mpi.on_root(
-            comm, lambda: long_run.run_history(scene, mpi.given(system), folder, timer.say)
+            comm, lambda: run_history(scene, mpi.given(system), folder, timer.say)
         )
     record, failure = evolved or (None, None)
     return record, comm.bcast(failure)
@@ -323,7 +329,8 @@ def check(scene: Scene, comm: MPI.Comm | None = None) -> int:
 
     def meshed() -> tuple[int, Scene | None]:
         nodes, coarse = meshes.count_nodes(scene), scene
-        while coarse.mesh.contact_elements > MOST_CHECKED or not is_small(coarse):
+        # contact elements of the finest mesh that :func:`check` condenses: within a second or so
+        while coarse.mesh.contact_elements > 320 or not is_small(coarse):
             try:
                 partner = meshes.coarser(coarse)
             except InputError:
@@ -372,3 +379,93 @@ def _write_summary(
         summary_file.write_summary(file, mpi.given(text) | costs, overwrite=True)
 
     mpi.on_root(comm, write)
+
+
+log = logging.getLogger(__name__)
+
+
+def run_history(
+    scene: Scene,
+    system: ContactSystem,
+    folder: Path | None,
+    say: Callable[[str], None] | None = None,
+) -> tuple[Record, SolveError | None]:
+    """Evolve a scene's history, from the last checkpoint in the folder if there is one.
+
+    Args:
+        scene: the scene.
+        system: its condensed system.
+        folder: folder of the journal; None keeps no journal.
+        say: called with the progress.
+
+    Returns:
+        The record, and the error that ended the history early if one did. The scene of the record
+        has the number of corners of a harmonic history.
+
+    Raises:
+        Interrupted: a signal asked to end. The folder holds the record of the finished cycles.
+        SolveError: the history failed in its very first leg.
+    """
+    every = scene.output.checkpoint_cycles
+    journal: Journal = Journal(every)
+    if folder is not None:
+        journal = JournalFile(folder / JOURNAL, system, every)
+        if journal.cycles:
+            log.info("resumes from the checkpoint after cycle %d", len(journal.cycles) - 1)
+    doubling = None
+    tell = Countdown(say, "evolve: cycle", "at most")
+
+    def progress(cycle: int, cycles: int, message: str) -> None:
+        log.info("cycle %d: %s", cycle, message)
+        # the terminal has one line for the counts and the time
+        tell(cycle, cycles, message.partition(",")[0])
+
+    try:
+        scene, doubling = _with_corners(scene, system, folder, say)
+        record = continue_history(problem_of_scene(system, scene), journal, progress)
+        record.doubling = doubling
+        return record, None
+    except SolveError as error:
+        # a history that fails in its very first leg leaves nothing worth keeping
+        if not isinstance(error.record, Record) or not len(error.record.turning_points.s):
+            raise
+        record, error.record = error.record, None
+        record.doubling = doubling
+        return record, error
+    except (KeyboardInterrupt, SystemExit) as signalled:
+        if folder is None or not journal.cycles:
+            raise
+        last, cycles = len(journal.cycles) - 1, history.history_from_scene(scene).cycles
+        where = f"after cycle {last} of {cycles}"
+        journal.write()
+        record = record_of(system, scene.solver, journal.cycles)
+        hdf5.write_record(folder / "record.h5", record, overwrite=True)
+        brief = summary.summarise(record, {"failure": f"interrupted {where}"})
+        summary_file.write_summary(folder / "summary.json", brief, overwrite=True)
+        raise interruption(signalled, where, folder, "the record up to there") from None
+    finally:
+        journal.write()
+        journal.close()
+
+
+def _with_corners(
+    scene: Scene,
+    system: ContactSystem,
+    folder: Path | None,
+    say: Callable[[str], None] | None,
+) -> tuple[Scene, Array | None]:
+    """Return the scene with the corners of its harmonic history, those of the run it resumes."""
+    scene = tightened(system, scene)
+    file = None if folder is None else folder / CORNERS
+    if file is not None and file.is_file():
+        try:
+            doubling = np.loadtxt(file, ndmin=2)
+            corners = int(doubling[-1, 0])
+        except (OSError, ValueError, IndexError):
+            raise InputError(f"{file}: is damaged; start a new run with --overwrite") from None
+        return replace(scene, history=replace(scene.history, corners=corners)), doubling
+    scene, found = with_corners(system, scene, say)
+    if file is not None and found is not None:
+        with new_file(file) as beside:
+            np.savetxt(beside, found, header="corners, error estimate of the dissipation")
+    return scene, found

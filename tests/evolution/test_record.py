@@ -34,12 +34,12 @@ from receding_fenicsx.scene.toml_file import from_toml, to_toml
 from receding_fenicsx.store.hdf5 import (
     RECORD,
     digest,
+    new_hdf5,
     read_record,
     read_system,
     write_record,
     write_system,
 )
-from receding_fenicsx.store.hdf5_file import new_hdf5
 from receding_fenicsx.store.summary_file import read_summary, write_summary
 
 pytestmark = pytest.mark.one_rank

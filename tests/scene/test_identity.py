@@ -30,7 +30,7 @@ from receding_fenicsx.scene.model import (
     Support,
     Tie,
 )
-from receding_fenicsx.scene.units import Units
+from receding_fenicsx.scene.options import Units
 from receding_fenicsx.store.run_folder import SYSTEM, is_finished, run_folder
 from receding_fenicsx.store.summary_file import write_summary
 

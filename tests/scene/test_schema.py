@@ -18,9 +18,8 @@ import pytest
 
 import receding_fenicsx as rf
 from receding_fenicsx import cli
-from receding_fenicsx.scene.schema import descriptions, scene_schema
 from receding_fenicsx.scene.toml_file import from_raw
-from receding_fenicsx.scene.toml_reader import parse_toml
+from receding_fenicsx.scene.toml_reader import descriptions, parse_toml, scene_schema
 
 pytestmark = pytest.mark.one_rank
 

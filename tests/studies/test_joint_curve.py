@@ -17,7 +17,7 @@ from small import small_system
 import receding_fenicsx as rf
 from receding_fenicsx import cli
 from receding_fenicsx.studies.joint.backbone import Backbone, first_loading
-from receding_fenicsx.studies.joint.figure import joint_figure
+from receding_fenicsx.studies.joint.curve import joint_figure
 from receding_fenicsx.studies.sweep_table import SweepTable
 
 ROOT = Path(__file__).parents[2]

@@ -21,7 +21,7 @@ from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.interface.law import MIRRORED
 from receding_fenicsx.output.plots.series import first_unloading, is_unloading, leg_ends, phases
 from receding_fenicsx.scene.model import FREE, Load, Scene
-from receding_fenicsx.scene.units import Units, in_unit
+from receding_fenicsx.scene.options import Units, in_unit
 
 # -- names of loads: a symbol as mathematics, a word as text -------------------------------------
 

@@ -19,7 +19,7 @@ from receding_fenicsx.measures.half_widths import (
     half_widths,
 )
 from receding_fenicsx.output.report.section import Rows, Section, Summary
-from receding_fenicsx.scene.units import in_unit
+from receding_fenicsx.scene.options import in_unit
 
 CONSOLE_WIDTH = 100
 """Largest number of characters of a line of the console."""

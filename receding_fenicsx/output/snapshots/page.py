@@ -23,7 +23,7 @@ from receding_fenicsx.output.plots.labels import position_label
 from receding_fenicsx.output.snapshots.colours import Colours
 from receding_fenicsx.output.snapshots.render import Pixels
 from receding_fenicsx.output.snapshots.view import Strip, View
-from receding_fenicsx.scene.units import in_unit
+from receding_fenicsx.scene.options import in_unit
 
 Box = tuple[float, float, float, float]
 """Left, bottom, width and height in inches."""

@@ -33,7 +33,7 @@ from receding_fenicsx.arrays import Array, Ints
 from receding_fenicsx.atomic import new_file
 from receding_fenicsx.bulk.fields import Fields
 from receding_fenicsx.output.snapshots.whole_body import WholeContact, edge_values
-from receding_fenicsx.store.hdf5_file import new_hdf5
+from receding_fenicsx.store.hdf5 import new_hdf5
 
 INSTANT = re.compile(r"cycle\d+_leg\d+_s\d+\.\d+\.xdmf")
 """File names of instants."""

@@ -28,9 +28,9 @@ from receding_fenicsx.output.snapshots.whole_body import (
 from receding_fenicsx.scene import history
 from receding_fenicsx.scene.model import Load, Scene
 from receding_fenicsx.scene.one_body import in_order
+from receding_fenicsx.scene.options import Units as SceneUnits
 from receding_fenicsx.scene.profiles import directions, evaluate
 from receding_fenicsx.scene.rectangle_edges import HORIZONTAL, edge_points, edge_range
-from receding_fenicsx.scene.units import Units as SceneUnits
 
 if TYPE_CHECKING:
     from receding_fenicsx.bulk.stack import Stack

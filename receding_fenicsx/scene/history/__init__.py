@@ -2,7 +2,6 @@
 
 * :mod:`~receding_fenicsx.scene.history.polyline`: a :class:`History`, its legs and instants.
 * :mod:`~receding_fenicsx.scene.history.kinds`: the history of a scene, by its kind.
-* :mod:`~receding_fenicsx.scene.history.harmonic`: kind "harmonic".
 """
 
 from receding_fenicsx.scene.history.kinds import history_from_scene as history_from_scene

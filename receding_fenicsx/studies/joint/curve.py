@@ -5,14 +5,17 @@ from __future__ import annotations
 import csv
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+import matplotlib as mpl
 import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
 from receding_fenicsx import mpi
-from receding_fenicsx.arrays import Array, as_numbers, check_types
+from receding_fenicsx.arrays import Array, as_numbers, check_types, described
 from receding_fenicsx.atomic import new_file
 from receding_fenicsx.environment import versions
 from receding_fenicsx.errors import InputError
@@ -22,6 +25,8 @@ from receding_fenicsx.interface.law import State
 from receding_fenicsx.interface.measures.steady import SHAKEDOWN
 from receding_fenicsx.interface.system import ContactSystem
 from receding_fenicsx.modal.modes import mode_number, mode_system, preload_path
+from receding_fenicsx.output.plots import style
+from receding_fenicsx.output.plots.labels import load_text
 from receding_fenicsx.output.plots.style import save
 from receding_fenicsx.scene.checks import suggestion
 from receding_fenicsx.scene.history import History
@@ -40,8 +45,6 @@ from receding_fenicsx.studies import run as study
 from receding_fenicsx.studies.accuracy.meshes import coarser
 from receding_fenicsx.studies.cases import Cell
 from receding_fenicsx.studies.joint.backbone import NO_DISSIPATION, Backbone, first_loading
-from receding_fenicsx.studies.joint.figure import joint_figure
-from receding_fenicsx.studies.joint.result import JointCurve
 from receding_fenicsx.studies.runner import (
     Runner,
     Study,
@@ -51,7 +54,150 @@ from receding_fenicsx.studies.runner import (
     run_study,
 )
 from receding_fenicsx.studies.sweep import Grid, grid_of, play_scene
-from receding_fenicsx.studies.sweep_table import SweepTable
+from receding_fenicsx.studies.sweep_table import ERROR, SweepTable
+
+FITTED = 3
+"""Least number of amplitudes with dissipation for an exponent."""
+
+
+@dataclass(frozen=True, repr=False)
+class JointCurve:
+    """Dissipation and stiffness over the amplitude; arrays over the n amplitudes.
+
+    Attributes:
+        drive: name of the driven load.
+        amplitude: (n,) load factors.
+        dissipation: (n,) per cycle of the limit; NaN where the case failed.
+        estimate: (n,) change of the dissipation from a mesh of half as many elements, relative,
+            the largest of an amplitude and its neighbours, times the dissipation; NaN without.
+        stiffness: (n,) secant: range of the load factor over that of its displacement; of a
+            prescribed displacement the inverse, of its conjugate.
+        masing: (n,) dissipation by Masing's rule from the first loading.
+        slip: (n,) largest slip range of a node in contact.
+        kind: kind of each steady state, or "failed".
+        backbone: the first loading.
+        table: the sweep, with the reasons of failed cases.
+        linear: (k,) angular frequencies of the stuck joint, with a mode as drive; else empty.
+    """
+
+    drive: str
+    amplitude: Array
+    dissipation: Array
+    estimate: Array
+    stiffness: Array
+    masing: Array
+    slip: Array
+    kind: tuple[str, ...]
+    backbone: Backbone
+    table: SweepTable
+    linear: Array = field(default_factory=lambda: np.zeros(0))
+
+    @property
+    def masing_defect(self) -> Array:
+        """(n,) |D - D_Masing| / D, NaN where nothing is dissipated."""
+        D = np.where(self.dissipation > 0.0, self.dissipation, np.nan)
+        return np.abs(D - self.masing) / D
+
+    @property
+    def omega(self) -> Array:
+        """(n,) angular frequency of a driven mode, sqrt(alpha / q)."""
+        return np.sqrt(self.stiffness)
+
+    @property
+    def zeta(self) -> Array:
+        """(n,) damping ratio of a driven mode, D / (2 pi omega^2 q^2)."""
+        return self.dissipation * self.stiffness / (2.0 * np.pi * self.amplitude**2)
+
+    @property
+    def is_mode(self) -> bool:
+        """Whether the drive is a vibration mode."""
+        return self.drive.startswith("mode:")
+
+    @property
+    def exponent(self) -> tuple[float, float]:
+        """Slope of log D over log amplitude, and its standard error; NaN for too few points."""
+        alive = self.dissipation > 0.0
+        if np.count_nonzero(alive) < FITTED:
+            return np.nan, np.nan
+        x, y = np.log(self.amplitude[alive]), np.log(self.dissipation[alive])
+        slope, level = np.polyfit(x, y, 1)
+        rest = y - slope * x - level
+        spread = np.sum((x - x.mean()) ** 2)
+        return float(slope), float(np.sqrt(rest @ rest / max(len(x) - 2, 1) / spread))
+
+    def rows(self) -> list[dict[str, Any]]:
+        """Return the table: a row for each amplitude."""
+        names = (
+            *("amplitude", "dissipation", "estimate", "stiffness"),
+            *("masing", "masing_defect", "slip"),
+            *(("omega", "zeta") if self.is_mode else ()),
+        )
+        columns = [getattr(self, name).tolist() for name in names]
+        return [
+            dict(zip(names, row, strict=True)) | {"kind": self.kind[k], ERROR: case[ERROR]}
+            for k, (*row, case) in enumerate(zip(*columns, self.table.rows, strict=True))
+        ]
+
+    def __repr__(self) -> str:
+        """Return the range of amplitudes, the exponent, the defect and macroslip."""
+        slope, error = self.exponent
+        held = self.dissipation[np.isfinite(self.dissipation)]
+        rows = [
+            ("amplitudes", f"{self.amplitude.min():.6g} to {self.amplitude.max():.6g}"),
+            ("dissipation", f"{held.min(initial=np.inf):.6g} to {held.max(initial=0.0):.6g}"),
+            ("exponent", f"{slope:.3f} +- {error:.3f} of log D over log amplitude"),
+            ("Masing defect", f"at most {np.nanmax([0.0, *self.masing_defect]):.3g}"),
+        ]
+        alive = np.isfinite(self.estimate) & (self.dissipation > 0.0)
+        if np.any(alive):
+            worst = np.max(self.estimate[alive] / self.dissipation[alive])
+            rows.append(("mesh", f"D changes by at most {worst:.2g} from half as many elements"))
+        if np.isfinite(self.backbone.macroslip):
+            rows.append(("macroslip", f"at {self.backbone.macroslip:.6g}"))
+        if len(self.linear):
+            found = ", ".join(f"{omega:.6g}" for omega in self.linear)
+            rows.append(("stuck modes", f"omega = {found}"))
+        return described(f"JointCurve of '{self.drive}', {len(self.amplitude)} amplitudes", rows)
+
+
+def joint_figure(curve: JointCurve) -> Figure:
+    """Draw D and the secant stiffness over the amplitude, with Masing's rule and the exponent."""
+    a, D, stiffness = curve.amplitude, curve.dissipation, curve.stiffness
+    labels, unit = ("dissipation per cycle $D$", "secant stiffness"), np.ones(len(a))
+    if curve.is_mode:
+        labels = (r"damping ratio $\zeta$", r"angular frequency $\omega$")
+        stiffness, unit = curve.omega, stiffness / (2.0 * np.pi * a**2)
+    slope, _ = curve.exponent
+    blue, orange = style.SERIES_COLOURS[:2]
+    with mpl.rc_context(style.RC):
+        figure = style.new_figure(style.PAGE, 2.9)
+        left, right = figure.subplots(1, 2)
+        fit = f", exponent of D {slope:.2f}" if np.isfinite(slope) else ""
+        left.errorbar(
+            a,
+            unit * D,
+            np.nan_to_num(unit * curve.estimate),
+            fmt="o",
+            ms=3,
+            color=blue,
+            label=f"limit cycle{fit}",
+        )
+        left.plot(a, unit * curve.masing, color=orange, label="Masing's rule")
+        left.set(xscale="log", ylabel=labels[0])
+        if np.any(D > 0.0):
+            left.set_yscale("log")
+        right.plot(a, stiffness, "o-", ms=3, color=blue, label="limit cycle")
+        right.set(xscale="log", ylabel=labels[1])
+        for axes in (left, right):
+            axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+            axes.xaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
+            axes.xaxis.set_minor_formatter(NullFormatter())
+            axes.set_xlabel(f"amplitude of {load_text(curve.drive)}")
+            if np.isfinite(curve.backbone.macroslip):
+                axes.axvline(curve.backbone.macroslip, label="macroslip", **style.GUIDE)
+        left.legend(loc="upper left")
+    return figure
+
 
 TABLE, SUMMARY, PICTURE, CASES_OF = "joint.csv", "joint.json", "joint.png", "joint_cases.json"
 """Files of a curve; the last one says what the finished cases are of."""

@@ -26,14 +26,8 @@ from receding_fenicsx.errors import InputError, NotConverged
 
 LEAST_AMPLITUDES = 4
 """Number of points that a curve must have."""
-EARLIEST_SLIP = 0.05
-"""Least slip displacement of a Jenkins element, over the smallest amplitude."""
 LARGEST_LOG = 50.0
 """Bound of the logarithms of parameters."""
-LEAST_SENSITIVITY = 1e-7
-"""Ratio of the sensitivities of the residuals below which a parameter is not determined."""
-CHI = 0.999
-"""Largest size of the exponent chi, which must be above -1."""
 
 
 @dataclass(frozen=True)
@@ -91,7 +85,8 @@ def fit_iwan(amplitude: Array, dissipation: Array, stiffness: Array, slip_force:
 
     chi = np.clip(np.polyfit(np.log(x), np.log(D), 1)[0] - 3.0, -0.9, 0.9)
     starts = [[np.log(1.001 * np.max(F / x)), chi, beta] for beta in (0.0, -4.0, 4.0)]
-    most = np.array([LARGEST_LOG, CHI, LARGEST_LOG])
+    # largest size of the exponent chi, which must be above -1
+    most = np.array([LARGEST_LOG, 0.999, LARGEST_LOG])
     p = _least(lambda p: _errors(iwan(x, **named(p)), F, D), starts, (-most, most))
     errors = np.split(_errors(iwan(x, **named(p)), F, D), 2)
     return JointFit({k: np.array(v) for k, v in named(p).items()}, errors[1], errors[0])
@@ -123,7 +118,8 @@ def fit_jenkins(amplitude: Array, dissipation: Array, stiffness: Array, count: i
         for high in (0.3, 0.5, 0.7, 0.9)
     ]
     # one that slips later is a spring, of one that slips far earlier only the force is seen
-    limits = np.log(EARLIEST_SLIP * x.min()), np.log(x.max())
+    # least slip displacement of a Jenkins element, over the smallest amplitude
+    limits = np.log(0.05 * x.min()), np.log(x.max())
     p = np.sort(_least(lambda p: _errors(model(p)[1:], F, D), starts, limits))
     k, *found = model(p)
     errors = np.split(_errors(found, F, D), 2)
@@ -157,6 +153,7 @@ def _least(
     for run in found:
         size = np.linalg.svd(run.jac, compute_uv=False)
         # a parameter without effect, as of an element of no stiffness, is no fit of all of them
-        if size[-1] > LEAST_SENSITIVITY * size[0]:
+        # ratio of the sensitivities of the residuals below which a parameter is not determined
+        if size[-1] > 1e-7 * size[0]:
             return np.asarray(run.x)
     raise InputError("fit: the curve does not determine all parameters; give more of them")
