@@ -81,6 +81,14 @@ def check_system(system: ContactSystem) -> None:
     for name in ("x", "weight", "f", "g0", "f_backward"):
         if (values := getattr(system, name)) is not None:
             _check_nodes(system, name, values, name != "x")
+    for name in ("f", "f_backward"):
+        values = getattr(system, name)
+        if values is not None and np.any(values[system.held[n:]] != 0.0):
+            i = int(np.argmax(system.held[n:] & (values != 0.0)))
+            raise InputError(
+                f"{name} of the contact system at node {i}: has to be 0, as a support holds the "
+                "node normally and carries the force there"
+            )
     back = (np.diff(system.x) < 0.0) & (np.diff(system.edges) == 0)
     if np.any(back) or np.any(np.diff(system.edges) < 0):
         i = int(np.argmax(back))

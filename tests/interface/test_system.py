@@ -191,6 +191,7 @@ def test_a_field_of_a_wrong_type_is_refused_by_its_name(name: str) -> None:
         (lambda s: {"weight": -s.weight}, "weight of the contact system is .* at node 0"),
         (lambda s: {"x": s.x[::-1].copy()}, "x of the contact system falls from node 0 to node 1"),
         (lambda s: {"edge": np.arange(s.n)[::-1].copy()}, "sort the nodes"),
+        (lambda s: {"held": np.arange(2 * s.n) == s.n + 3}, "f of .* at node 3: has to be 0"),
         (lambda s: {"rigid": np.eye(2 * s.n)[:, :1]}, "a motion that its K resists"),
     ],
 )

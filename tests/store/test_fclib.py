@@ -123,7 +123,9 @@ def test_nodes_held_normally_are_no_contacts_and_nodes_held_sideways_have_no_fri
     assert system.held[0] and step_problem(system, LOAD).mu[0] == 0.0
     held = system.held.copy()
     held[system.n + 5] = True
-    problem = step_problem(replace(system, held=held, rigid=np.zeros((2 * system.n, 0))), LOAD)
+    f = np.where(held[system.n :], 0.0, system.f)
+    system = replace(system, held=held, f=f, rigid=np.zeros((2 * system.n, 0)))
+    problem = step_problem(system, LOAD)
     assert 5 not in problem.nodes and len(problem.mu) == system.n - 1
     write_fclib(tmp_path / "step.h5", problem)
     with h5py.File(tmp_path / "step.h5") as file:
