@@ -30,6 +30,7 @@ KINDS: dict[str, Any] = {
     "shakedown": rf.ShakedownOptions,
     "accuracy": rf.AccuracyOptions,
     "wear": rf.WearOptions,
+    "fatigue": rf.FatigueOptions,
 }
 """Dataclass of each table of a scene file."""
 

@@ -21,6 +21,7 @@ from .scene.model import (
     Harmonic as Harmonic,
     SolverOptions as SolverOptions,
     AccuracyOptions as AccuracyOptions,
+    FatigueOptions as FatigueOptions,
     ModeOptions as ModeOptions,
     OutputOptions as OutputOptions,
 )
@@ -91,6 +92,7 @@ from .measures.half_widths import (
 from .interface.measures.zone_ends import dundurs_beta as dundurs_beta
 from .evolution.moment import recovered_tractions as recovered_tractions
 from .interface.measures.tractions import traction_at as traction_at
+from .measures.fatigue import fatigue as fatigue, fatigue_at as fatigue_at
 from .output.plots.series import loop_of as loop_of
 from .studies.accuracy.numbers import headline as headline, Number as Number
 from .scene.options import HEADLINE_NAMES as HEADLINE_NAMES

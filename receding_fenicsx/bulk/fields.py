@@ -12,11 +12,13 @@ from numpy.typing import NDArray
 
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.bulk import _dolfinx
+from receding_fenicsx.bulk.mesh.rectangle import POSITION_TOLERANCE
 from receding_fenicsx.bulk.stack import Body, Stack
 from receding_fenicsx.bulk.stress import Stresses
 from receding_fenicsx.interface.system import ProbeMatrix
 from receding_fenicsx.mpi import given, on_root
-from receding_fenicsx.scene.model import Scene
+from receding_fenicsx.scene.model import Probe, Scene
+from receding_fenicsx.scene.one_body import sides_of_body
 
 
 @dataclass(frozen=True)
@@ -91,9 +93,11 @@ def probe_matrix(bodies: Stack, scene: Scene) -> ProbeMatrix | None:
         InputError: a point lies outside its body; on all ranks.
     """
     bodies.condense()
-    names = tuple(probe.name for probe in scene.probes for _ in probe.coordinates)
-    owners = [probe.body for probe in scene.probes for _ in probe.coordinates]
-    points = np.array([place for probe in scene.probes for place in probe.coordinates], dtype=float)
+    places = [_places(bodies, probe) for probe in scene.probes]
+    counted = list(zip(scene.probes, places, strict=True))
+    names = tuple(probe.name for probe, found in counted for _ in found)
+    owners = [_owner(scene, probe) for probe, found in counted for _ in found]
+    points = np.concatenate(places)
     found: list[tuple[list[int], Array | None]] = []
     for part in bodies.parts:
         here = [k for k, owner in enumerate(owners) if owner in (None, part.scene.body.name)]
@@ -113,6 +117,32 @@ def probe_matrix(bodies: Stack, scene: Scene) -> ProbeMatrix | None:
         return ProbeMatrix(names, points, rows)
 
     return on_root(bodies.comm, matrix)
+
+
+def _owner(scene: Scene, probe: Probe) -> str | None:
+    """Return the name of a probe's body; None for the only one."""
+    if probe.edge is None:
+        return probe.body
+    return scene.find_edge(probe.edge)[0].name if scene.others else None
+
+
+def _places(bodies: Stack, probe: Probe) -> Array:
+    """Return the points (m, 2) of a probe; of an edge its nodes, of the whole contact."""
+    if probe.edge is None:
+        return np.array(probe.coordinates, dtype=float)
+    scene = bodies.scene
+    owner = scene.find_edge(probe.edge)[0]
+    part = next(part for part in bodies.parts if part.scene.body.name == owner.name)
+    found = []
+    for (number, sign), side in zip(sides_of_body(scene, owner), part.contact.sides, strict=True):
+        joint = scene.joints[number]
+        if probe.edge == (joint.edge if sign > 0 else joint.against):
+            found.append(side.points)
+    points = np.concatenate(found)
+    if bodies.half and not scene.axisymmetric:
+        image = points[points[:, 0] > POSITION_TOLERANCE * np.ptp(points[:, 0])]
+        points = np.concatenate([image[::-1] * [-1.0, 1.0], points])
+    return points
 
 
 def gather_fields(parts: Sequence[BodyFields]) -> Fields | None:

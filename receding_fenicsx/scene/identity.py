@@ -18,6 +18,7 @@ from receding_fenicsx.scene.toml_file import to_toml
 FREE_WHEN_RESUMED = frozenset(
     {
         "title",
+        "fatigue",
         "units.length",
         "units.stress",
         "units.force",

@@ -28,6 +28,7 @@ from receding_fenicsx.scene.options import FREE as FREE
 from receding_fenicsx.scene.options import INTERFERENCE as INTERFERENCE
 from receding_fenicsx.scene.options import AccuracyOptions as AccuracyOptions
 from receding_fenicsx.scene.options import Bolt as Bolt
+from receding_fenicsx.scene.options import FatigueOptions as FatigueOptions
 from receding_fenicsx.scene.options import Harmonic as Harmonic
 from receding_fenicsx.scene.options import HistoryOptions as HistoryOptions
 from receding_fenicsx.scene.options import Load as Load
@@ -287,6 +288,7 @@ class Scene(Table):
     accuracy: AccuracyOptions = field(default_factory=AccuracyOptions)
     mode: ModeOptions = field(default_factory=ModeOptions)
     wear: WearOptions = field(default_factory=WearOptions)
+    fatigue: FatigueOptions | None = None
 
     def __repr__(self) -> str:
         """Return the parts of the scene, long tables cut."""

@@ -436,7 +436,7 @@ class OutputOptions(Table):
 
 @dataclass(frozen=True, repr=False)
 class Probe(Table):
-    """Points of a body at which displacement and stress are recorded: exactly one of three keys.
+    """Points of a body at which displacement and stress are recorded: exactly one of four keys.
 
     Attributes:
         name: name of the probe, also that of its files.
@@ -444,6 +444,7 @@ class Probe(Table):
         points: coordinates of several points, [[x, y], ...].
         segment: both ends of a segment, [[x, y], [x, y]], which gets ``count`` evenly spaced
             points.
+        edge: contact edge, "NAME.edge", at all of whose nodes.
         count: number of points of the segment, ends included; 2 to 1000, and at most 1000 in all
             probes.
         body: name of the points' body, needed when there are several bodies.
@@ -453,12 +454,15 @@ class Probe(Table):
     point: Pair | None = None
     points: tuple[Pair, ...] = ()
     segment: tuple[Pair, ...] = ()
+    edge: str | None = None
     count: Annotated[int, Ge(2), Le(1000)] | None = None
     body: str | None = None
 
     @property
     def coordinates(self) -> tuple[tuple[float, ...], ...]:
-        """Coordinates (x, y) of all points."""
+        """Coordinates (x, y) of all points; none of an edge, whose nodes its mesh places."""
+        if self.edge is not None:
+            return ()
         if self.point is not None:
             return (self.point,)
         if self.points:
@@ -501,6 +505,34 @@ class WearOptions(Table):
     cycles: Annotated[int, Ge(1), Le(MAX_CYCLES)] = 1_000_000
     tolerance: Tolerance = 0.05
     share: Annotated[float, Ge(0.0), Le(1.0)] = 0.5
+
+
+@dataclass(frozen=True, repr=False)
+class FatigueOptions(Table):
+    """Fatigue parameters at the probes over the last cycle.
+
+    Attributes:
+        average: length along a probe over which each parameter is averaged too.
+        dang_van: weight of the hydrostatic stress in Dang Van's parameter.
+        crossland: weight of the hydrostatic stress in Crossland's parameter.
+        fatemi_socie: weight of the normal stress over ``yield_stress`` in Fatemi's and Socie's
+            parameter.
+        yield_stress: yield stress; without it there is no parameter of Fatemi and Socie.
+        strength: coefficient of Basquin's line, a stress; without it there is no life.
+        strength_exponent: its exponent, below 0.
+        ductility: coefficient of Coffin's and Manson's line.
+        ductility_exponent: its exponent, below 0.
+    """
+
+    average: Positive | None = None
+    dang_van: NotNegative = 0.3
+    crossland: NotNegative = 0.3
+    fatemi_socie: NotNegative = 1.0
+    yield_stress: Positive | None = None
+    strength: Positive | None = None
+    strength_exponent: Annotated[float, Gt(-1.0), Lt(0.0)] = -0.09
+    ductility: NotNegative = 0.0
+    ductility_exponent: Annotated[float, Gt(-2.0), Lt(0.0)] = -0.6
 
 
 @dataclass(frozen=True, repr=False)

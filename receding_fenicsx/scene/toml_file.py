@@ -133,6 +133,8 @@ def tables_of(scene: Scene) -> dict[str, Any]:
             tables[table] |= {m.name: plain(replace(m, name=""), sparse=True) for m in value}
         elif field.name == "others":
             tables[table] = [tables[table], *plain(value, sparse=True)] if value else tables[table]
+        elif value is None:
+            continue
         elif (
             table not in ("units", "shakedown", "accuracy", "mode", "wear")
             or value != type(value)()

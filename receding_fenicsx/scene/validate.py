@@ -38,7 +38,7 @@ from receding_fenicsx.scene.validate_loads import (
     check_support,
 )
 
-PROBE_KINDS = ("point", "points", "segment")
+PROBE_KINDS = ("point", "points", "segment", "edge")
 """Keys of a probe of which exactly one is given."""
 MOST_POINTS = 1000
 """Largest number of points of all probes together: each costs six solves with the bulk."""
@@ -80,7 +80,7 @@ def check_rules(scene: Scene) -> None:
     _all_of([*loads, *bolts, *supports, *springs], scene)
     _all_of([check_parts], scene)
     checks = [partial(check_acts, load) for load in scene.loads]
-    checks += [check_probes, check_shakedown, check_wear, check_accuracy]
+    checks += [check_probes, check_shakedown, check_wear, check_fatigue, check_accuracy]
     checks += [lambda scene: check_solver(scene.solver), check_initial_slip, check_output]
     _all_of(checks, scene)
 
@@ -133,6 +133,21 @@ def check_wear(scene: Scene) -> None:
     """Check that wear has one coefficient."""
     if scene.wear.coefficient is not None and scene.wear.archard is not None:
         raise InputError("[wear] coefficient and archard: give one of them")
+
+
+def check_fatigue(scene: Scene) -> None:
+    """Check that there are a cycle and points for fatigue parameters."""
+    if scene.fatigue is None:
+        return
+    if not scene.probes:
+        raise InputError(
+            '[fatigue]: needs points; add a [[probe]], such as edge = "bottom" for a contact edge'
+        )
+    if not len(history_from_scene(scene).loop):
+        raise InputError(
+            "[fatigue]: needs a history with cycles, this one is monotonic; use "
+            'kind = "cyclic", "table" or "harmonic"'
+        )
 
 
 def check_shakedown(scene: Scene) -> None:
@@ -221,6 +236,13 @@ def check_probes(scene: Scene) -> None:
             raise InputError(f"{where}: two probes have this name; rename one")
         seen.add(probe.name.casefold())
         _check_probe_points(probe, where)
+        if probe.edge is not None:
+            known = [e for c in scene.contacts for e in (c.edge, c.against) if e is not None]
+            if probe.edge not in known:
+                unknown_name(probe.edge, known, f"{where} edge", "contact edge")
+            if probe.body is not None:
+                raise InputError(f"{where} body: the edge names the body; remove it")
+            continue
         body = body_named(scene, probe.body, where)
         for point in probe.coordinates if body.mesh is None else ():
             check_inside(scene, body, point, where)

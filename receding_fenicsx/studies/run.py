@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable
 from concurrent.futures import Executor
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -17,11 +18,12 @@ from receding_fenicsx.atomic import new_file
 from receding_fenicsx.bulk.from_scene import condensed, is_small, probes_of
 from receding_fenicsx.errors import InputError, SolveError, ToleranceNotMet
 from receding_fenicsx.evolution.collect import record_of
-from receding_fenicsx.evolution.evolve import continue_history, evolve_bare
+from receding_fenicsx.evolution.evolve import continue_history, evolve, evolve_bare
 from receding_fenicsx.evolution.histories import CORNERS, tightened, with_corners
 from receding_fenicsx.evolution.journal import JOURNAL, Journal, JournalFile
 from receding_fenicsx.evolution.problem import problem_of_scene, system_for, with_profiles
 from receding_fenicsx.evolution.record import Record
+from receding_fenicsx.measures.fatigue import fatigue_summary
 from receding_fenicsx.mpi import world
 from receding_fenicsx.output.report import summary
 from receding_fenicsx.pictures import draw_run, drawing_modules
@@ -192,7 +194,21 @@ def _found(
                 lambda coarse: _headlines(coarse, comm),
                 study.Meshes(comm, folder),
             )
+    if found.scene.fatigue is not None and found.failure is None:
+        with resumable(folder, "on a coarser mesh"), timer("errors"):
+            found.extra |= _fatigue(replace(found.scene, bolts=scene.bolts), found.record, comm)
     return found
+
+
+def _fatigue(scene: Scene, record: Record | None, comm: MPI.Comm) -> dict[str, Any]:
+    """Return fatigue parameters with estimates by a coarser mesh where one fits; collective."""
+    coarse = None
+    with suppress(InputError):  # none fits
+        partner = comm.bcast(mpi.on_root(comm, lambda: meshes.coarser(scene)))
+        if partner is not None:
+            system = condense(partner, comm)
+            coarse = mpi.on_root(comm, lambda: evolve(mpi.given(system), partner))
+    return mpi.on_root(comm, lambda: fatigue_summary(mpi.given(record), coarse)) or {}
 
 
 def _starts(

@@ -79,7 +79,7 @@ RANGE = {f"shakedown.{key}" for key in ("mean", "range", "separated", "largest_s
 ACCURACY = {"accuracy.tolerance", "accuracy.numbers", "accuracy.budget_seconds", "mode.count"}
 WEAR = {f"wear.{key}" for key in ("coefficient", "archard", "cycles", "tolerance", "share")}
 FREE = {"title", "history.cycles", "history.until", "output.cycles", *UNITS, *RANGE}
-FREE |= ACCURACY | WEAR
+FREE |= ACCURACY | WEAR | {"fatigue"}
 """What a run may be gone on with: README, "Long runs"."""
 NAMED = {"others": "body", "materials": "material", "contacts": "contact", "loads": "load"} | {
     "ties": "tie"

@@ -23,6 +23,7 @@ from receding_fenicsx.evolution.moment import Moment, moment_of
 from receding_fenicsx.evolution.probes import probe_names
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.evolution.record_data import States
+from receding_fenicsx.measures.fatigue import fatigue
 from receding_fenicsx.output.plots.cycle_plots import (
     dissipation_density,
     dissipation_per_cycle,
@@ -40,7 +41,7 @@ from receding_fenicsx.output.plots.series import (
 )
 from receding_fenicsx.output.plots.study_plots import branches, slip_mode
 from receding_fenicsx.output.plots.style import save
-from receding_fenicsx.output.plots.traction_plots import probe_stresses, tractions
+from receding_fenicsx.output.plots.traction_plots import fatigue_along, probe_stresses, tractions
 from receding_fenicsx.output.plots.zone_plots import MAX_PANELS, cycle_maps, zone_maps
 from receding_fenicsx.timing import Say
 
@@ -51,6 +52,7 @@ __all__ = [
     "dissipation_density",
     "dissipation_per_cycle",
     "draw_all",
+    "fatigue_along",
     "figure",
     "hysteresis",
     "plot_all",
@@ -335,3 +337,12 @@ figure(
     all_edges=True,
     each=True,
 )(probe_stresses)
+
+figure(
+    "fatigue",
+    needs=lambda record: [name for name in fatigue(record) if len(record.probe(name).points) > 1],
+    caption="Smith, Watson and Topper's parameter along a probe, and the normal of its plane.",
+    main=True,
+    all_edges=True,
+    each=True,
+)(fatigue_along)

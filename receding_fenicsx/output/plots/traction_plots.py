@@ -21,6 +21,7 @@ from receding_fenicsx.evolution.moment import Moment, recovered_tractions
 from receding_fenicsx.evolution.probes import ProbeHistory
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.interface.measures.zones import zones
+from receding_fenicsx.measures.fatigue import fatigue
 from receding_fenicsx.measures.limit_nodes import shown_states
 from receding_fenicsx.output.plots import style
 from receding_fenicsx.output.plots.labels import Scales, load_pieces, scales_of
@@ -157,6 +158,24 @@ def probe_stresses(record: Record, name: str, scales: Scales | None = None) -> F
     figure, panels = draw(probe, scales, angles)
     handles, labels = panels[0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside upper center", ncols=len(labels))
+    return figure
+
+
+@mpl.rc_context(style.RC)
+def fatigue_along(record: Record, name: str) -> Figure:
+    """Draw Smith, Watson and Topper's parameter along a probe, and the angle of its plane."""
+    found, points = fatigue(record)[name]["swt"], record.probe(name).points
+    distance = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1)))
+    level = bool(np.ptp(points[:, 1]) <= 1e-9 * np.ptp(points[:, 0]))
+    x = points[:, 0] if level else distance
+    figure = style.new_figure(style.COLUMN, 3.4)
+    upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(2, 1))
+    upper.plot(x, found.value, color=style.PRESSURE_COLOUR)
+    upper.set_ylabel(r"$\sigma_{n,\max}\,\Delta\varepsilon_n/2$")
+    tells = found.value > 1e-3 * found.value.max(initial=0.0)
+    lower.plot(x[tells], found.angle[tells], ".", ms=2.5, color=style.SHEAR_COLOUR)
+    lower.set(xlabel="$x$" if level else "distance along the points", ylabel="plane (°)")
+    lower.set(ylim=(-5.0, 185.0), yticks=(0, 45, 90, 135, 180), xlim=(x.min(), x.max()))
     return figure
 
 

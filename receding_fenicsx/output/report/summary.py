@@ -10,6 +10,7 @@ from receding_fenicsx.arrays import aligned
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.output.report.checks import CHECKS
 from receding_fenicsx.output.report.cycles import CYCLES, STEADY
+from receding_fenicsx.output.report.fatigue import FATIGUE
 from receding_fenicsx.output.report.run import (
     COSTS,
     ERRORS,
@@ -28,7 +29,7 @@ from receding_fenicsx.output.report.turning_points import (
 
 SECTIONS = (
     *(MODEL, WARNINGS, TURNING_POINTS, STEADY, CYCLES),
-    *(FORCES, CHECKS, ERRORS, SEARCH, COSTS, VERSIONS),
+    *(FORCES, FATIGUE, CHECKS, ERRORS, SEARCH, COSTS, VERSIONS),
 )
 """Sections in the order of ``report.html``; pictures stand behind the turning points."""
 
@@ -70,7 +71,7 @@ def run_table(summary: Summary, everything: bool = False) -> str:
                 head += aligned([heads, *rows] if heads else rows)
         return "\n".join(head)
     # most important first
-    behind_table = (WARNINGS, SEARCH, STEADY, ERRORS, FORCES, CHECKS)
+    behind_table = (WARNINGS, SEARCH, STEADY, FATIGUE, ERRORS, FORCES, CHECKS)
     lines = [line for section in behind_table for line in section.lines(summary)]
     lines[-1] = "; ".join([lines[-1], *COSTS.lines(summary)])
     body = _wrapped(lines)

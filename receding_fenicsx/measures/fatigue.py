@@ -1,0 +1,291 @@
+r"""Fatigue parameters at the probes over the last cycle, exact at the events of the path.
+
+Stresses are linear in the displacements and loads, and these are straight between events, so that
+the extremes of a stress are at instants of the record. Planes have normals at an angle theta to x,
+in the modelled plane; strains follow from Hooke's law.
+
+* Smith, Watson and Topper: largest over planes of $\sigma_{n,max}\, \Delta\varepsilon_n / 2$.
+* Fatemi and Socie: largest over planes of $\Delta\gamma / 2\, (1 + k\, \sigma_{n,max} / \sigma_y)$.
+* Dang Van: largest over the instants of $\tau + \alpha\, p_h$ with half of Tresca's stress $\tau$
+  of the deviator less the centre of the smallest sphere about the path of the deviator.
+* Crossland: $\sqrt{J_{2,a}} + \alpha\, p_{h,max}$ with the radius of that sphere.
+* Ruiz, at contact edges: $F_1 = \sigma_{t,max}\, (\tau \delta)_{max}$ and
+  $F_2 = (\sigma_t \tau \delta)_{max}$ with the stress along the edge, the shear traction and the
+  slip amplitude, half of the slip's range.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import combinations
+from typing import Any
+
+import numpy as np
+
+from receding_fenicsx.arrays import Array
+from receding_fenicsx.evolution.probes import ProbeHistory, probe_names
+from receding_fenicsx.evolution.record import Record
+from receding_fenicsx.scene.model import FatigueOptions, Material, Scene
+
+PLANES = 90
+"""Planes of the first search; each of three further ones is 20 times finer around the best."""
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """A fatigue parameter at the m points of a probe.
+
+    Attributes:
+        value: (m,) values.
+        angle: (m,) angle in degrees of the critical plane's normal to x, in [0, 180); NaN where
+            there is no plane.
+    """
+
+    value: Array
+    angle: Array
+
+
+def fatigue_at(stress: Array, material: Material, options: FatigueOptions) -> dict[str, Parameter]:
+    """Return the parameters of stress histories (n, m, 4), [s_xx, s_yy, s_zz, s_xy], by name.
+
+    Compliances are those of the material; ``fatemi_socie`` needs the yield stress.
+    """
+    young, nu = material.young, material.poisson
+    trace = stress[..., :3].sum(axis=-1)
+
+    def normal(theta: Array) -> Array:
+        c, s = np.cos(theta), np.sin(theta)
+        s_xx, s_yy, _, s_xy = np.moveaxis(stress[..., None], 2, 0)
+        return np.asarray(s_xx * c**2 + s_yy * s**2 + 2.0 * s_xy * s * c)
+
+    def swt(theta: Array) -> Array:
+        s_n = normal(theta)
+        strain = ((1.0 + nu) * s_n - nu * trace[..., None]) / young
+        return np.asarray(np.maximum(s_n.max(axis=0), 0.0) * np.ptp(strain, axis=0) / 2.0)
+
+    def fatemi_socie(theta: Array) -> Array:
+        shear = normal(theta + 0.25 * np.pi) - 0.5 * (stress[..., 0] + stress[..., 1])[..., None]
+        opening = np.maximum(normal(theta).max(axis=0), 0.0) / (options.yield_stress or 1.0)
+        strain = np.ptp(shear, axis=0) * (1.0 + nu) / young
+        return np.asarray(strain * (1.0 + options.fatemi_socie * opening))
+
+    found = {"swt": _critical_plane(swt, stress.shape[1])}
+    if options.yield_stress is not None:
+        found["fatemi_socie"] = _critical_plane(fatemi_socie, stress.shape[1])
+    pressure = trace / 3.0
+    deviator = _deviators(stress)
+    spheres = [smallest_sphere(deviator[:, k]) for k in range(stress.shape[1])]
+    centre, radius = np.array([c for c, _ in spheres]), np.array([r for _, r in spheres])
+    tresca = _half_tresca(deviator - centre)
+    none = np.full(stress.shape[1], np.nan)
+    dang_van = (tresca + options.dang_van * pressure).max(axis=0)
+    found["dang_van"] = Parameter(dang_van, none)
+    crossland = radius / np.sqrt(2.0) + options.crossland * pressure.max(axis=0)
+    return found | {"crossland": Parameter(crossland, none)}
+
+
+def _critical_plane(of_planes: Any, m: int) -> Parameter:
+    """Return the largest value over planes of a function of angles (m, k), by ever finer angles."""
+    theta, width = np.zeros(m), np.pi
+    for count in (PLANES, 41, 41, 41):
+        steps = np.arange(count) / count if width == np.pi else np.linspace(-0.5, 0.5, count)
+        angles = theta[:, None] + width * steps
+        values = of_planes(angles)
+        best = values.argmax(axis=1)[:, None]
+        theta, value = (np.take_along_axis(a, best, axis=1)[:, 0] for a in (angles, values))
+        width *= 2.0 / (count - 1)
+    return Parameter(value, np.degrees(theta) % 180.0)
+
+
+_AXES = np.array([[1, -1, 0, 0], [-1, -1, 2, 0], [0, 0, 0, 2]])
+_AXES = _AXES / np.sqrt([[2.0], [6.0], [2.0]])
+"""Coordinates of the deviator of [s_xx, s_yy, s_zz, s_xy] whose length is the norm of tensors."""
+
+
+def _deviators(stress: Array) -> Array:
+    """Return (..., 3) coordinates of the deviators."""
+    return np.asarray(stress @ _AXES.T)
+
+
+def _half_tresca(deviator: Array) -> Array:
+    """Return half of Tresca's stress of deviators (..., 3)."""
+    a, b, c = np.moveaxis(deviator, -1, 0)
+    mean, radius, out = -b / np.sqrt(6.0), np.hypot(a, c) / np.sqrt(2.0), 2.0 * b / np.sqrt(6.0)
+    principal = np.stack([mean - radius, mean + radius, out])
+    return np.asarray(0.5 * np.ptp(principal, axis=0))
+
+
+def smallest_sphere(points: Array) -> tuple[Array, float]:
+    """Return centre and radius of the smallest sphere about points (n, 3).
+
+    Points outside the sphere of a few others join them, the farthest first; of those few the
+    smallest sphere through two to four that holds all is kept.
+    """
+    first = points[np.argmax(np.linalg.norm(points - points[0], axis=1))]
+    kept = [first, points[np.argmax(np.linalg.norm(points - first, axis=1))]]
+    centre, radius = 0.5 * (kept[0] + kept[1]), 0.5 * float(np.linalg.norm(kept[0] - kept[1]))
+    scale = float(np.abs(points).max()) or 1.0
+    while True:
+        away = np.linalg.norm(points - centre, axis=1)
+        far = int(np.argmax(away))
+        if away[far] <= radius + 1e-10 * scale:
+            return centre, radius
+        kept.append(points[far])
+        best: tuple[float, Array, list[Array]] = (np.inf, centre, kept)
+        for size in (2, 3, 4):
+            for some in combinations(kept, min(size, len(kept))):
+                # through all of them, the centre in their plane
+                edges = np.array(some[1:]) - some[0]
+                half = 0.5 * (edges**2).sum(axis=1)
+                middle = some[0] + np.linalg.lstsq(edges, half, rcond=None)[0]
+                reach = float(np.linalg.norm(np.array(kept) - middle, axis=1).max())
+                if reach < best[0] - 1e-13 * scale:
+                    best = reach, middle, list(some)
+        if best[0] <= radius:  # round-off
+            return centre, float(away[far])
+        radius, centre, kept = best
+
+
+def fatigue(record: Record) -> dict[str, dict[str, Parameter]]:
+    """Return the parameters of the record's scene at its probes, by probe and name."""
+    scene = record.scene
+    if scene is None or scene.fatigue is None or not len(record.cycles.dissipation):
+        return {}
+    found = {}
+    last = len(record.cycles.dissipation)
+    for name in probe_names(record):
+        probe = record.probe(name)
+        rows = probe.cycle == last
+        jumped = record.limit is not None and record.limit.jumped
+        if not jumped:  # the cycle begins where the one before ends
+            rows[max(int(np.argmax(rows)) - 1, 0)] = True
+        stress = probe.stress[rows]
+        parameters = fatigue_at(stress, _material_of(scene, name), scene.fatigue)
+        if next(p for p in scene.probes if p.name == name).edge is not None:
+            parameters |= _ruiz(record, probe, last)
+        found[name] = parameters
+    return found
+
+
+def _material_of(scene: Scene, name: str) -> Material:
+    """Return the material at a probe."""
+    probe = next(probe for probe in scene.probes if probe.name == name)
+    if probe.edge is not None:
+        return scene.material_of(scene.find_edge(probe.edge)[0])
+    owner = next((body for body in scene.bodies if body.name == probe.body), scene.body)
+    return scene.material_of(owner)
+
+
+def _ruiz(record: Record, probe: ProbeHistory, cycle: int) -> dict[str, Parameter]:
+    """Return Ruiz's parameters at the nodes of a contact edge."""
+    apart = np.linalg.norm(probe.points[:, None] - record.points[None], axis=2)
+    node = apart.argmin(axis=1)
+    tables = record.turning_points, record.samples
+    rows = [np.flatnonzero(table.cycle == cycle) for table in tables]
+
+    def both(key: str) -> Array:
+        return np.concatenate(
+            [getattr(table, key)[row] for table, row in zip(tables, rows, strict=True)]
+        )
+
+    start = record.start_row(cycle)
+    v = both("v")[:, node]
+    if start is not None:
+        v = np.vstack([v, record.turning_points.v[start, node]])
+    touches = np.any(both("P")[:, node] > 0.0, axis=0)
+    slip = np.where(touches, 0.5 * np.ptp(v, axis=0), 0.0)
+    # the instants at which tractions and stresses are both known
+    known = {(leg, s): k for k, (leg, s) in enumerate(zip(both("leg"), both("s"), strict=True))}
+    at = np.flatnonzero((probe.cycle == cycle) & (probe.kind != "event"))
+    same = [known[leg, s] for leg, s in zip(probe.leg[at], probe.s[at], strict=True)]
+    q = np.abs(both("q")[:, node])[same]
+    along = np.gradient(probe.points, axis=0) if len(probe.points) > 1 else np.array([[1.0, 0.0]])
+    c, s = (along / np.linalg.norm(along, axis=1)[:, None]).T
+    s_xx, s_yy, _, s_xy = np.moveaxis(probe.stress[at], -1, 0)
+    tension = np.maximum(s_xx * c**2 + s_yy * s**2 + 2.0 * s_xy * s * c, 0.0)
+    none = np.full(len(node), np.nan)
+    first = tension.max(axis=0) * q.max(axis=0) * slip
+    second = (tension * q).max(axis=0) * slip
+    return {"ruiz_f1": Parameter(first, none), "ruiz_f2": Parameter(second, none)}
+
+
+def averaged(value: Array, points: Array, length: float) -> Array:
+    """Return the largest mean of values over a length along points, ends with less room cut."""
+    steps = np.linalg.norm(np.diff(points, axis=0), axis=1)
+    along = np.append(0.0, np.cumsum(steps))
+    total = np.append(0.0, np.cumsum(0.5 * steps * (value[1:] + value[:-1])))
+    low = np.clip(along - 0.5 * length, 0.0, max(along[-1] - length, 0.0))
+    high = np.minimum(low + length, along[-1])
+
+    # the integral is quadratic between the points
+    def integral(x: Array) -> Array:
+        k = np.clip(np.searchsorted(along, x, side="right") - 1, 0, len(steps) - 1)
+        part = x - along[k]
+        slope = (value[k + 1] - value[k]) / steps[k]
+        return np.asarray(total[k] + part * (value[k] + 0.5 * slope * part))
+
+    return np.asarray((integral(high) - integral(low)) / (high - low))
+
+
+def life(swt: float, young: float, options: FatigueOptions) -> float | None:
+    """Return the cycles N of Basquin's and Coffin and Manson's line for a parameter of Smith et al.
+
+    swt = s^2 / E (2 N)^(2 b) + s e (2 N)^(b + c); infinite beyond 10^15 cycles, None without a
+    line.
+    """
+    if options.strength is None:
+        return None
+
+    def of_cycles(log: float) -> float:
+        twice = 2.0 * 10.0**log
+        elastic = options.strength**2 / young * twice ** (2.0 * options.strength_exponent)  # type: ignore[operator]
+        power = options.strength_exponent + options.ductility_exponent
+        return float(elastic + options.strength * options.ductility * twice**power)  # type: ignore[operator]
+
+    low, high = -1.0, 15.0
+    if swt <= of_cycles(high):
+        return float("inf")
+    for _ in range(60):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if of_cycles(middle) > swt else (low, middle)
+    return float(10.0**low)
+
+
+def fatigue_summary(record: Record, coarse: Record | None = None) -> dict[str, Any]:
+    """Return the key "fatigue" of the summary: the worst point of each parameter.
+
+    Args:
+        record: the record.
+        coarse: the same of a mesh of half as many elements. At edges of the contact errors fall
+            with the square root of the element size, so that the difference over sqrt(2) - 1 is the
+            estimate.
+    """
+    every, scene = fatigue(record), record.scene
+    if not every or scene is None or scene.fatigue is None:
+        return {}
+    names = dict.fromkeys(name for parameters in every.values() for name in parameters)
+    other = {} if coarse is None else fatigue_summary(coarse)["fatigue"]["parameters"]
+    found: dict[str, Any] = {}
+    for name in names:
+        here = {probe: p[name] for probe, p in every.items() if name in p}
+        probe = max(here, key=lambda probe: float(here[probe].value.max()))
+        value, angle = here[probe].value, here[probe].angle
+        points = record.probe(probe).points
+        k = int(value.argmax())
+        row: dict[str, Any] = {
+            "max": float(value[k]),
+            "x": float(points[k, 0]),
+            "y": float(points[k, 1]),
+            "probe": probe,
+            "angle": float(angle[k]),
+            "estimate": None,
+        }
+        if name in other:
+            row["estimate"] = abs(row["max"] - other[name]["max"]) / (np.sqrt(2.0) - 1.0)
+        if scene.fatigue.average is not None and len(points) > 1:
+            row["averaged"] = float(averaged(value, points, scene.fatigue.average).max())
+        if name == "swt":
+            young = _material_of(scene, probe).young
+            row["life"] = life(row.get("averaged", row["max"]), young, scene.fatigue)
+        found[name] = row
+    return {"fatigue": {"parameters": found}}

@@ -1,0 +1,199 @@
+"""Fatigue parameters: closed forms of Cattaneo and Mindlin, brute-force searches, refusals."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.optimize import minimize
+
+import receding_fenicsx as rf
+from receding_fenicsx.measures.fatigue import averaged, fatigue_summary, life, smallest_sphere
+
+CYLINDERS = Path(__file__).parents[2] / "demos" / "half_planes.toml"
+PROBES = """
+[[probe]]
+name = "edge"
+edge = "lower.top"
+
+[[probe]]
+name = "inside"
+body = "lower"
+point = [0.3, -0.4]
+
+[fatigue]
+yield_stress = 1.0
+"""
+P, F, U, R, E, NU = 1.0, 0.5, 0.6, 100.0, 200.0, 0.3
+HERTZ = rf.reference.closed_forms.Hertz(P, R, 0.5 * E / (1.0 - NU**2))
+A, P0 = HERTZ.a, HERTZ.p0
+STICK = A * np.sqrt(1.0 - U)
+
+
+def cylinders(size: float | None = None, elements: int = 80) -> rf.Record | None:
+    """Run the cylinders, the elements at the edges of their contact of some size."""
+    scene = rf.from_toml(CYLINDERS.read_text() + PROBES, [f"mesh.contact_elements={elements}"])
+    if size is not None:
+        places = tuple(rf.Refinement(size, (s * A - 2 * size, s * A + 2 * size)) for s in (-1, 1))
+        scene = replace(scene, mesh=replace(scene.mesh, refine=places))
+    return rf.run(scene)
+
+
+def slip_amplitude(x: np.ndarray) -> np.ndarray:
+    """Return the slip amplitude of Cattaneo and Mindlin's cycle."""
+    root = np.sqrt(np.maximum(x**2 - STICK**2, 0.0))
+    area = np.abs(x) * root - STICK**2 * np.log(np.maximum(np.abs(x) + root, STICK) / STICK)
+    return np.where(np.abs(x) < A, F * P0 / (HERTZ.modulus * A) * area, 0.0)
+
+
+def test_edge_stress_and_swt_meet_cattaneo_and_mindlin_with_order_one_half() -> None:
+    stress = 2.0 * F * P0 * np.sqrt(U)
+    errors = []
+    for size in (4e-3, 1e-3, 2.5e-4):
+        record = cylinders(size)
+        if record is None:
+            return
+        swt = rf.fatigue(record)["edge"]["swt"]
+        k = int(np.argmax(swt.value))
+        assert abs(abs(record.probe("edge").points[k, 0]) - A) < 3.0 * size
+        assert min(swt.angle[k], 180.0 - swt.angle[k]) < 3.0  # perpendicular to the surface
+        errors.append(abs(swt.value[k] / ((1.0 - NU**2) * stress**2 / E) - 1.0))
+    assert errors[-1] < 0.06
+    # quartered elements: the stress has a cusp of order one half
+    assert np.all(np.array(errors[:-1]) / errors[1:] > 1.5)
+
+
+def test_ruiz_and_slip_amplitude_meet_the_closed_form() -> None:
+    errors = []
+    for elements in (80, 160):
+        record = cylinders(elements=elements)
+        if record is None:
+            return
+        found, probe = rf.fatigue(record)["edge"], record.probe("edge")
+        x = probe.points[:, 0]
+        tension = np.maximum(probe.stress[..., 0].max(axis=0), 0.0)
+        tau = np.where(np.abs(x) < A, F * HERTZ.pressure(x), 0.0)
+        slips = np.abs(x) > STICK + 0.03
+        known = tension * tau * slip_amplitude(x)
+        errors.append(np.abs(found["ruiz_f1"].value - known)[slips].max() / known[slips].max())
+        # both are largest at the reversal, where the edge is stretched most
+        assert np.all(found["ruiz_f2"].value <= found["ruiz_f1"].value * (1.0 + 1e-12))
+    assert errors[1] < 0.06 and errors[1] < 0.7 * errors[0]
+
+
+def test_estimates_cover_the_known_error() -> None:
+    fine, coarse = cylinders(elements=160), cylinders(elements=80)
+    if fine is None or coarse is None:
+        return
+    row = fatigue_summary(fine, coarse)["fatigue"]["parameters"]["swt"]
+    exact = (1.0 - NU**2) * 4.0 * (F * P0) ** 2 * U / E
+    assert row["probe"] == "edge" and abs(abs(row["x"]) - A) < 0.02
+    assert abs(row["max"] - exact) < 2.0 * row["estimate"] < exact
+
+
+@pytest.mark.one_rank
+def test_parameters_are_those_of_a_brute_force_search() -> None:
+    rng = np.random.default_rng(7)
+    options = rf.FatigueOptions(yield_stress=2.0, dang_van=0.4)
+    material = rf.Material(young=3.0, poisson=0.3)
+    stress = rng.normal(size=(12, 5, 4))
+    found = rf.fatigue_at(stress, material, options)
+    theta = np.radians(np.arange(0.0, 180.0, 0.02))
+    n = np.array([np.cos(theta), np.sin(theta)])
+    t = np.array([-n[1], n[0]])
+    for k in range(5):
+        tensor = np.zeros((12, 3, 3))
+        tensor[:, 0, 0], tensor[:, 1, 1], tensor[:, 2, 2] = stress[:, k, :3].T
+        tensor[:, 0, 1] = tensor[:, 1, 0] = stress[:, k, 3]
+        trace = np.trace(tensor, axis1=1, axis2=2)
+        strain = (1.3 * tensor - 0.3 * trace[:, None, None] * np.eye(3)) / 3.0
+        plane = tensor[:, :2, :2]
+        s_n = np.einsum("ap,iab,bp->ip", n, plane, n)
+        e_n = np.einsum("ap,iab,bp->ip", n, strain[:, :2, :2], n)
+        gamma = 2.0 * np.einsum("ap,iab,bp->ip", n, strain[:, :2, :2], t)
+        opening = np.maximum(s_n.max(axis=0), 0.0)
+        swt = opening * np.ptp(e_n, axis=0) / 2.0
+        assert found["swt"].value[k] == pytest.approx(swt.max(), rel=1e-6)
+        socie = np.ptp(gamma, axis=0) / 2.0 * (1.0 + opening / 2.0)
+        assert found["fatemi_socie"].value[k] == pytest.approx(socie.max(), rel=1e-6)
+        # Dang Van: the centre of the sphere by minimising the largest distance
+        deviator = tensor - trace[:, None, None] / 3.0 * np.eye(3)
+
+        def largest(c: np.ndarray, deviator: np.ndarray = deviator) -> float:
+            centre = np.array([[c[0], c[2], 0], [c[2], c[1], 0], [0, 0, -c[0] - c[1]]])
+            return float(np.linalg.norm(deviator - centre, axis=(1, 2)).max())
+
+        search = {"xatol": 1e-10, "fatol": 1e-12, "maxiter": 4000}
+        c = np.zeros(3)
+        for _ in range(4):
+            c = minimize(largest, c, method="Nelder-Mead", options=search).x
+        assert found["crossland"].value[k] == pytest.approx(
+            largest(c) / np.sqrt(2.0) + 0.3 * trace.max() / 3.0, rel=1e-5
+        )
+        centre = np.array([[c[0], c[2], 0], [c[2], c[1], 0], [0, 0, -c[0] - c[1]]])
+        tresca = np.ptp(np.linalg.eigvalsh(deviator - centre), axis=1) / 2.0
+        assert found["dang_van"].value[k] == pytest.approx(
+            (tresca + 0.4 * trace / 3.0).max(), rel=1e-3
+        )
+
+
+@pytest.mark.one_rank
+def test_spheres_hold_all_points_and_touch_enough_of_them() -> None:
+    rng = np.random.default_rng(3)
+    for n in (1, 2, 5, 60):
+        points = rng.normal(size=(n, 3)) * [1.0, 1.0, 0.0 if n == 5 else 1.0]
+        centre, radius = smallest_sphere(points)
+        away = np.linalg.norm(points - centre, axis=1)
+        assert away.max() <= radius + 1e-9
+        on = points[away > radius - 1e-8] - centre
+        # no direction leads the centre away from none of the points that it touches
+        directions = rng.normal(size=(2000, 3))
+        assert n == 1 or np.all((on @ directions.T).min(axis=0) <= 1e-6)
+
+
+@pytest.mark.one_rank
+def test_means_and_lives_are_those_of_known_functions() -> None:
+    x = np.linspace(0.0, 1.0, 21)
+    points = np.column_stack([x, 0.0 * x])
+    assert averaged(2.0 * x, points, 0.2).max() == pytest.approx(1.8, rel=1e-12)
+    assert averaged(0.0 * x + 3.0, points, 5.0) == pytest.approx(np.full(21, 3.0))
+    options = rf.FatigueOptions(strength=900.0, ductility=0.3)
+    cycles = 2.3e5
+    twice = 2.0 * cycles
+    swt = 900.0**2 / 2e5 * twice**-0.18 + 900.0 * 0.3 * twice**-0.69
+    assert life(swt, 2e5, options) == pytest.approx(cycles, rel=1e-9)
+    assert life(0.0, 2e5, options) == np.inf and life(swt, 2e5, rf.FatigueOptions()) is None
+
+
+@pytest.mark.parametrize(
+    ("text", "changes", "message"),
+    [
+        ("[fatigue]", [], r"\[fatigue\]: needs points"),
+        (PROBES, ["history.cycle_rows=[]"], r"\[fatigue\]: needs a history with cycles"),
+        (PROBES, ["probe.edge.edge=lower.far"], "unknown contact edge"),
+        (PROBES, ["probe.edge.body=lower"], "the edge names the body"),
+    ],
+)
+def test_what_has_no_fatigue_is_refused(text: str, changes: list[str], message: str) -> None:
+    with pytest.raises(rf.InputError, match=message):
+        rf.from_toml(f"{CYLINDERS.read_text()}\n{text}", changes)
+
+
+def test_a_half_model_has_the_probe_of_the_whole_edge() -> None:
+    block = (Path(__file__).parents[2] / "demos" / "block.toml").read_text()
+    text = f'{block}\n[[probe]]\nname = "edge"\nedge = "bottom"\n[fatigue]\n'
+    changes = ["mesh.contact_elements=20", "history.cycles=2"]
+    records = [
+        rf.run(rf.from_toml(text, [*changes, f"solver.symmetry={symmetry}"]))
+        for symmetry in ("auto", "none")
+    ]
+    if records[0] is None or records[1] is None:
+        return
+    assert rf.from_toml(rf.to_toml(rf.from_toml(text))).fatigue == rf.FatigueOptions()
+    assert records[0].probe("edge").points == pytest.approx(records[0].points, abs=1e-12)
+    half, whole = (rf.fatigue(record)["edge"] for record in records if record is not None)
+    for name, parameter in half.items():
+        scale = float(np.abs(whole[name].value).max())
+        assert np.abs(parameter.value - whole[name].value).max() <= 1e-6 * scale, name
