@@ -97,12 +97,6 @@ def test_still_in_step():
     assert "no fixture on rank 1" in out
 
 
-def test_passing_session_ends_with_zero(session: Session) -> None:
-    done = session("def test_it():\n    comm.Barrier()\n")
-    assert done.returncode == 0, done.stdout + done.stderr
-    assert done.stdout.count("1 passed in") == 1
-
-
 def test_failing_rank_ends_the_job_when_the_other_waits_in_a_barrier(session: Session) -> None:
     begin = time.monotonic()
     done = session(
@@ -121,23 +115,6 @@ def test_rank_1_never_comes():
     assert "comm.Barrier" not in done.stdout
     assert "test_it.py" in done.stderr and "test_rank_1_never_comes" in done.stderr
     assert time.monotonic() - begin > RANK_WAIT
-
-
-def test_failing_fixture_ends_the_job_when_the_other_waits_in_the_test(session: Session) -> None:
-    done = session(
-        """
-@pytest.fixture
-def shared():
-    if rank == 0:
-        raise OSError("no fixture on rank 0")
-    return comm.bcast(None)
-
-def test_it(shared):
-    pass
-"""
-    )
-    assert done.returncode != 0
-    assert "no fixture on rank 0" in done.stderr
 
 
 def test_rank_that_dies_ends_the_job(session: Session) -> None:
@@ -183,16 +160,3 @@ def test_other_tests_on_each_rank_stop_all(session: Session) -> None:
     done = session(text, *RANKS_COME)
     assert done.returncode == pytest.ExitCode.INTERRUPTED
     assert "the ranks collected different tests" in done.stdout
-
-
-def test_exit_on_one_rank_ends_the_job(session: Session) -> None:
-    done = session(
-        """
-def test_it():
-    if rank == 1:
-        pytest.exit("rank 1 has had enough", returncode=3)
-    comm.Barrier()
-"""
-    )
-    assert done.returncode != 0
-    assert "while the others go on" in done.stderr

@@ -21,27 +21,6 @@ PYPROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())
 SETUPTOOLS = PYPROJECT["tool"]["setuptools"]
 
 
-def test_every_package_is_shipped() -> None:
-    folders = {path.parent for path in (ROOT / "receding_fenicsx").rglob("__init__.py")}
-    names = {".".join(folder.relative_to(ROOT).parts) for folder in folders}
-    assert set(SETUPTOOLS["packages"]) == names | set(SETUPTOOLS["package-dir"])
-
-
-def test_all_mesh_sources_are_shipped() -> None:
-    assert SETUPTOOLS["package-dir"]["receding_fenicsx.meshes"] == "meshes"
-    files = {path for path in (ROOT / "meshes").iterdir() if not path.name.startswith(("__", "."))}
-    patterns = SETUPTOOLS["package-data"]["receding_fenicsx.meshes"]
-    assert files
-    assert files == {path for pattern in patterns for path in (ROOT / "meshes").glob(pattern)}
-
-
-def test_package_data_exist() -> None:
-    for package, patterns in SETUPTOOLS["package-data"].items():
-        folder = ROOT / SETUPTOOLS["package-dir"][package]
-        for pattern in patterns:
-            assert any(folder.glob(pattern)), f"{package}: {pattern}"
-
-
 BROUGHT_BY_DOLFINX = {"basix", "dolfinx", "dolfinx_solver", "mpi4py", "petsc4py", "ufl"}
 """Modules of Debian's python3-dolfinx-real, and of PyPI's dolfinx-solver-real."""
 DISTRIBUTIONS = {"PIL": "pillow", "imageio_ffmpeg": "imageio-ffmpeg"}

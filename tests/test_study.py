@@ -16,7 +16,6 @@ from receding_fenicsx.bulk.from_scene import is_small
 from receding_fenicsx.pictures import default_instants, drawing_modules
 from receding_fenicsx.store.run_folder import is_finished
 from receding_fenicsx.studies import run as study
-from receding_fenicsx.timing import duration
 
 DEMOS = Path(__file__).parents[1] / "demos"
 SMALL = [
@@ -301,14 +300,6 @@ def test_of_a_cycle_of_many_legs_few_turning_points_are_drawn() -> None:
 def test_a_missing_drawing_library_refers_to_the_doctor() -> None:
     with pytest.raises(rf.RecedingError, match=r"no_such_library.*doctor"), drawing_modules():
         importlib.import_module("no_such_library")
-
-
-@pytest.mark.parametrize(
-    ("seconds", "said"),
-    [(0.4, "0 s"), (99.4, "99 s"), (150.0, "2 min"), (5940.0, "99 min"), (9000.0, "2.5 h")],
-)
-def test_time_left_is_said_in_a_unit_that_suits_it(seconds: float, said: str) -> None:
-    assert duration(seconds) == said
 
 
 def test_small_bodies_are_condensed_in_the_same_bits_on_any_number_of_ranks() -> None:

@@ -57,8 +57,6 @@ def test_points_lists_and_segments_are_read_and_written() -> None:
             LOAD + NAMED + "point = [0, 0]\npoints = [[0, 0]]",
             "probe 'one': has point and points of point, points, segment; give exactly one",
         ),
-        (LOAD + NAMED + "pont = [0, 0]", "probe 'one': unknown key 'pont'; did you mean 'point'?"),
-        (LOAD + NAMED + "points = [[0, 0], [1]]", "points entry 2: must be a pair [a, b], not [1]"),
         (LOAD + NAMED + "point = [0, 0]\ncount = 3", "count: belongs to a segment; remove it"),
         (
             LOAD + NAMED + "segment = [[0, 0], [1, 1]]",
@@ -68,7 +66,6 @@ def test_points_lists_and_segments_are_read_and_written() -> None:
             LOAD + NAMED + "segment = [[0, 0], [0, 0]]\ncount = 2",
             "segment: needs two different ends, [[x, y], [x, y]]",
         ),
-        (LOAD + NAMED + "segment = [[0, 0]]\ncount = 2", "segment: needs two different ends"),
         (LOAD + NAMED + "point = [0, 1.1]", "probe 'one': (0, 1.1) lies outside the body, -2 <= x"),
         (ROUND + LOAD + NAMED + "point = [-0.1, 0]", "outside the body, 0 <= x <= 2"),
         (LOAD + 2 * (NAMED + "point = [0, 0]\n"), "probe 'one': two probes have this name; rename"),
@@ -76,14 +73,12 @@ def test_points_lists_and_segments_are_read_and_written() -> None:
             LOAD + NAMED + 'point = [0, 0]\n[[probe]]\nname = "ONE"\npoint = [0, 0]',
             "probe 'ONE': two probes have this name; rename one",
         ),
-        (LOAD + '[[probe]]\nname = " "\npoint = [0, 0]', "[[probe]] name: is missing or empty"),
         (
             LOAD + '[[probe]]\nname = "a/b"\npoint = [0, 0]',
             "[[probe]] name: 'a/b' cannot be the name of a file; use letters",
         ),
         (LOAD + NAMED + 'point = [0, 0]\nbody = "a"', "one' body: the scene has one body only"),
         (PAIR + NAMED + "point = [0, 0]", "'one' body: must name the body of the point; give one"),
-        (PAIR + NAMED + 'point = [0, 0]\nbody = "c"', "body of the point; give one of a, b"),
         (PAIR + NAMED + 'point = [0, 0]\nbody = "a"', "'one': (0, 0) lies outside the body, -2"),
         (
             LOAD

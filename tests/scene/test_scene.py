@@ -128,18 +128,14 @@ def test_override_reaches_a_load_whose_name_holds_a_dot() -> None:
         (["load.p1.pressure=1"], ["unknown load 'p1'", "p0"]),
         (["contact.friction"], ["--set", "table.key=value"]),
         (["contact.friction={x=[0,.5], value=[1,1]}"], ["--set", "not valid TOML"]),
-        ([f"load.p0.pressure=[{9 * 1000 * '9'}]"], ["--set", "not valid TOML: Exceeds the limit"]),
         (["contact=1"], ["--set", "contact.key=value"]),
         (["load.pressure=1"], ["name the load"]),
-        (["a.b.c=1"], ["'a'"]),
         (["mesh.degree.x=1"], ["mesh.key=value"]),
         # types
         (["body.width=wide"], ['[body] width: must be a number, not "wide"']),
         (["body.width=nan"], ["[body] width: must be a finite number"]),
-        (["body.width=1" + 400 * "0"], ["[body] width: must be a finite number"]),
         (["body.width=1e60"], ["[body] width: 1e+60 is beyond 1e+50"]),
         (["body.width=1e-60"], ["[body] width: 1e-60 is below 1e-50"]),
-        (["body.width=1979-05-27"], ["[body] width: must be a number"]),
         (["mesh.contact_elements=2.0"], ["[mesh] contact_elements: must be a whole number"]),
         (["solver.polish=1"], ["[solver] polish: must be true or false, not 1"]),
         (["title=3"], ["title: must be a string in quotes, not 3"]),
@@ -148,37 +144,27 @@ def test_override_reaches_a_load_whose_name_holds_a_dot() -> None:
             ["[contact] friction: must be a number, a string in quotes or"],
         ),
         (["load.p0.span=1.0"], ["load 'p0' span: must be a list in brackets"]),
-        (["load.p0.span=[0]"], ["load 'p0' span: must be a pair [a, b], not [0]"]),
         (["load.p0.span=[0, 1, 2]"], ["load 'p0' span: must be a pair [a, b]"]),
-        (["load.p0.traction=[0, {x = 1}]"], ["traction entry 2.x: must be a list"]),
-        (["contact.friction={x=[0, 1]}"], ["[contact] friction", "two lists"]),
         (["contact.friction={x=[0, 1], values=[0, 1]}"], ["did you mean 'value'?"]),
         (["output.cycles=last"], ['[output] cycles: "last" is unknown; use "all" or a list in']),
         (
             ["solver.branch=true"],
             ['[solver] branch: must be a whole number, "first", ', "not true"],
         ),
-        (["body.parameters={a = true}"], ["[body] parameters.a: must be a number"]),
-        (["mesh.refine=[{size=0.1, att=1}]"], ["refine entry 1: unknown key 'att'; did you mean"]),
         (["mesh.refine=[{at=1}]"], ["[mesh] refine entry 1: the key 'size' is missing"]),
         # ranges and choices
         (["body.shape=circle"], ['[body] shape: "circle" is unknown; use "rectangle" or']),
         (["mesh.degree=3"], ["[mesh] degree: 3 is unknown; use 1 or 2"]),
-        (["material.density=-1e-9"], ["[material] density: must be 0 or more"]),
         # rules
-        (["material.poisson=0.5"], ["[material] poisson", "below 0.5", "plane strain"]),
-        (["mesh.contact_elements=7"], ["[mesh] contact_elements", "odd", "even"]),
         (["contact.friction=0.3*x"], ["[contact] friction", "x = -2", "must not be negative"]),
         (["contact.edge=bottm"], ["[contact] edge", "bottom"]),
         (["contact.span=[-3, 1]"], ["[contact] span", "beyond", "-2 to 2"]),
         (["contact.span=[1, 1]"], ["[contact] span", "empty"]),
-        (["load.p0.edge=side"], ["load 'p0' edge", "top"]),
         (["load.p0.edge=bottom"], ["load 'p0'", "contact edge"]),
         (["load.p0.pressure=1/x"], ["load 'p0' pressure", "1/x", "finite", "x = 0"]),
         (["load.p0.pressure=1/q"], ["load 'p0' pressure", "unknown name 'q'"]),
         (["load.p0.traction=[0, 1]"], ["load 'p0'", "pressure and traction"]),
         (["load.p0.name=interference"], ["load 'interference'", "reserved"]),
-        (['load.p0.name="[[spring]] 0"'], ["load '[[spring]] 0'", "reserved"]),
         (['body.name="a\nb"'], ["[[body]] name", "cannot be printed"]),
         (["history.initial_slip=log(x)"], ["[history] initial_slip", "finite"]),
         # not available yet
@@ -188,9 +174,6 @@ def test_override_reaches_a_load_whose_name_holds_a_dot() -> None:
         (["body.name=a.b"], ["name", "dot"]),
         (["material.kinematics=axisymmetric"], ["load 'p0' span", "from 0 to"]),
         (["contact.against=top"], ["[contact] against", "one body only"]),
-        (["contact.2.edge=top"], ["--set", "contact.key=value"]),
-        (["material.a.young=1"], ["material.key=value"]),
-        (["body=[]"], ["body.key=value"]),
     ],
 )
 def test_bad_value_is_refused_in_one_line(overrides: list[str], words: list[str]) -> None:
@@ -229,16 +212,11 @@ def test_bad_value_is_refused_in_one_line(overrides: list[str], words: list[str]
             ["load 'q' displacement", "zero"],
         ),
         ("[[contact]]", ["not valid TOML"]),
-        (f"[units]\nlength = {9 * 1000 * '9'}", ["not valid TOML", "digits"]),
         (50 * "a." + "b = 1", ["not valid TOML: a key has more than 50 parts"]),
-        ("[units]\nlength = {" + 50 * """'a.='."a\\"=".""" + "b = 1}", ["more than 50 parts"]),
-        (49 * "a." + "b = 1", ["unknown key 'a'"]),
-        ("[body]", ["not valid TOML"]),
         ("[axis]", ["unknown table 'axis'"]),
         ('[units]\nlength = "m\\u0000"', ["[units] length: holds a NUL character"]),
         ("[material.a]\nyoung = 1", ["[material.a]", "no body has this material"]),
         ("[units]\nlength = ''", ["[units] length", "such as \"mm\", not ''"]),
-        ('[units]\nforce = "N\\n"', ["[units] force", "such as", r"not 'N\n'"]),
         ("[units]\nstress = 'thirteen long'", ["[units] stress", "at most 12 characters, not 13"]),
         ("[material.a]\nname = 1", ["[material.a]", "unknown key 'name'"]),
     ],
@@ -340,12 +318,6 @@ def test_path_of_a_mesh_is_relative_to_the_scene_file(tmp_path: Path) -> None:
         read_scene(path)
 
 
-@pytest.mark.parametrize("text", ['file = "gap.csv"', '[forward]\nfile = "gap.csv"'])
-def test_file_in_place_of_a_scene_is_an_unknown_table(text: str) -> None:
-    with pytest.raises(InputError, match=r"scene: unknown table '(file|forward)'"):
-        from_toml(text)
-
-
 def test_scene_without_loads_is_refused() -> None:
     with pytest.raises(InputError, match=r"\[\[load\]\]: the scene has none"):
         from_toml('title = "nothing"')
@@ -437,18 +409,3 @@ def test_material_of_a_body_is_the_one_it_names_or_that_of_its_name() -> None:
     assert [scene.material_of(body).young for body in scene.bodies] == [1.0, 2.0, 3.0, 3.0]
     with pytest.raises(InputError, match="'d' material: unknown material 'tin'; known are b, s"):
         scene.material_of(Body("d", material="tin"))
-
-
-@pytest.mark.parametrize("first", [True, False])
-def test_elements_of_either_body_that_lock_are_warned_of(first: bool) -> None:
-    plain, soft = Material(1.0, 0.3), Material(1.0, 0.49)
-    a, b = (soft, plain) if first else (plain, soft)
-    scene = Scene(
-        body=Body("a", position=(0.0, 1.0)),
-        others=(Body("b"),),
-        material=a,
-        materials=(dataclasses.replace(b, name="b"),),
-        mesh=MeshOptions(degree=1),
-    )
-    (text,) = scene_warnings(scene)
-    assert "Poisson's ratio 0.49" in text

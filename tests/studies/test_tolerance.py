@@ -120,14 +120,6 @@ def test_a_mesh_file_is_refined_and_is_its_own_coarser_partner(shared_tmp_path: 
         assert found["error"] > 0.0
 
 
-def test_refinements_belong_to_mesh_files() -> None:
-    with pytest.raises(InputError, match=r"\[mesh\] refinements: is for bodies from mesh files"):
-        block("mesh.refinements=1")
-    with pytest.raises(InputError, match="at most 6, not 7"):
-        block("mesh.refinements=7")
-    assert scaled_mesh(block(), 32).mesh.refinements is None
-
-
 def test_probes_have_errors_too(shared_tmp_path: Path) -> None:
     text = to_toml(block("mesh.contact_elements=32"))
     text += '\n[[probe]]\nname = "axis"\npoint = [0.0, 0.5]\n'
