@@ -18,6 +18,7 @@ are the limit and the quantities at stop $j$, both less the walk $\delta_\infty$
 that changes no force. The cycles to come are these if in all of them
 
 * the places of the events of each leg stay sorted between its ends,
+* nodes that begin to slip have slipped on when the run of releases ends (see below),
 * all gaps and margins stay at least zero at all stops, and what becomes zero at an event together
   with another quantity stays zero there: between stops all is linear, and the rates belong to the
   states.
@@ -129,6 +130,8 @@ def follow(cycle: TracedCycle, force: float, tolerance: float) -> Tail:
         raise NoLimit("the displacements of a cycle do not tend to zero")
     places = np.tile(place, (len(still), 1))
     places[:, events.at] += still[0] - still
+    if (cycle.slips_of_runs(still[0] - still) < -tolerance).any():
+        raise NoLimit("a node will not begin to slip")
     _check_quantities(cycle, still, summed, tolerance)
     v = np.array([stop.u[:n] for stop in cycle.stops])
     q = np.array([stop.q[:n] for stop in cycle.stops])
@@ -300,6 +303,28 @@ class TracedCycle:
     def runs(self) -> Ints:
         """Number (J,) of each stop's run of releases, the stop that ends the run included."""
         return np.append(0, np.cumsum(~self.releases)[:-1])
+
+    def slips_of_runs(self, by: Array) -> Array:
+        """Return the slips (k, R) of nodes released in runs, in their direction, as forces.
+
+        They are those from the release to the end of the run, which no order of the releases
+        changes.
+
+        Args:
+            by: (k, E) what the events move in k cycles.
+        """
+        n, events = self.segments.system.n, self.events
+        begins = np.flatnonzero(self.releases)
+        ends = np.flatnonzero(~self.releases)[self.runs[begins]]
+        node = np.array([self.stops[j].label % n for j in begins], dtype=np.intp)
+        q, u = (np.array([getattr(stop, name) for stop in self.stops]) for name in ("q", "u"))
+        after = (events.at[:, None] >= begins) & (events.at[:, None] < ends)
+        moves = np.where(after, events.change[:, node], 0.0)
+        moves += np.where(events.at[:, None] == ends, q[ends, node], 0.0)
+        # of one that opens in the run the gap is looked at
+        sign = SLIP_SIGN[self._changes[0][ends, node]] * self.segments.weight[node]
+        slips: Array = sign * (u[ends, node] - u[begins, node] + by @ moves)
+        return slips
 
     def unlimited_and_zero(self) -> tuple[Mask, Mask]:
         """Return which gaps and margins (J, 3N) need not stay above zero at a stop, and may not.
