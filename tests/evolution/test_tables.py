@@ -52,6 +52,8 @@ def test_stored_instants_are_found_by_load_or_by_position() -> None:
         for moment in (by_s, by_load):
             assert (moment.leg, moment.s) == (leg, s)
             assert np.array_equal(moment.Q, samples.Q[row])
+    # the largest load is the measure of what is the same
+    assert found.at(2, load=0.25 + 8e-10).leg == 0
 
 
 def test_zones_of_an_instant_cover_the_contact_edge() -> None:

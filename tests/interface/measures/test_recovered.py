@@ -100,6 +100,22 @@ def test_slip_with_stick_on_any_side_keeps_both_resultants(slip: list[tuple[int,
     assert np.all(np.abs(q) <= f * p + 1e-15)
 
 
+def test_no_recovery_breaks_the_law_that_the_nodal_forces_keep() -> None:
+    """Pressures from large to almost none, stick up to its limit beside slip."""
+    x, weight, _ = nodal(np.linspace(-1.0, 1.0, 17), np.ones_like)
+    f = np.full(len(x), 0.3)
+    for seed in range(40):
+        rng = np.random.default_rng(seed)
+        P = weight * np.repeat(rng.uniform(0.01, 1.0, 11) ** 2, 3)
+        state = np.repeat(rng.choice([STICK, FORWARD, BACKWARD], 11), 3)
+        share = np.where(state == STICK, np.repeat(rng.choice([-1.0, -0.99, 0.99], 11), 3), 1.0)
+        Q = f * P * np.where(state == FORWARD, -1.0, share)
+        p, q = recover(Tractions(x, weight, P, Q, state, f))
+        assert np.all(p >= 0.0) and np.all(np.abs(q) <= f * p + 1e-13), seed
+        assert weight @ p == pytest.approx(P.sum(), rel=1e-13)
+        assert weight @ q == pytest.approx(Q.sum(), abs=1e-13)
+
+
 def test_order_one_and_beside_ends_the_nodal_values_remain() -> None:
     x = np.linspace(0.0, 1.0, 9)
     weight = np.full(9, 0.125)
