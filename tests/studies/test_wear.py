@@ -124,16 +124,25 @@ def test_gross_slip_wears_as_archard_says_explicitly_and_implicitly() -> None:
 
 
 @pytest.mark.one_rank
+def test_nodes_that_open_where_the_pressure_is_read_wear_by_their_dissipation() -> None:
+    pairs = pairs_of(cylinders(30))
+    row = pairs.begin()
+    node = int(np.argmax(row["energy"]))
+    for P in (0.0, 1e-6 * row["P"][node]):
+        row["P"][node] = P
+        depth = pairs.increments(row, 10.0)[node]
+        assert depth == pytest.approx(10.0 * pairs.rate[node] * row["energy"][node], rel=1e-12)
+
+
+@pytest.mark.one_rank
 def test_carried_profiles_become_node_pairs_for_small_strokes() -> None:
     scene = sliding(60, 0.1)
     pairs = pairs_of(scene)
     first = pairs.begin()
-    problem = pairs.problem
-    carried = Convected(problem.system, np.full(problem.system.n, C), 0.3)
-    carried.follow(problem.history.loop, 1e-3 * pairs.slip_at_corners, A)
+    carried = Convected(pairs, 0.3, 1e-3 * pairs.slip_at_corners, A)
     # the same sliding distance
     carried.positions = [(load, s, 1e3 * way) for load, s, way in carried.positions]
-    row = carried.begin(first)
+    row = carried.settled(first, np.zeros(2 * len(first["P"])))
     assert row["energy"].sum() == pytest.approx(first["energy"].sum(), rel=0.02)
     rows = []
     for model, row in ((pairs, first), (carried, row)):

@@ -9,14 +9,13 @@ import numpy as np
 
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.interface.law import State
-from receding_fenicsx.interface.system import ContactSystem
-from receding_fenicsx.studies.wear.steps import SLIPS, Row, pressures
+from receding_fenicsx.studies.wear.steps import SLIPS, NodePairs, Row, pressures
 
 POSITIONS_PER_HALF_WIDTH = 10
 """Positions along the stroke on half the width of the contact."""
 
 
-class Convected:
+class Convected(NodePairs):
     r"""Wear under a given stroke s of the first body, in gross slip without coupling.
 
     With the depths $h_1$, $h_2$ of the bodies the gap of the node at x is
@@ -33,39 +32,30 @@ class Convected:
         positions: (load factors, s, sliding distance a cycle) along the stroke.
     """
 
-    def __init__(self, system: ContactSystem, coefficient: Array, share: float) -> None:
-        """Prepare.
+    def __init__(self, pairs: NodePairs, share: float, slip: Array, half_width: float) -> None:
+        """Place the positions along the loop of load factors.
 
         Args:
-            system: the contact.
-            coefficient: (N,) depth per density of dissipated energy.
+            pairs: the contact.
             share: part of the wear that the first body takes.
+            slip: mean slips at the corners of the loop.
+            half_width: half the width of the contact.
         """
-        self.system, self.share = system, share
-        self.rate = coefficient / system.weight
-        self.positions: list[tuple[Array, float, float]] = []
+        self.problem, self.rate, self.share = pairs.problem, pairs.rate, share
+        self.system = system = pairs.problem.system
         self._known: tuple[bytes, Any] = (b"", None)
-
-    def follow(self, loop: Array, slip: Array, half_width: float) -> None:
-        """Place the positions along a loop of load factors, from the mean slips at its corners."""
-        found: dict[tuple[bytes, int], list[Any]] = {}
+        loop, found = pairs.problem.history.loop, dict[tuple[bytes, int], list[Any]]()
         for k, (a, b) in enumerate(pairwise(slip)):
             count = int(np.ceil(POSITIONS_PER_HALF_WIDTH * abs(b - a) / half_width))
             for part in (np.arange(count) + 0.5) / max(count, 1):
                 normal = (1.0 - part) * loop[k] + part * loop[k + 1]
                 s = (1.0 - part) * a + part * b
-                pressed = normal @ self.system.r_star[:, self.system.n :]
+                pressed = normal @ system.r_star[:, system.n :]
+                pressed = np.round(pressed / (np.abs(pressed).max() or 1.0), 9)
                 # there and back alike
-                key = (
-                    np.round(pressed / (np.abs(pressed).max() or 1.0), 9).tobytes(),
-                    round(s / half_width * 1e9),
-                )
+                key = pressed.tobytes(), round(s / half_width * 1e9)
                 found.setdefault(key, [normal, s, 0.0])[2] += abs(b - a) / count
         self.positions = [(normal, s, way) for normal, s, way in found.values()]
-
-    def begin(self, row: Row) -> Row:
-        """Return the first row from that of node pairs."""
-        return self.settled(row, np.zeros(2 * self.system.n))
 
     def increments(self, row: Row, cycles: float) -> Array:
         """Return the depths (2N,) worn off each body by one linearly implicit step."""
@@ -88,13 +78,8 @@ class Convected:
         return found
 
     def depth(self, worn: Array) -> Array:
-        """Return the depth (N,) of both bodies together, where they were pressed together."""
+        """Return the depth (N,) of both bodies, opposite each other at no slip."""
         return np.asarray(worn.reshape(2, -1).sum(axis=0))
-
-    def energy(self, worn: Array) -> Array:
-        """Return the energies (N,) that wear off so much."""
-        depth = self.depth(worn)
-        return np.divide(depth, self.rate, out=np.zeros_like(depth), where=self.rate > 0.0)
 
     def _linearised(self, row: Row) -> tuple[Array, Array, list[tuple[Array, Array]]]:
         """Return rates (2N,), minus their derivatives, and pressures with theirs by position."""

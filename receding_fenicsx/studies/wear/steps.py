@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,38 +38,18 @@ Row = Any
 def row_type(n: int) -> np.dtype[np.void]:
     """Return the type of the rows of a wear record: the contact after a number of cycles.
 
-    Of all fields but ``cycles``, ``step`` (cycles that the next step tries), ``force`` (largest
-    nodal force so far), ``dissipated`` and ``spread`` (dissipation so far, and its estimated
-    error), the entries are those of the n modelled nodes: ``depth`` worn off and its estimated
-    error ``estimate``, ``energy``, slip ``path`` and turning point (``P``, ``v``) with the largest
-    pressure of the limit cycle; ``zone``: separated throughout it, stuck or slipping; ``u``, ``r``,
-    ``state`` at its end. ``worn`` holds the depth of each body where those differ.
+    Numbers: ``cycles``, ``step`` (cycles that the next step tries), largest nodal ``force`` so far,
+    ``dissipated`` energy so far, ``corner`` of the loop with the largest pressure. At the n nodes
+    of the model: ``depth`` worn off, its estimated error ``estimate``; ``energy`` and slip ``path``
+    of the limit cycle, ``P`` and ``v`` at that corner, ``zone``: separated throughout the cycle,
+    stuck or slipping; ``u``, ``r``, ``state`` at its end; ``worn``: depth of each body if carried.
     """
-    numbers = [(name, "<f8") for name in ("cycles", "step", "force", "dissipated", "spread")]
+    numbers = [(name, "<f8") for name in ("cycles", "step", "force", "dissipated")]
     names = ("depth", "estimate", "energy", "path", "P", "v")
     nodal = [(name, "<f8", (n,)) for name in names]
+    states = [(name, "i1", (n,)) for name in ("zone", "state")]
     both = [(name, "<f8", (2, n)) for name in ("u", "r", "worn")]
-    return np.dtype([*numbers, *nodal, *both, ("zone", "i1", (n,)), ("state", "i1", (n,))])
-
-
-class WearModel(Protocol):
-    """What a step needs of the mechanics of wear."""
-
-    def increments(self, row: Row, cycles: float) -> Array:
-        """Return the depths worn off in so many cycles, by implicit Euler from a row."""
-        ...
-
-    def settled(self, row: Row, worn: Array) -> Row:
-        """Return a row with more worn off, in its limit cycle."""
-        ...
-
-    def depth(self, worn: Array) -> Array:
-        """Return the depth (N,) of both bodies."""
-        ...
-
-    def energy(self, worn: Array) -> Array:
-        """Return the energies (N,) that wear off so much, at the modelled nodes."""
-        ...
+    return np.dtype([*numbers, *nodal, *both, *states, ("corner", "<i4")])
 
 
 class NodePairs:
@@ -161,7 +141,8 @@ class NodePairs:
         corners = [corner.state for corner in last.corners]
         v = np.array([start.state.v, *(corner.v for corner in corners)])
         P = np.array([corner.P for corner in corners])
-        most = corners[int(np.argmax(P.sum(axis=1)))]
+        row["corner"] = 1 + np.argmax(P.sum(axis=1))
+        most = corners[int(row["corner"]) - 1]
         E = np.maximum(last.dissipation, 0.0)
         slips = E > SLIPS * E.max(initial=0.0)
         zone = np.where(slips, State.FORWARD_SLIP, State.STICK)
@@ -181,34 +162,23 @@ class NodePairs:
         w + g0 + depth + D P >= 0, P >= 0 with the added compliance D = cycles c E / (m P).
         """
         system, n = self.problem.system, self.problem.system.n
-        touching = (row["P"] > 0.0) & (row["energy"] > 0.0)
-        slip = np.divide(row["energy"], row["P"], out=np.zeros(n), where=touching)
-        # a node that opens in the cycle where its pressure is read has no slip of its own
+        E, P = row["energy"], row["P"]
         slides = system.friction.largest * row["path"]
-        sure = touching & (slip <= 4.0 * slides)
-        fixed = np.where(touching & ~sure, cycles * self.rate * row["energy"], 0.0)
-        slip = np.where(sure, slip, np.where(touching, 0.0, slides))
+        # a node that opens in the cycle may have little pressure where that is largest in all
+        steady = (E > 0.0) & (E <= 4.0 * slides * P)
+        fixed = np.where((E > 0.0) & ~steady, cycles * self.rate * E, 0.0)
+        new = (E == 0.0) & (P == 0.0)
+        slip = np.where(new, slides, np.divide(E, P, out=np.zeros(n), where=steady))
         added = cycles * self.rate * slip
         gap = system.g0 + row["depth"] + fixed
         K, held = system.K[n:, n:], system.held[n:]
-        load = self._largest_load(row) @ system.r_star[:, n:] + system.K[n:, :n] @ row["v"]
-        P = pressures(K, load, gap, added, row["P"] > 0.0, held)
-        return np.asarray(added * P + fixed)
-
-    def _largest_load(self, row: Row) -> Array:
-        """Return the load factors at the turning point with the largest pressure."""
-        loop, system, n = self.problem.history.loop, self.problem.system, self.problem.system.n
-        # that for which the reactions are those of the row
-        sums = [(load @ system.r_star[:, n:]).sum() for load in loop[1:]]
-        return np.asarray(loop[1:][int(np.argmax(sums))])
+        load = self.problem.history.loop[int(row["corner"])] @ system.r_star[:, n:]
+        load = load + system.K[n:, :n] @ row["v"]
+        return np.asarray(added * pressures(K, load, gap, added, P > 0.0, held) + fixed)
 
     def depth(self, worn: Array) -> Array:
         """Return the depth, which is that of both bodies."""
         return worn
-
-    def energy(self, worn: Array) -> Array:
-        """Return the energies that wear off so much."""
-        return np.divide(worn, self.rate, out=np.zeros_like(worn), where=self.rate > 0.0)
 
 
 def pressures(
@@ -242,7 +212,7 @@ def pressures(
     raise SolveError("wear: the normal contact problem of an implicit step was not solved")
 
 
-def advance(model: WearModel, row: Row, tolerance: float, last: float) -> Row:
+def advance(model: NodePairs, row: Row, tolerance: float, last: float) -> Row:
     """Return the row after the next step, whose length one step against two halves accepts.
 
     With the depths h_1 of one step and h_2 of two halves the step is accepted where
@@ -283,9 +253,9 @@ def advance(model: WearModel, row: Row, tolerance: float, last: float) -> Row:
             )
         step = max(1.0, step * max(0.1, 0.8 / ratio))
     found["cycles"] = min(float(row["cycles"]) + step, last)
+    depth = model.depth(worn)
     found["step"] = step * min(5.0, 0.8 / max(ratio, 1e-3))
-    energy, off = model.energy(worn), model.energy(error)
+    energy = np.divide(depth, model.rate, out=np.zeros(len(depth)), where=model.rate > 0.0)
     found["dissipated"] += energy.sum()
-    found["spread"] += off.sum()
     found["estimate"] += model.depth(error)
     return found

@@ -27,7 +27,7 @@ from receding_fenicsx.studies.runner import Runner, Study, StudyOptions, run_stu
 from receding_fenicsx.studies.wear.convected import Convected
 from receding_fenicsx.studies.wear.figure import profiles_figure, zones_figure
 from receding_fenicsx.studies.wear.result import WearStudy
-from receding_fenicsx.studies.wear.steps import NodePairs, Row, WearModel, advance, row_type
+from receding_fenicsx.studies.wear.steps import NodePairs, Row, advance, row_type
 from receding_fenicsx.timing import Countdown, Timer
 
 CYCLES, THROUGH = "cycles done", "stick zone worn through"
@@ -101,7 +101,7 @@ def _coefficient(system: ContactSystem, options: WearOptions) -> Array:
 
 
 def _wear(
-    scene: Scene, system: ContactSystem, begun: tuple[WearModel, Row], runner: Runner, timer: Timer
+    scene: Scene, system: ContactSystem, begun: tuple[NodePairs, Row], runner: Runner, timer: Timer
 ) -> WearStudy:
     """Take step after step; write what there is, also where a step fails."""
     options, folder, (model, first) = scene.wear, runner.folder, begun
@@ -152,7 +152,7 @@ def _wear(
     return result(end)
 
 
-def _model(scene: Scene, problem: Problem, coefficient: Array) -> tuple[WearModel, Row]:
+def _model(scene: Scene, problem: Problem, coefficient: Array) -> tuple[NodePairs, Row]:
     """Return node pairs, or profiles carried along by a stroke that is not small; the first row.
 
     Raises:
@@ -175,9 +175,8 @@ def _model(scene: Scene, problem: Problem, coefficient: Array) -> tuple[WearMode
             f"{width:.4g}, above {LARGEST_STROKE:g}: nodes do not stay opposite each other; this "
             "is modelled for two half-planes of equal materials that slide grossly"
         )
-    found = Convected(system, coefficient, scene.wear.share)
-    found.follow(problem.history.loop, pairs.slip_at_corners, 0.5 * width)
-    return found, found.begin(first)
+    found = Convected(pairs, scene.wear.share, pairs.slip_at_corners, 0.5 * width)
+    return found, found.settled(first, np.zeros(2 * n))
 
 
 def _end(system: ContactSystem, rows: list[Row], cycles: int) -> str:
