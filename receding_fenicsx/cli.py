@@ -453,7 +453,8 @@ def export(
             told = fclib.export(source, out, (cycle, leg, at), since, overwrite)
             print(f"{told}, written to {out}")
 
-    on_root(require_mpi(), work)
+    comm = require_mpi() if reduced else world()
+    on_root(comm, work) if comm is not None else work()
 
 
 @app.command(name="import")
@@ -473,7 +474,11 @@ def import_(
     """
     from receding_fenicsx.exchange.command import import_file
 
-    on_root(require_mpi(), lambda: import_file(specification, out, overwrite))
+    comm = world()
+    if comm is None:
+        import_file(specification, out, overwrite)
+    else:
+        on_root(comm, lambda: import_file(specification, out, overwrite))
 
 
 @app.command

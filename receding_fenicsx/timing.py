@@ -62,10 +62,11 @@ class Countdown:
         """Log and tell the number of steps done, and a text about the last or the next one."""
         if done > 0:
             self.ends.append(time.monotonic())
-        told = f"{self.what} {done} of {total}, {text}"
-        log.info(told)
+        told = f"{self.what} {done} of {total}, "
+        log.info("%s%s", told, text)
         if self.say is None:
             return
+        told += text.partition(",")[0]  # a terminal has one line
         if len(self.ends) > 1:
             a_step = (self.ends[-1] - self.ends[0]) / (len(self.ends) - 1)
             told += f", {self.about} {duration(a_step * (total - done))} left"

@@ -269,6 +269,19 @@ def test_help_and_version_end_with_code_0(capsys: pytest.CaptureFixture[str]) ->
 
 
 @pytest.mark.one_rank
+@pytest.mark.parametrize("command", [["export", "none.h5"], ["import", "none.toml"]])
+def test_systems_are_exchanged_without_mpi(
+    command: list[str],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.setitem(sys.modules, "mpi4py", None)
+    assert cli.main([*command, "--out", str(tmp_path / "out")]) == 2
+    assert "no such file" in capsys.readouterr().err
+
+
+@pytest.mark.one_rank
 def test_help_waits_for_no_library() -> None:
     program = (
         "import sys; from receding_fenicsx import cli; cli.main(['run', '--help'])\n"

@@ -77,7 +77,6 @@ HELD = (rf.Support("x", "a.left"),)
         ({"supports": ()}, "load 'p0' moves both bodies together"),
         ({"bolts": (BOLT, replace(BOLT, name="two"))}, "their forces are not determined"),
         ({"mesh": replace(PAIR.mesh, contact_elements=640)}, ""),
-        ({"others": (replace(PAIR.others[0], width=3.9),)}, "must be an even number"),
         (
             {"contacts": (replace(PAIR.contacts[0], interference=0.1),), "loads": ()},
             "the body is free to move off the contact",
@@ -376,3 +375,10 @@ def test_a_run_from_a_saved_system_keeps_its_own_gap_and_friction(shared_tmp_pat
         x = np.abs(kept.x)
         assert kept.g0 == pytest.approx(0.001 * x**2) and np.all(kept.f == 0.2)
         assert record.g0[-len(x) :] == pytest.approx(kept.g0)
+
+
+@pytest.mark.one_rank
+def test_each_cycle_is_logged_once(caplog: pytest.LogCaptureFixture) -> None:
+    with caplog.at_level("INFO", "receding_fenicsx"):
+        rf.run(small("history.cycles=2"))
+    assert sum("cycle 1" in record.getMessage() for record in caplog.records) == 1

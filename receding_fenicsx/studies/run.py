@@ -431,14 +431,9 @@ def run_history(
     doubling = None
     tell = Countdown(say, "evolve: cycle", "at most")
 
-    def progress(cycle: int, cycles: int, message: str) -> None:
-        log.info("cycle %d: %s", cycle, message)
-        # the terminal has one line for the counts and the time
-        tell(cycle, cycles, message.partition(",")[0])
-
     try:
         scene, doubling = _with_corners(scene, system, folder, say)
-        record = continue_history(problem_of_scene(system, scene), journal, progress)
+        record = continue_history(problem_of_scene(system, scene), journal, tell)
         record.doubling = doubling
         return record, None
     except SolveError as error:

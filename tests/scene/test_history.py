@@ -76,10 +76,13 @@ def test_table_may_begin_at_zero_and_repeat_the_start_of_the_cycle() -> None:
         ('kind = "table"\ncolumns = ["p0", "p0"]\nrows = [[1, 1]]', ["columns", "twice"]),
         ('kind = "table"\ncolumns = ["p0"]\nrows = [[0.0]]', ["rows", "all load factors are zero"]),
         ('kind = "table"\ncolumns = ["p0"]\nrows = [[1.0, 2.0]]', ["rows row 1", "1 column"]),
-        ('kind = "table"\ncolumns = ["p0"]\nrows = [[1.0], [1.0]]', ["rows", "twice in a row"]),
+        (
+            'kind = "table"\ncolumns = ["p0"]\nrows = [[1.0], [1.0]]',
+            ["rows", "p0 = 1 occurs twice in a row"],
+        ),
         (
             'kind = "table"\ncolumns = ["p0"]\nrows = [[1.0]]\ncycle_rows = [[0.5], [0.9]]',
-            ["cycle_rows", "not closed", "[0.9]", "[1.0]"],
+            ["cycle_rows", "not closed", "ends at p0 = 0.9", "end at p0 = 1"],
         ),
         (
             'kind = "table"\ncolumns = ["p0"]\nrows = [[1.0]]\ncycle_rows = [[0.5], [1.0]]\n'

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.scene.checks import suggestion
-from receding_fenicsx.scene.history.polyline import History, ended_by
+from receding_fenicsx.scene.history.polyline import History, ended_by, named_factors
 from receding_fenicsx.scene.model import INTERFERENCE, Harmonic, HistoryOptions, Scene
 
 FEWEST_CORNERS = 8
@@ -341,18 +341,19 @@ def _from_table(options: HistoryOptions, names: tuple[str, ...]) -> History:
         rows = np.vstack([np.zeros_like(rows[:1]), rows])
     if not np.any(rows) and not preloaded:
         raise InputError("[history] rows: all load factors are zero; give one that is not")
-    _check_moves(rows, "rows")
+    _check_moves(rows, options.columns, "rows")
     order = [options.columns.index(name) for name in names]
     if not len(loop):
         return History(names, rows[:, order], np.zeros((0, len(names))))
     if np.any(loop[-1] != rows[-1]):
         raise InputError(
-            f"[history] cycle_rows: is not closed: ends at {loop[-1].tolist()}, but rows end at "
-            f"{rows[-1].tolist()}; use the same load factors"
+            "[history] cycle_rows: is not closed: ends at "
+            f"{named_factors(options.columns, loop[-1])}, but rows end at "
+            f"{named_factors(options.columns, rows[-1])}; use the same load factors"
         )
     if np.any(loop[0] != rows[-1]) or len(loop) == 1:
         loop = np.vstack([rows[-1:], loop])
-    _check_moves(loop, "cycle_rows")
+    _check_moves(loop, options.columns, "cycle_rows")
     return History(names, rows[:, order], loop[:, order], options.cycles)
 
 
@@ -368,10 +369,10 @@ def _rows(
     return np.array(rows, dtype=float).reshape(len(rows), len(columns))
 
 
-def _check_moves(rows: NDArray[np.float64], key: str) -> None:
+def _check_moves(rows: NDArray[np.float64], columns: tuple[str, ...], key: str) -> None:
     still = np.flatnonzero(np.all(np.diff(rows, axis=0) == 0.0, axis=1))
     if len(still):
         raise InputError(
-            f"[history] {key}: the load factors {rows[still[0]].tolist()} occur twice in a row; "
+            f"[history] {key}: {named_factors(columns, rows[still[0]])} occurs twice in a row; "
             "remove one"
         )

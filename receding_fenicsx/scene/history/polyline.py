@@ -107,6 +107,11 @@ def ended_by(history: History, until: str | None) -> History:
     return replace(history, until_steady=until == "steady", until_limit=until == "limit")
 
 
+def named_factors(names: tuple[str, ...], row: NDArray[np.float64]) -> str:
+    """Return load factors with the names of their loads, for messages."""
+    return ", ".join(f"{name} = {value:g}" for name, value in zip(names, row, strict=True))
+
+
 def check_history(history: History, load_names: tuple[str, ...]) -> None:
     """Check that a history drives given loads, starts at rest and has a closed loop.
 
@@ -131,18 +136,19 @@ def check_history(history: History, load_names: tuple[str, ...]) -> None:
         wrong = ~np.isfinite(rows).all(axis=1)
         if np.any(wrong):
             raise InputError(
-                f"row {np.argmax(wrong)} of the history's {name}, {rows[np.argmax(wrong)].tolist()}"
-                ", is not finite"
+                f"row {np.argmax(wrong)} of the history's {name}, "
+                f"{named_factors(load_names, rows[np.argmax(wrong)])}, is not finite"
             )
     if np.any(path[0]):
         raise InputError(
-            f"the history's path starts at load factors {path[0].tolist()}: insert a row of zeros "
-            "(the body at rest) before it"
+            f"the history's path starts at load factors {named_factors(load_names, path[0])}: "
+            "insert a row of zeros (the body at rest) before it"
         )
     if len(loop) and (np.any(loop[0] != path[-1]) or np.any(loop[-1] != loop[0])):
+        first, last, end = (named_factors(load_names, row) for row in (loop[0], loop[-1], path[-1]))
         raise InputError(
-            f"the history's loop runs from {loop[0].tolist()} to {loop[-1].tolist()}: start and "
-            f"end it at the end of the path, {path[-1].tolist()}"
+            f"the history's loop runs from {first} to {last}: start and end it at the end of the "
+            f"path, {end}"
         )
 
 
