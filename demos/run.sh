@@ -3,7 +3,7 @@
 set -euo pipefail
 
 usage="usage: bash demos/run.sh                    install what is missing, then run the paper's study (demos/block.py)
-       bash demos/run.sh NAME [options]     run demos/NAME.py with its own options instead
+       bash demos/run.sh NAME [options]     run demos/NAME.py, or one of demos/benchmarks, instead
        bash demos/run.sh --setup            install only
 Demos run under mpirun -n 2. RECEDING_ENV=pypi bash demos/run.sh uses packages from PyPI instead of Debian."
 
@@ -35,11 +35,12 @@ esac
 name=${1:-block}
 name=$(basename "$name" .py)
 demo=$root/demos/$name.py
+[ -f "$demo" ] || demo=$root/demos/benchmarks/$name.py
 if [ ! -f "$demo" ]; then
     shopt -s nullglob
-    names=("$root"/demos/*.py)
+    names=("$root"/demos/*.py "$root"/demos/benchmarks/*.py)
     names=("${names[@]##*/}")
-    say "no such demo: demos/$name.py; available: ${names[*]%.py}"
+    say "no such demo: $name; available: ${names[*]%.py}"
     exit 2
 fi
 set_up

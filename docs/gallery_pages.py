@@ -18,7 +18,6 @@ PICTURES = {
         "trajectories.png": "Paths of four nodes: tractions in the friction cone, displacements",
         "dissipation_density.png": "Dissipation along the contact, per cycle",
     },
-    "benchmark_pictures": {"fringes_steady.png": "One of the pictures whose cost is measured"},
     "problem_figure": {"problem.png": "The problem"},
 }
 """Pictures of the demos whose pictures do not begin with their name, with captions."""

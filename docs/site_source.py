@@ -23,7 +23,9 @@ def prepare(source: Path) -> None:
     source.mkdir(parents=True)
     demos = ROOT / "demos"
     shutil.copytree(demos / "pictures", source / "pictures")
-    shutil.copytree(demos, source / "demos", ignore=shutil.ignore_patterns("pictures", "__*"))
+    shutil.copytree(
+        demos, source / "demos", ignore=shutil.ignore_patterns("pictures", "benchmarks", "__*")
+    )
     pages = {path.name: path for path in DOCS.glob("*.md")}
     pages |= {name.lower(): ROOT / name for name in ("CHANGELOG.md", "CONTRIBUTING.md")}
     for name, path in pages.items():

@@ -14,7 +14,7 @@ DEMOS = Path(__file__).parents[1] / "demos"
 
 @cache
 def demo(name: str) -> dict[str, Any]:
-    """Functions and numbers of a demo."""
+    """Functions and numbers of a demo, or "benchmarks/NAME"."""
     return runpy.run_path(str(DEMOS / f"{name}.py"))
 
 

@@ -11,7 +11,7 @@ pytestmark = pytest.mark.one_rank
 
 
 def test_records_are_told_apart_by_single_bits(tmp_path: Path) -> None:
-    differing = demo("kill_and_resume")["differing"]
+    differing = demo("benchmarks/kill_and_resume")["differing"]
     for name, zero in (("a", 0.0), ("b", -0.0), ("c", 0.0)):
         (tmp_path / name).mkdir()
         with h5py.File(tmp_path / name / "record.h5", "w") as file:

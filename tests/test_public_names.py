@@ -19,18 +19,18 @@ pytestmark = pytest.mark.one_rank
 ROOT = Path(__file__).parent.parent
 PACKAGE = "receding_fenicsx"
 INNER_PARTS = ("benchmark_condensation", "benchmark_interface")
-"""Demos that measure parts of the package which have no public name."""
+"""Benchmarks that measure parts of the package which have no public name."""
 CHECKERS = {
     "hard_cases": {"hard", "hard_block", "hard_bodies", "hard_trials"},
     "random_problems": {"problems"},
 }
-"""Modules of ``tests/`` that demos use."""
+"""Modules of ``tests/`` that benchmarks use."""
 NEEDED = {"matplotlib", "mpi4py", "numpy", "petsc4py", "scipy", "h5py"}
 LATE = (
     *("dolfinx", "petsc4py", "mpi4py", "gmsh", "pyvista", "vtk", "matplotlib", "numpy", "h5py"),
     "numba",
 )
-DEMOS = sorted((ROOT / "demos").glob("*.py"))
+DEMOS = sorted((ROOT / "demos").rglob("*.py"))
 DOCUMENTS = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md"))]
 
 

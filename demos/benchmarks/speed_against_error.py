@@ -32,7 +32,7 @@ import speed_report
 
 import receding_fenicsx as rf
 
-HERE = Path(__file__).parent
+DEMOS = Path(__file__).parents[1]
 BARE = rf.OutputOptions(samples_per_leg=1, cycles=())
 PAIR = """
 [[body]]
@@ -94,7 +94,7 @@ def scene_of(case: str, elements: int, cell: str = "triangle", degree: int = 2) 
     if source is PAIR:
         scene = rf.from_toml(source, mesh)
     else:
-        scene = rf.read_scene(HERE / source, [*overrides, *mesh])
+        scene = rf.read_scene(DEMOS / source, [*overrides, *mesh])
     return replace(scene, output=BARE, history=replace(scene.history, until=None))
 
 

@@ -40,7 +40,7 @@ def play(folder: Path, elements: int) -> None:
     """Resume the run in a folder, or start it; all ranks call this together."""
     from mpi4py import MPI
 
-    scene = rf.read_scene(HERE.with_name("block.toml"), [f"mesh.contact_elements={elements}"])
+    scene = rf.read_scene(HERE.parents[1] / "block.toml", [f"mesh.contact_elements={elements}"])
     scene = replace(scene, history=replace(scene.history, cycles=CYCLES, until=None))
     for rank in range(MPI.COMM_WORLD.size):
         MPI.COMM_WORLD.Barrier()

@@ -18,7 +18,7 @@ from pathlib import Path
 from mpi4py import MPI
 from petsc4py import PETSc  # noqa: F401 - starts on all ranks together
 
-sys.path.insert(0, str(Path(__file__).parent.parent / "tests"))
+sys.path.insert(0, str(Path(__file__).parents[2] / "tests"))
 
 from hard import Case, Outcome, judge
 from hard_block import CASES as BLOCK_CASES

@@ -20,7 +20,7 @@ backward; "oblique" with bodies that are guided or hinged, on two edges oblique 
 
 **What to look for.** How many problems were accepted, refused for which reason, and wrong (0).
 
-    python demos/random_problems.py --count 5000 --seed 0
+    python demos/benchmarks/random_problems.py --count 5000 --seed 0
 """
 
 import argparse
@@ -29,7 +29,7 @@ from pathlib import Path
 
 from mpi4py import MPI
 
-sys.path.insert(0, str(Path(__file__).parent.parent / "tests"))
+sys.path.insert(0, str(Path(__file__).parents[2] / "tests"))
 
 from problems import FALSE, FAMILIES, WRONG, judge, problem, table_of
 

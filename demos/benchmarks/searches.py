@@ -35,7 +35,7 @@ from petsc4py import PETSc  # noqa: F401 - starts on all ranks together
 
 import receding_fenicsx as rf
 
-HERE = Path(__file__).parent
+DEMOS = Path(__file__).parents[1]
 TOLERANCE = 3e-4
 """Tolerance of the searches."""
 SCENES = {
@@ -83,7 +83,7 @@ def own_mesh(size: float) -> rf.Scene:
     command = [sys.executable, "-c", program]
     environment = rf.child_environment()
     subprocess.run(command, cwd=folder, env=environment, check=True, stdout=subprocess.DEVNULL)
-    scene = rf.read_scene(HERE / "block.toml", [f"mesh.contact_elements={round(4.0 / size)}"])
+    scene = rf.read_scene(DEMOS / "block.toml", [f"mesh.contact_elements={round(4.0 / size)}"])
     load = replace(scene.loads[0], edge="loaded", span=None)
     body = rf.Body(mesh=str(folder / "block.msh"))
     return replace(scene, body=body, loads=(load,), mesh=replace(scene.mesh, refinements=0))
@@ -127,7 +127,7 @@ def limit_of(name: str, record: rf.Record) -> dict[str, rf.Number]:
     """Return the numbers of the mesh that gives the true errors."""
     scene = replace(rf.given(record.scene), output=rf.OutputOptions(1, ()))
     if name == "own_mesh":
-        body = rf.read_scene(HERE / "block.toml")
+        body = rf.read_scene(DEMOS / "block.toml")
         scene = replace(scene, body=body.body, loads=body.loads, mesh=body.mesh)
         finer = OWN_LIMIT
     else:
@@ -138,7 +138,7 @@ def limit_of(name: str, record: rf.Record) -> dict[str, rf.Number]:
 
 def row_of(name: str, folder: Path) -> dict[str, Any]:
     """Search one scene; return its row."""
-    scene = own_mesh(0.04) if name == "own_mesh" else rf.read_scene(HERE / f"{name}.toml")
+    scene = own_mesh(0.04) if name == "own_mesh" else rf.read_scene(DEMOS / f"{name}.toml")
     rf.run(scene, comm=MPI.COMM_SELF)  # loads what the first run needs, both times leave that out
     found = searched(scene, folder / name)
     way = found["way"]["way"][-1]

@@ -8,7 +8,7 @@ seconds; the pictures should not take much longer.
 end. The table shows for each the shortest wall time, and the processor time of all its processes.
 The default takes at most twice the processor time without pictures.
 
-    python demos/benchmark_pictures.py [--rounds 3] [--film]
+    python demos/benchmarks/benchmark_pictures.py [--rounds 3] [--film]
 
 Where other programs use the cores, wall times tell little.
 """
@@ -21,7 +21,7 @@ import tempfile
 import time
 from pathlib import Path
 
-SCENE = Path(__file__).with_name("block.toml")
+SCENE = Path(__file__).parents[1] / "block.toml"
 
 
 def main() -> None:

@@ -43,7 +43,7 @@ from receding_fenicsx.scene.model import OutputOptions, SolverOptions
 from receding_fenicsx.scene.toml_file import read_scene
 from receding_fenicsx.studies import run as study
 
-SCENE = Path(__file__).with_name("block.toml")
+SCENE = Path(__file__).parents[1] / "block.toml"
 HIGH, LOW = np.array([1.0]), np.array([1.0 / 3.0])
 NO_SAMPLES = OutputOptions(samples_per_leg=1, cycles=())
 Row = list[object]
@@ -341,7 +341,7 @@ def random(options: argparse.Namespace) -> None:
             csv.writer(file).writerows([["margin", "seed", "kind", "tried", "reason"], *refusals])
 
 
-TRIALS = Path(__file__).parent.parent / "tests" / "trials"
+TRIALS = Path(__file__).parents[2] / "tests" / "trials"
 SIZES = {
     TRIALS / "strip_on_wall.toml": (200, 300, 400, 500, 600),
     TRIALS / "roller.toml": (200, 240, 280, 320, 360),

@@ -42,7 +42,7 @@ from speed_report import write_csv
 
 import receding_fenicsx as rf
 
-HERE = Path(__file__).parent
+DEMOS = Path(__file__).parents[1]
 
 
 @dataclass(frozen=True)
@@ -97,7 +97,7 @@ class Case:
     def scene(self, kind: Kind, elements: int) -> rf.Scene:
         """Return the scene on a mesh; its cycles end in their limit."""
         of = self.source
-        scene = rf.read_scene(HERE / of, self.overrides) if isinstance(of, str) else of()
+        scene = rf.read_scene(DEMOS / of, self.overrides) if isinstance(of, str) else of()
         is_long = scene.history.until == "steady" and scene.history.cycles > 50
         history = replace(scene.history, until="limit" if is_long else None)
         scene = replace(scene, history=history, output=rf.OutputOptions(1, ()))
@@ -112,7 +112,7 @@ class Case:
 
 def platen() -> rf.Scene:
     """Return the block as a body of revolution under a platen."""
-    scene = rf.read_scene(HERE / "block.toml", [*ROUND, "contact.friction=0.3"])
+    scene = rf.read_scene(DEMOS / "block.toml", [*ROUND, "contact.friction=0.3"])
     return replace(scene, loads=(rf.Load("p0", "top", platen=True, force=(0.0, -6.0)),))
 
 
