@@ -132,10 +132,11 @@ def test_tutorials_run(beside_demos: Path, name: str) -> None:
 def run_program(folder: Path, program: str) -> str:
     """Run a program in a process of its own, in a folder, and return what it prints."""
     (folder / "program.py").write_text(program, encoding="utf-8")
+    paths = [str(ROOT), *filter(None, [os.environ.get("PYTHONPATH")])]
     run = subprocess.run(
         [sys.executable, "program.py"],
         cwd=folder,
-        env=child_environment() | {"PYTHONPATH": str(ROOT)},
+        env=child_environment() | {"PYTHONPATH": os.pathsep.join(paths)},
         capture_output=True,
         text=True,
         check=False,
