@@ -11,20 +11,6 @@ from receding_fenicsx.interface.residual import is_carried_by_round_off
 from receding_fenicsx.interface.system import ContactState, ContactSystem, Leg
 from receding_fenicsx.scene.history import History
 
-SMALLEST_LEG_ENERGY = 1e-4
-"""Smallest scale of a leg's energy error, over the largest energy of a leg so far."""
-
-LEAST_ENERGY = 1e-5
-"""Smallest scale over (F + K u) (F / k + u): F the largest nodal force, u the largest displacement,
-K and k the largest and a typical stiffness. Residuals up to 1e-11 stay below the tolerance."""
-
-MAX_ENERGY_ERROR = 1e-6
-"""Energy error with which a leg of the exact path is refused; correct ones have up to 1e-8."""
-
-SMALLEST_FORCE_RANGE = 1e-7
-"""Change of the held reactions in a cycle, over the largest force so far, below which its events
-are lost in round-off."""
-
 
 def energy_error(
     system: ContactSystem,
@@ -54,8 +40,12 @@ def energy_error(
     F, u = leg.force_scale, float(np.abs(leg.end.u).max())
     # the largest entry of a stiffness matrix is on its diagonal
     K, k = float(system.diagonal.max()), system.typical_stiffness or np.inf
-    least = LEAST_ENERGY * (F + K * u) * (F / k + u)
-    scale = max(abs(D) + abs(stored), SMALLEST_LEG_ENERGY * largest, least)
+    # smallest scale over (F + K u) (F / k + u): F the largest nodal force, u the largest
+    # displacement, K and k the largest and a typical stiffness. Residuals up to 1e-11 stay below
+    # the tolerance
+    least = 1e-5 * (F + K * u) * (F / k + u)
+    # smallest scale of a leg's energy error, over the largest energy of a leg so far
+    scale = max(abs(D) + abs(stored), 1e-4 * largest, least)
     return (abs(D + stored + leg.work) / scale if scale > 0.0 else 0.0), largest
 
 
@@ -67,10 +57,10 @@ def check_energy(model: ContactSystem, error: float, load: Array) -> None:
         error: energy error of the leg.
         load: (n_loads,) load factors at its end.
     """
-    if error > MAX_ENERGY_ERROR:
+    if error > 1e-6:  # correct ones have up to 1e-8
         raise SolveError(
             f"the exact path breaks the energy identity before {model.load_text(load)}: "
-            f"error {error:.1e} over {MAX_ENERGY_ERROR:.0e} of the leg's energy; try the other "
+            f"error {error:.1e} over 1e-06 of the leg's energy; try the other "
             "solver method, and report this scene"
         )
 
@@ -85,10 +75,10 @@ def check_force_range(model: ContactSystem, history: History, force: float) -> N
     """
     way = (history.loop - history.loop[0]) @ model.r_star
     change = float(np.abs(way).max(initial=0.0))
-    if change < SMALLEST_FORCE_RANGE * force:
+    if change < 1e-7 * force:
         raise SolveError(
             f"[history]: a cycle changes the forces by {change / force:.1e} of the largest; "
-            f"below {SMALLEST_FORCE_RANGE:.0e} its events cannot be told from round-off: enlarge "
+            f"below 1e-07 its events cannot be told from round-off: enlarge "
             "the load range"
         )
 

@@ -21,7 +21,6 @@ from receding_fenicsx.evolution.probes import probes_table
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.evolution.record_data import Cycles, Events, PathUniqueness, States, Steady
 from receding_fenicsx.interface.law import MIRRORED, State
-from receding_fenicsx.interface.measures.steady import SteadyWatch
 from receding_fenicsx.interface.mirror import Mirror, mirror_of
 from receding_fenicsx.interface.normal_form import frictional_form
 from receding_fenicsx.interface.system import ContactSystem
@@ -52,6 +51,16 @@ def record_of(
     totals, unique = unfinished[1:]
     if cycles and not unfinished[0]:
         totals, unique = cycles[-1].totals, cycles[-1].uniqueness
+    watch, weight = steady_watch(system, solver, cycles), mirror.total(system.weight)
+    D = np.array([cycle.dissipation for cycle in cycles[1:]]).reshape(-1, system.n)
+    # what open nodes move between the ends of a cycle is no slip
+    open_ = [cycle.corners[-1].state.state == State.SEPARATION for cycle in cycles]
+    slip = np.array(
+        [
+            np.where(a | b, 0.0, c.slip)
+            for (a, b), c in zip(pairwise(open_), cycles[1:], strict=False)
+        ]
+    ).reshape(-1, system.n)
     return Record(
         **_nodes(system, mirror),
         load_names=system.load_names,
@@ -65,10 +74,20 @@ def record_of(
         turning_points=states_table(system, mirror, corners),
         samples=states_table(system, mirror, [i for part in samples for i in part.instants]),
         events=events_table(mirror, events_of(system, samples)),
-        cycles=_cycles_table(system, mirror, cycles),
+        cycles=Cycles(
+            dissipation=mirror.factor * D.sum(axis=1),
+            dissipation_density=mirror.total(D) / np.where(weight > 0.0, weight, np.inf),
+            slip_increment=mirror.odd(slip) + 0.0,  # no -0.0
+        ),
         dissipation_first_loading=mirror.factor
         * sum(float(c.dissipation.sum()) for c in cycles[:1]),
-        steady=_steady(steady_watch(system, solver, cycles)),
+        steady=Steady(
+            reached=watch.cycle >= 0,
+            cycle=watch.cycle,
+            kind=watch.kind,
+            period=watch.period,
+            change=np.array(watch.change),
+        ),
         residual_max=totals.residual,
         energy_error_max=totals.energy_error,
         sweeps=totals.sweeps,
@@ -113,35 +132,6 @@ def _nodes(system: ContactSystem, mirror: Mirror) -> dict[str, Any]:
         "edge_names": system.edge_names,
         "held": held if held.any() else None,
     }
-
-
-def _cycles_table(system: ContactSystem, mirror: Mirror, cycles: list[FinishedCycle]) -> Cycles:
-    """Return dissipation and slip increments of the cycles from cycle 1."""
-    weight = mirror.total(system.weight)
-    D = np.array([cycle.dissipation for cycle in cycles[1:]]).reshape(-1, system.n)
-    slip = np.array([_slip(*pair) for pair in pairwise(cycles)]).reshape(-1, system.n)
-    return Cycles(
-        dissipation=mirror.factor * D.sum(axis=1),
-        dissipation_density=mirror.total(D) / np.where(weight > 0.0, weight, np.inf),
-        slip_increment=mirror.odd(slip) + 0.0,  # no -0.0
-    )
-
-
-def _steady(watch: SteadyWatch) -> Steady:
-    return Steady(
-        reached=watch.cycle >= 0,
-        cycle=watch.cycle,
-        kind=watch.kind,
-        period=watch.period,
-        change=np.array(watch.change),
-    )
-
-
-def _slip(before: FinishedCycle, cycle: FinishedCycle) -> Array:
-    """Return the slip (N,) of a cycle: what open nodes move between its ends is none."""
-    ends = [c.corners[-1].state.state for c in (before, cycle)]
-    touches = np.all(np.array(ends) != State.SEPARATION, axis=0)
-    return np.where(touches, cycle.slip, 0.0)
 
 
 def states_table(system: ContactSystem, mirror: Mirror, instants: list[Instant]) -> States:

@@ -7,7 +7,7 @@ from html import escape
 
 import numpy as np
 
-from receding_fenicsx.arrays import Array, brief, described
+from receding_fenicsx.arrays import brief, described
 from receding_fenicsx.evolution.moment import Moment, moment_of
 from receding_fenicsx.evolution.record_data import RecordData
 from receding_fenicsx.interface.law import STATE_NAMES, State
@@ -19,7 +19,7 @@ STATE_COLOURS = {
     State.BACKWARD_SLIP: "#0072b2",
 }
 """Fill colour of each state."""
-SHOWN_CYCLES, SHOWN_ZONES, SHOWN_EDGES = 12, 8, 4
+SHOWN_ZONES, SHOWN_EDGES = 8, 4
 """Numbers of items that a line names."""
 WIDTH, HEIGHT, LEFT = 560, 18, 200
 """Width and height of a strip of zones in pixels, and room for its label."""
@@ -35,15 +35,28 @@ def text_of(record: RecordData, title: str, edges: Mapping[str, RecordData]) -> 
     """
     which = "half of the contact" if record.half else "the whole contact"
     points, samples, steady = record.turning_points, record.samples, record.steady
+    D, load = record.cycles.dissipation, record.turning_points.load
+    state = "steady state not reached"
+    if steady.reached:
+        state = f"steady state: {steady.kind} from cycle {steady.cycle}, period {steady.period}"
+    dissipation = f"first loading {record.dissipation_first_loading:.6g}"
+    if len(D):
+        dissipation += f", cycle 1 {D[0]:.6g}, cycle {len(D)} {D[-1]:.6g}"
+    sampled = list(map(str, np.unique(samples.cycle)))
+    more = ", ..." if len(sampled) > 12 else ""
+    in_cycles = f" in cycles {', '.join(sampled[:12])}{more}" if sampled else ""
     rows = [
         ("contact", f"{len(record.x)} nodes, x {brief(record.x)}; modelled: {which}"),
         ("edges", ", ".join(record.edge_names) or "-"),
         ("friction", brief(record.f)),
-        *_loads(record),
-        ("cycles", f"{len(record.cycles.dissipation)}, {_steady(record)}"),
-        ("dissipation", _dissipation(record)),
+        *(
+            (f"load {name}", f"{load[:, k].min():.6g} to {load[:, k].max():.6g}")
+            for k, name in enumerate(record.load_names[:SHOWN_EDGES] if len(load) else ())
+        ),
+        ("cycles", f"{len(D)}, {state}"),
+        ("dissipation", dissipation),
         ("turning points", f"{len(points.s)}"),
-        ("samples", f"{len(samples.s)}{_in_cycles(samples.cycle)}"),
+        ("samples", f"{len(samples.s)}{in_cycles}"),
         ("events", f"{record.n_events}, kept {len(record.events.s)}"),
         ("residual", f"{record.residual_max:.1e}, energy error {record.energy_error_max:.1e}"),
     ]
@@ -113,36 +126,3 @@ def _last_turning_points(edges: Mapping[str, RecordData]) -> list[tuple[str, Mom
             where = f"cycle {last}, leg {at.leg}"
             found.append((f"{where}, {edge}" if len(edges) > 1 else where, at))
     return found
-
-
-def _loads(record: RecordData) -> list[tuple[str, str]]:
-    """Return the range of each load factor at the turning points."""
-    load = record.turning_points.load
-    if not len(load):
-        return []
-    return [
-        (f"load {name}", f"{load[:, k].min():.6g} to {load[:, k].max():.6g}")
-        for k, name in enumerate(record.load_names[:SHOWN_EDGES])
-    ]
-
-
-def _steady(record: RecordData) -> str:
-    steady = record.steady
-    if not steady.reached:
-        return "steady state not reached"
-    return f"steady state: {steady.kind} from cycle {steady.cycle}, period {steady.period}"
-
-
-def _dissipation(record: RecordData) -> str:
-    D: Array = record.cycles.dissipation
-    text = f"first loading {record.dissipation_first_loading:.6g}"
-    return f"{text}, cycle 1 {D[0]:.6g}, cycle {len(D)} {D[-1]:.6g}" if len(D) else text
-
-
-def _in_cycles(cycles: np.ndarray) -> str:
-    """Return the numbers of the sampled cycles."""
-    found = np.unique(cycles).tolist()
-    if not found:
-        return ""
-    rest = ", ..." if len(found) > SHOWN_CYCLES else ""
-    return f" in cycles {', '.join(map(str, found[:SHOWN_CYCLES]))}{rest}"

@@ -278,24 +278,18 @@ class JournalFormat:
         cycles, points, changes = (
             np.frombuffer(data[a:b], t) for a, b, t in zip(ends[:-1], ends[1:], tables, strict=True)
         )
-        return _cycles(cycles, [_instant(i) for i in points], changes)
-
-
-def _instant(row: np.void) -> Instant:
-    return Instant(
-        int(row["cycle"]),
-        int(row["leg"]),
-        float(row["s"]),
-        row["load"].copy(),
-        row["v"].copy(),
-        ContactState(row["u"].copy(), row["r"].copy(), row["state"].copy()),
-    )
-
-
-def _uniqueness(cycle: np.void) -> Uniqueness:
-    row = cycle["uniqueness"]
-    values = {key: row[key].tolist() for key in UNIQUENESS.names or ()}
-    return Uniqueness(**{**values, "nodes": tuple(values["nodes"])})
+        instants = [
+            Instant(
+                int(i["cycle"]),
+                int(i["leg"]),
+                float(i["s"]),
+                i["load"].copy(),
+                i["v"].copy(),
+                ContactState(*(i[key].copy() for key in ("u", "r", "state"))),
+            )
+            for i in points
+        ]
+        return _cycles(cycles, instants, changes)
 
 
 def _cycles(
@@ -306,6 +300,7 @@ def _cycles(
     for row in rows:
         corners, sampled, count = (int(row[key]) for key in ("corners", "samples", "changes"))
         samples = Samples(instants[corners : corners + sampled], [events[:count]])
+        unique = {key: row["uniqueness"][key].tolist() for key in UNIQUENESS.names or ()}
         cycles.append(
             FinishedCycle(
                 instants[:corners],
@@ -313,7 +308,7 @@ def _cycles(
                 row["slip"].copy(),
                 Totals(**{key: row["totals"][key].item() for key in Totals._fields}),
                 samples if row["kept"] else None,
-                _uniqueness(row),
+                Uniqueness(**{**unique, "nodes": tuple(unique["nodes"])}),
             )
         )
         events = events[count:]

@@ -131,10 +131,6 @@ def _shifted_to_axis(scene: Scene, system: ContactSystem, g0: Array) -> Array:
     return g0
 
 
-LEAST_TOLERANCE = 1e-13
-"""Smallest tolerance of the limit: round-off of a cycle's forces over the largest."""
-
-
 @dataclass(frozen=True)
 class Problem:
     """Problem to be evolved, checked; see :func:`problem_of_scene` and :func:`problem_of_history`.
@@ -250,10 +246,10 @@ def _checked(
     if solver.steady_tolerance is None:
         if history.until_limit:
             solver = replace(solver, steady_tolerance=LIMIT_CYCLE_TOLERANCE)
-    elif history.until_limit and solver.steady_tolerance < LEAST_TOLERANCE:
+    elif history.until_limit and solver.steady_tolerance < 1e-13:
         raise InputError(
             f"[solver] steady_tolerance: {solver.steady_tolerance:g} is below the round-off of a "
-            f'cycle; until = "limit" needs at least {LEAST_TOLERANCE:g}'
+            f'cycle; until = "limit" needs at least 1e-13'
         )
     v = np.zeros(n) if initial_slip is None else as_numbers(initial_slip, "initial_slip")
     if v.shape != (n,):

@@ -20,8 +20,6 @@ if TYPE_CHECKING:
 
 Columns = dict[str, NDArray[Any]]
 
-TABLES = ("turning_points", "samples", "cycles", "events")
-
 
 def columns(record: RecordData, which: str) -> Columns:
     """Return a table as columns of equal length; see :meth:`Record.to_table`."""
@@ -85,8 +83,9 @@ def _by_name(record: RecordData, per_load: Columns) -> Columns:
 
 def _parts(record: RecordData, which: str) -> tuple[Columns, Columns, Columns]:
     """Split a table's arrays into those of one value a row, of N, and of one a load."""
-    if which not in TABLES:
-        raise InputError(f"table '{which}': is unknown; use one of {', '.join(TABLES)}")
+    tables = ("turning_points", "samples", "cycles", "events")
+    if which not in tables:
+        raise InputError(f"table '{which}': is unknown; use one of {', '.join(tables)}")
     table = getattr(record, which)
     per_row: Columns = {}
     if which == "cycles":

@@ -18,9 +18,6 @@ import scipy.optimize
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.interface.system import ContactState, ContactSystem
 
-COUNTS = 1e-9
-"""Part of the largest unknown above which one belongs to the vertex at which the program ends."""
-
 SHORT = 1e-10
 """Part of the leg by which it has to fall short for its end to be called out of reach."""
 
@@ -102,7 +99,7 @@ def _lift(system: ContactSystem) -> Array:
     target = np.repeat([0.0, 1.0], n)
     weights = np.linalg.lstsq(system.rigid, target, rcond=None)[0]
     motion = system.rigid @ weights
-    return motion[n:] if np.abs(motion - target).max() <= COUNTS else np.zeros(n)
+    return motion[n:] if np.abs(motion - target).max() <= 1e-9 else np.zeros(n)
 
 
 def _reach(system: ContactSystem, a: Array, b: Array, bounded: bool = True) -> float:
@@ -137,7 +134,7 @@ def _reach(system: ContactSystem, a: Array, b: Array, bounded: bool = True) -> f
     if z[-1] >= 1.0:
         return 1.0
     # the vertex once more, without the tolerance of the program
-    basis = np.flatnonzero(z[:-1] > COUNTS * z[:-1].max(initial=0.0))
+    basis = np.flatnonzero(z[:-1] > 1e-9 * z[:-1].max(initial=0.0))
     basis = np.append(basis, len(z) - 1)
     exact = np.linalg.lstsq(G[:, basis], start, rcond=None)[0][-1]
     return float(np.clip(exact if abs(exact - z[-1]) <= 1e-5 else z[-1], 0.0, 1.0))

@@ -5,11 +5,9 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from receding_fenicsx.arrays import Array
 from receding_fenicsx.errors import InputError
-from receding_fenicsx.interface.system import ContactSystem
+from receding_fenicsx.interface.system import ContactSystem, neutral_motions
 
 
 def eliminate_tangential(system: ContactSystem) -> ContactSystem:
@@ -47,9 +45,18 @@ def eliminate_tangential(system: ContactSystem) -> ContactSystem:
     K_tt = system.K[np.ix_(free, free)]
     K_tn = system.K[free, n:]
     Q_star = system.r_star[:, free].T
-    slides = _tangential_rigid(system, free)
-    if slides is not None:
-        _check_resultants(system, np.abs(slides.T @ Q_star).max(axis=0))
+    # rigid motions along the plane, which nothing resists
+    motions = neutral_motions(system.rigid, np.arange(2 * n) >= n)
+    if motions.shape[1]:
+        slides = np.linalg.qr(motions[free])[0]
+        resultant = np.abs(slides.T @ Q_star).max(axis=0)
+        # relative to all reactions: two mirrored bodies have normal ones only
+        if np.any(resultant > 1e-10 * np.abs(system.r_star).sum(axis=1)):
+            name = system.load_names[int(np.argmax(resultant))]
+            raise InputError(
+                f"load '{name}' pushes the frictionless body along, and nothing resists it: "
+                "add a [[support]] or friction"
+            )
         K_tt = K_tt + slides @ slides.T * (np.trace(K_tt) / len(free))
     mapped = -np.linalg.solve(K_tt, np.hstack([K_tn, Q_star]))
     slip_map = np.zeros((n, n + len(system.load_names)))
@@ -67,35 +74,6 @@ def eliminate_tangential(system: ContactSystem) -> ContactSystem:
         slip_map=slip_map,
         load_compliance=compliance,
     )
-
-
-SLIDE_TOLERANCE = 1e-10
-"""Load resultant along a free rigid sliding, over the sum of its reactions, that counts as zero."""
-
-
-def _check_resultants(system: ContactSystem, resultant: Array) -> None:
-    """Raise where a load has a resultant along the rigid motion that nothing resists."""
-    # relative to all reactions: two mirrored bodies have normal ones only
-    if np.any(resultant > SLIDE_TOLERANCE * np.abs(system.r_star).sum(axis=1)):
-        name = system.load_names[int(np.argmax(resultant))]
-        raise InputError(
-            f"load '{name}' pushes the frictionless body along, and nothing resists it: "
-            "add a [[support]] or friction"
-        )
-
-
-def _tangential_rigid(system: ContactSystem, free: NDArray[np.intp]) -> Array | None:
-    """Return orthonormal rigid motions with w = 0 on the free tangential nodes, or None."""
-    n = system.n
-    if system.rigid.shape[1] == 0:
-        return None
-    # combinations of the rigid modes whose normal part vanishes
-    _, values, right = np.linalg.svd(system.rigid[n:])
-    rank = int(np.sum(values > SLIDE_TOLERANCE * max(1.0, values.max(initial=0.0))))
-    null = right[rank:]
-    if len(null) == 0:
-        return None
-    return np.linalg.qr((system.rigid[:n] @ null.T)[free])[0]
 
 
 def frictional_form(system: ContactSystem) -> ContactSystem:

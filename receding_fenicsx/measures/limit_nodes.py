@@ -104,34 +104,22 @@ def limit_nodes(record: Record, cycle: int) -> LimitNodes:
     state = table.state[rows]
     slips = np.any(np.isin(state, SLIP), axis=0)
     stuck = stuck_nodes(record, cycle)
-    at_limit = stuck & (table.P[rows] > 0.0) & _is_at_limit(record, table.Q[rows], table.P[rows])
+    # of a node at its limit |Q| and f P differ by so much at most
+    low, high = record.friction.limits((1.0 - 1e-6) * table.P[rows])
+    beyond = (table.Q[rows] <= low) | (table.Q[rows] >= high)
+    at_limit = stuck & (table.P[rows] > 0.0) & beyond
     reached = at_limit.any(axis=0)
     if record.method == "events":
         # a node may reach the limit and leave it between two samples
         events = record.events
         slip = np.isin(events.new, SLIP)
-        reached[events.node[(events.cycle == cycle) & slip]] = True
+        here = (events.cycle == cycle) & slip
+        reached[events.node[here]] = True
     node = np.flatnonzero(reached & stuck)
     row = rows[np.argmax(at_limit[:, node], axis=0)]
     leg, s = table.leg[row], table.s[row].copy()
     if record.method == "events":
         for k, i in enumerate(node):
-            found = _first_slip(record, cycle, int(i))
-            if found is not None:
-                leg[k], s[k] = found
+            for first in np.flatnonzero(here & (events.node == i))[:1]:
+                leg[k], s[k] = events.leg[first], events.s[first]
     return LimitNodes(stuck, node, leg, s, not bool(np.any(slips[node])))
-
-
-def _is_at_limit(record: Record, Q: Array, P: Array) -> NDArray[np.bool_]:
-    """Return whether the tangential reactions Q reach a limit at the pressures P."""
-    # largest relative difference of |Q| and f P of a node at its friction limit
-    low, high = record.friction.limits((1.0 - 1e-6) * P)
-    return (Q <= low) | (Q >= high)
-
-
-def _first_slip(record: Record, cycle: int, node: int) -> tuple[int, float] | None:
-    """Return leg and exact position at which a node begins to slip in a cycle."""
-    events = record.events
-    here = (events.cycle == cycle) & (events.node == node) & np.isin(events.new, SLIP)
-    found = np.flatnonzero(here)
-    return (int(events.leg[found[0]]), float(events.s[found[0]])) if len(found) else None

@@ -35,12 +35,6 @@ from receding_fenicsx.errors import NotConverged
 
 TERMS = 16
 """Chebyshev terms of the pressure."""
-FIRST_WIDTH, STEP_FACTOR = 0.3, 1.3
-"""First half width over h of the search, smaller than any solution, and factor of its steps."""
-PANELS, MAX_WAVE_NUMBER = 100, 40.0
-"""Gauss panels over the wave numbers 0 < k < 40 / h, where R and G have fallen to 1e-16."""
-ALTERNATIONS, WIDTH_TOLERANCE = 30, 1e-9
-"""Largest number of rounds for two half widths, and their relative change that ends them."""
 
 
 def contact_half_width(load: float = 0.0, modulus_ratio: float = 0.0) -> float:
@@ -73,20 +67,20 @@ def double_half_widths(
 
     c, c_2 = contact_half_width(load, modulus_ratio), math.inf
     # either width depends little on the other one
-    for _ in range(ALTERNATIONS):
+    for _ in range(30):
         before, c_2 = c_2, _zero(partial(lambda c, c_2: singular(c, c_2)[1], c))
         c = _zero(partial(lambda c_2, c: singular(c, c_2)[0], c_2))
-        if abs(c_2 - before) < WIDTH_TOLERANCE * c_2:
+        if abs(c_2 - before) < 1e-9 * c_2:
             return c, c_2
     raise NotConverged("two layers on a plane: the half widths of the contacts were not found")
 
 
 def _zero(singular: Callable[[float], float]) -> float:
     """Return the smallest half width at which the coefficient of the singularity is zero."""
-    c = FIRST_WIDTH
-    while singular(STEP_FACTOR * c) > 0.0:
-        c *= STEP_FACTOR
-    return float(brentq(singular, c, STEP_FACTOR * c, xtol=1e-10))
+    c, factor = 0.3, 1.3  # smaller than any solution
+    while singular(factor * c) > 0.0:
+        c *= factor
+    return float(brentq(singular, c, factor * c, xtol=1e-10))
 
 
 def _pressures(widths: Array, load: float, modulus_ratio: float, second: float = 1.0) -> Array:
@@ -123,7 +117,7 @@ def _pressures(widths: Array, load: float, modulus_ratio: float, second: float =
 
 def _kernels(z: Array) -> tuple[Array, Array]:
     """Return R and G at the wave number times the height."""
-    z = np.minimum(z, 2.0 * MAX_WAVE_NUMBER)
+    z = np.minimum(z, 80.0)
     below = np.sinh(z) ** 2 - z**2
     return (np.sinh(z) * np.cosh(z) + z) / below - 1.0, (np.sinh(z) + z * np.cosh(z)) / below
 
@@ -141,7 +135,8 @@ def _transforms(k: Array, c: float) -> tuple[Array, Array]:
 
 def _wave_numbers(height: float) -> tuple[Array, Array]:
     points, weights = leggauss(8)
-    ends = MAX_WAVE_NUMBER / height * np.linspace(0.0, 1.0, PANELS + 1) ** 1.5
+    # Gauss panels over 0 < k < 40 / h, where R and G have fallen to 1e-16
+    ends = 40.0 / height * np.linspace(0.0, 1.0, 101) ** 1.5
     width = np.diff(ends)
     k = (ends[:-1, None] + 0.5 * width[:, None] * (points + 1.0)).ravel()
     return k, (0.5 * width[:, None] * weights).ravel()

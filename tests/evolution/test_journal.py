@@ -11,12 +11,13 @@ import pytest
 from models import block_system
 from small import cyclic, small_system
 
-from receding_fenicsx.errors import InputError, NoEquilibrium, RecedingError
+from receding_fenicsx.errors import InputError, RecedingError
 from receding_fenicsx.evolution import journal as journal_module
 from receding_fenicsx.evolution.evolve import Progress, continue_history, evolve
 from receding_fenicsx.evolution.journal import Journal, JournalFile, is_checkpoint
 from receding_fenicsx.evolution.problem import problem_of_history
 from receding_fenicsx.evolution.record import Record
+from receding_fenicsx.interface.normal_form import eliminate_tangential
 from receding_fenicsx.interface.system import ContactSystem
 from receding_fenicsx.scene.history import History
 from receding_fenicsx.scene.model import OutputOptions, SolverOptions
@@ -106,24 +107,29 @@ def test_run_gone_on_with_has_samples_of_the_cycles_that_are_asked_for_then(
     equal(record.cycles, play(BLOCK, cyclic(14), solver, journal=Journal(5)).cycles)
 
 
-@pytest.mark.parametrize("killed", [1, 5, 14, 23])
-def test_exact_path_gone_on_with_is_the_undisturbed_one_in_every_bit(
-    tmp_path: Path, killed: int
+@pytest.mark.parametrize(
+    ("killed", "every", "cycles", "system", "solver"),
+    [
+        *((killed, 5, 24, BLOCK, None) for killed in (1, 5, 14, 23)),
+        *((killed, 3, 8, block_system(16, 8), GAUSS_SEIDEL) for killed in (2, 7)),
+        pytest.param(11, 5, 12, block_system(40, 20, poisson=0.4999), None, id="incompressible"),
+        pytest.param(
+            7, 5, 9, eliminate_tangential(block_system(16, 8, f=0.0)), None, id="normal form"
+        ),
+    ],
+)
+def test_run_gone_on_with_is_the_undisturbed_one_in_every_bit(
+    tmp_path: Path,
+    killed: int,
+    every: int,
+    cycles: int,
+    system: ContactSystem,
+    solver: SolverOptions | None,
 ) -> None:
-    undisturbed = play(BLOCK, cyclic(24), journal=Journal(5))
-    journal = interrupted(tmp_path / "journal", killed, cyclic(24))
-    assert len(journal.cycles) == 5 * (killed // 5) + 1
-    equal(play(BLOCK, cyclic(24), journal=journal), undisturbed)
-
-
-@pytest.mark.parametrize("killed", [2, 7])
-def test_gauss_seidel_gone_on_with_is_the_undisturbed_one_in_every_bit(
-    tmp_path: Path, killed: int
-) -> None:
-    small = block_system(16, 8)
-    undisturbed = play(small, cyclic(8), GAUSS_SEIDEL, journal=Journal(3))
-    journal = interrupted(tmp_path / "journal", killed, cyclic(8), small, GAUSS_SEIDEL, 3)
-    equal(play(small, cyclic(8), GAUSS_SEIDEL, journal=journal), undisturbed)
+    undisturbed = play(system, cyclic(cycles), solver, journal=Journal(every))
+    journal = interrupted(tmp_path / "journal", killed, cyclic(cycles), system, solver, every)
+    assert len(journal.cycles) == every * (killed // every) + 1
+    equal(play(system, cyclic(cycles), solver, journal=journal), undisturbed)
 
 
 def test_run_killed_again_and_again_until_steady_ends_the_same(tmp_path: Path) -> None:
@@ -134,22 +140,6 @@ def test_run_killed_again_and_again_until_steady_ends_the_same(tmp_path: Path) -
         interrupted(tmp_path / "journal", killed, history).close()
     journal = JournalFile(tmp_path / "journal", BLOCK, 5)
     equal(play(BLOCK, history, journal=journal), undisturbed)
-
-
-def test_nearly_incompressible_body_is_gone_on_with_to_the_bit(tmp_path: Path) -> None:
-    stiff = block_system(40, 20, poisson=0.4999)
-    undisturbed = play(stiff, cyclic(12), journal=Journal(5))
-    journal = interrupted(tmp_path / "journal", 11, cyclic(12), stiff)
-    equal(play(stiff, cyclic(12), journal=journal), undisturbed)
-
-
-def test_frictionless_contact_is_gone_on_with_in_its_normal_form(tmp_path: Path) -> None:
-    from receding_fenicsx.interface.normal_form import eliminate_tangential
-
-    normal = eliminate_tangential(block_system(16, 8, f=0.0))
-    undisturbed = play(normal, cyclic(9), journal=Journal(5))
-    journal = interrupted(tmp_path / "journal", 7, cyclic(9), normal)
-    equal(play(normal, cyclic(9), journal=journal), undisturbed)
 
 
 def test_more_cycles_go_on_from_a_finished_run(tmp_path: Path) -> None:
@@ -276,18 +266,6 @@ def test_checkpoints_grow_sparser_but_never_leave_more_than_a_tenth_behind() -> 
         at = np.array([n for n in range(20000) if is_checkpoint(n, every)])
         assert np.all(np.diff(at) <= np.maximum(every, at[:-1] / 10))
     assert len(at) < 100
-
-
-def test_failed_history_keeps_the_legs_before_the_failure() -> None:
-    # pulled off the plane in the second cycle's path: the record ends before it
-    system = block_system(16, 8)
-    history = History(("p0",), np.array([[0.0], [1.0], [0.5], [-1.0]]), np.zeros((0, 1)))
-    with pytest.raises(NoEquilibrium) as caught:
-        evolve(system, history)
-    record = caught.value.record
-    assert isinstance(record, Record)
-    assert record.turning_points.load[:, 0].tolist() == [1.0, 0.5]
-    assert record.residual_max > 0.0 and record.n_events > 0
 
 
 def test_output_options_change_no_bit_of_the_path(tmp_path: Path) -> None:

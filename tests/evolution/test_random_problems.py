@@ -56,82 +56,65 @@ def test_accepted_answers_keep_the_laws_and_refusals_are_true(family: str, numbe
     assert not bad, f"{bad}\n{table_of(found.values())}"
 
 
-@pytest.mark.parametrize(
-    "number",
-    [
-        181,
-        298,
-        340,
-        422,
-        437,
-        549,
-        595,
-        600,
-        954,
-        1294,
-        2153,
-        2402,
-        2522,
-        2563,
-        2578,
-        2592,
-        3813,
-        4013,
-        20203,
-        560562,
-        562071,
-        605252,
-        951078,
-        1200078,
-    ],
-)
-def test_guided_bodies_that_come_off_an_edge_or_float_break_no_law(number: int) -> None:
-    """Unloaded, they may be open on one of two edges; loads without a resultant leave them free.
-
-    In 1294 and 20203 the loads of a leg cancel up to round-off, in 954 all contact forces vanish.
-    In the last but one the guide is as steep as the friction: it may slide on without resistance.
-    The last one is wedged between two nodes: both forces vanish at once, but for round-off.
-    """
-    assert judge(oblique(problem(number))).verdict in (ACCEPTED, REFUSED)
+def same(p: Problem) -> Problem:
+    return p
 
 
-def test_legs_that_are_taken_on_the_exact_path_after_all_keep_the_laws() -> None:
-    """Load steps lead to a jump, the exact path from the leg's start does not: it is recorded."""
-    assert judge(problem(20076)).verdict == ACCEPTED
+SINGLE = {
+    # unloaded, open on one of two edges; loads without a resultant leave the bodies free; in 1294
+    # and 20203 the loads of a leg cancel up to round-off, in 954 all contact forces vanish; the
+    # guide of 951078 is as steep as the friction; the last is wedged between two nodes
+    "guided bodies that come off an edge or float": (
+        oblique,
+        "181 298 340 422 437 549 595 600 954 1294 2153 2402 2522 2563 2578 2592 3813 4013 20203 "
+        "560562 562071 605252 951078 1200078",
+        {ACCEPTED, REFUSED},
+    ),
+    # near-singular bodies unloaded, feet that slip apart, levers, balanced and hanging bodies
+    "rigid motions that the contact leaves free": (
+        same,
+        "202838 300652 401437 402286 402484 403564 403946 414070 414102 423839 424162 483327 "
+        "501660",
+        {ACCEPTED, REFUSED},
+    ),
+    # load steps lead to a jump, the exact path from the leg's start does not; a block of pivots is
+    # singular; a free body that is unloaded in load steps does not float off
+    "accepted": (same, "20076 1050272 1120300 464364 621228", {ACCEPTED}),
+    # a body that was displaced far comes to rest; round-off of such displacements is no jump
+    "in the limit": (limited, "1200155 1200094", {ACCEPTED}),
+    # springs of 1e-8 to 1e-9 of K carry loads a hundred times the force scale of open contacts
+    "bodies lifted off soft springs": (
+        sprung,
+        "60000067 60000434 60000475 60000604 60001026 61000048 61000717",
+        {ACCEPTED},
+    ),
+    # forces of 1e-8 to 1e-9 of the largest decide, those of the springs that hold the body
+    "nearly loose bodies": (sprung, "61000644 61001002", {UNJUDGED}),
+    # springs slide the body back in the last 1e-9 of unloading: no continuation, or a jump
+    "pulled back": (sprung, "61001120", {REFUSED, MISNAMED}),
+}
 
 
 @pytest.mark.parametrize(
-    "number",
-    [
-        202838,
-        300652,
-        401437,
-        402286,
-        402484,
-        403564,
-        403946,
-        414070,
-        414102,
-        423839,
-        424162,
-        483327,
-        501660,
-    ],
+    ("kind", "number"), [(kind, int(n)) for kind, row in SINGLE.items() for n in row[1].split()]
 )
-def test_rigid_motions_that_the_contact_leaves_free_break_no_law(number: int) -> None:
-    """Near-singular bodies unloaded, feet that slip apart, levers, balanced and hanging bodies."""
-    assert judge(problem(number)).verdict in (ACCEPTED, REFUSED)
-
-
-FROM_FAR = (421169, 422596, 454266)
-"""Open, these are displaced by 1e6: its round-off is no slip that would jump when they open."""
-NEARLY_SINGULAR = (451397, 452136, 460759, 462002, 471245, 471616)
-"""These find their states and keep their energy."""
+def test_a_single_hard_problem_breaks_no_law(kind: str, number: int) -> None:
+    change, _, allowed = SINGLE[kind]
+    outcome = judge(change(problem(number)))
+    assert outcome.verdict in allowed, outcome
+    if outcome.verdict == UNJUDGED:
+        assert "as stiff as the stiffest" in outcome.said
+    if number in (464364, 621228, 1200094):  # nodes slip and stick at the place of a jump
+        assert outcome == Outcome(ACCEPTED, "with jumps")
 
 
 def test_nearly_singular_bodies_are_solved_but_for_one_lost_in_round_off() -> None:
-    """Which one is refused, if any, depends on the linear algebra library; none may be wrong."""
-    found = [judge(problem(number)) for number in FROM_FAR + NEARLY_SINGULAR]
+    """Which one is refused, if any, depends on the linear algebra library; none may be wrong.
+
+    The first three, open, are displaced by 1e6: its round-off is no slip that would jump.
+    """
+    numbers = 421169, 422596, 454266, 451397, 452136, 460759, 462002, 471245, 471616
+    found = [judge(problem(number)) for number in numbers]
     assert all(outcome.verdict != WRONG for outcome in found)
     assert found.count(Outcome(ACCEPTED, "no jump")) >= len(found) - 1
 
@@ -151,11 +134,6 @@ def test_jumps_that_are_hardly_told_from_round_off_are_no_objection() -> None:
     assert accepted >= 2
 
 
-def test_a_first_loading_whose_pivots_end_in_a_singular_block_is_solved() -> None:
-    """Solving for z again gave 1e17, whose round-off excused all."""
-    assert judge(problem(1050272)).verdict == ACCEPTED
-
-
 @pytest.mark.parametrize("cleared", [False, True], ids=["", "round-off removed at every event"])
 def test_an_event_at_the_place_of_a_jump_is_left_out(
     cleared: bool, monkeypatch: pytest.MonkeyPatch
@@ -167,49 +145,6 @@ def test_an_event_at_the_place_of_a_jump_is_left_out(
     assert judge(p) == Outcome(ACCEPTED, "with jumps")
     events = play(p).events
     assert not np.any((events.cycle == 5) & (events.leg == 2) & (events.node == 5))
-
-
-def test_an_unloaded_free_body_does_not_float_off_in_load_steps() -> None:
-    """Sweeps left it lifted by a third of what it had moved by on the step."""
-    assert judge(problem(1120300)).verdict == ACCEPTED
-
-
-def test_a_near_singular_body_that_was_displaced_far_comes_to_rest_unloaded() -> None:
-    """It needs more than one step of refinement to do so."""
-    assert judge(limited(problem(1200155))).verdict == ACCEPTED
-
-
-@pytest.mark.parametrize(
-    "number", [60000067, 60000434, 60000475, 60000604, 60001026, 61000048, 61000717]
-)
-def test_bodies_lifted_off_soft_springs_are_solved(number: int) -> None:
-    """Springs of 1e-8 to 1e-9 of K carry loads a hundred times the force scale of open contacts.
-
-    Samples at the ends of legs are those ends, refined; on such springs others are far off.
-    """
-    assert judge(sprung(problem(number))).verdict == ACCEPTED
-
-
-@pytest.mark.parametrize("number", [61000644, 61001002])
-def test_refusals_of_nearly_loose_bodies_name_the_softest_motion(number: int) -> None:
-    """Forces of 1e-8 to 1e-9 of the largest decide, those of the springs that hold the body."""
-    outcome = judge(sprung(problem(number)))
-    assert outcome.verdict == UNJUDGED and "as stiff as the stiffest" in outcome.said
-
-
-def test_a_body_is_not_left_where_soft_springs_pull_it_back_as_it_is_unloaded() -> None:
-    """They slide it back in the last 1e-9 of the leg: there is no continuation, or a jump."""
-    outcome = judge(sprung(problem(61001120)))
-    assert outcome.verdict in (REFUSED, MISNAMED), outcome.said
-
-
-@pytest.mark.parametrize("number", [464364, 621228])
-def test_nodes_that_slip_and_stick_at_one_place_are_no_objection(number: int) -> None:
-    assert judge(problem(number)) == Outcome(ACCEPTED, "with jumps")
-
-
-def test_round_off_of_far_displacements_is_no_jump() -> None:
-    assert judge(limited(problem(1200094))) == Outcome(ACCEPTED, "with jumps")
 
 
 @pytest.mark.parametrize("number", [1036, 1527])

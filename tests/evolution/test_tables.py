@@ -35,12 +35,7 @@ def test_turning_points_are_found_by_the_size_of_the_load() -> None:
         assert np.array_equal(high.v, table.v[rows[1]])
         assert high.load_displacement["p0"] == table.load_displacement[rows[1], 0]
         assert np.array_equal(found.at(cycle).state, high.state)
-
-
-def test_negative_cycles_count_from_the_last() -> None:
-    found = record()
-    for back in (1, 2, 3, 4):
-        assert found.at(-back).cycle == 4 - back
+        assert found.at(cycle - 4).cycle == cycle
 
 
 def test_stored_instants_are_found_by_load_or_by_position() -> None:
@@ -54,13 +49,6 @@ def test_stored_instants_are_found_by_load_or_by_position() -> None:
             assert np.array_equal(moment.Q, samples.Q[row])
     # the largest load is the measure of what is the same
     assert found.at(2, load=0.25 + 8e-10).leg == 0
-
-
-def test_zones_of_an_instant_cover_the_contact_edge() -> None:
-    moment = record().at(2, "minimum")
-    assert moment.zones[0][1] == moment.x[0]
-    assert moment.zones[-1][2] == moment.x[-1]
-    assert all(a[2] == b[1] for a, b in zip(moment.zones, moment.zones[1:], strict=False))
 
 
 @pytest.mark.parametrize(
@@ -156,45 +144,17 @@ def test_table_of_cycles_sums_to_the_dissipation() -> None:
         assert np.all(table["dissipation"][here] == total)
 
 
-def test_events_are_a_table_of_their_own_length() -> None:
-    table = record().to_table("events")
-    assert {len(column) for column in table.values()} == {len(record().events.s)}
-    assert np.array_equal(table["new"], record().events.new)
-
-
-def test_unknown_table_is_refused() -> None:
-    with pytest.raises(InputError, match="turning_points"):
-        record().to_table("nodes")
-
-
-def test_missing_library_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_missing_library_or_table_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     def missing(name: str) -> None:
         raise ModuleNotFoundError(name)
 
+    with pytest.raises(InputError, match="turning_points"):
+        record().to_table("nodes")
     monkeypatch.setattr(tables, "import_module", missing)
     major = int(np.__version__.split(".")[0])
     for method, name in ((record().to_pandas, "pandas"), (record().to_xarray, "xarray")):
         with pytest.raises(InputError, match=f'pip install "numpy<{major + 1}" {name}'):
             method()
-
-
-def test_frame_answers_as_the_record_does() -> None:
-    found = record()
-    frame = found.to_pandas()
-    low = frame[(frame.cycle == 2) & (frame["load.p0"] == 0.25)].sort_values("x")
-    assert np.array_equal(low.p.to_numpy(), found.at(2, "minimum").p)
-
-
-def test_dataset_answers_as_the_record_does() -> None:
-    found = record()
-    data = found.to_xarray()
-    low = data.isel(instant=int(np.flatnonzero((data.cycle == 2) & (data.leg == 0))[0]))
-    assert np.array_equal(low.q.values, found.at(2, "minimum").q)
-    assert float(low.load_factor.sel(load="p0")) == 0.25
-    with pytest.raises(InputError, match="events: are a plain table"):
-        found.to_xarray("events")
-    assert found.to_xarray("cycles").dissipation.sel(cycle=3) == found.cycles.dissipation[2]
-    assert dict(data.sizes) == {"instant": 7, "node": len(found.x), "load": 1}
 
 
 def test_instants_and_nodes_of_a_dataset_are_selected_by_coordinates() -> None:
@@ -208,6 +168,11 @@ def test_instants_and_nodes_of_a_dataset_are_selected_by_coordinates() -> None:
     node = int(np.argmin(np.abs(found.x - 0.52)))
     assert float(data.sel(x=0.52, method="nearest").x) == found.x[node]
     assert np.array_equal(data.sel(x=found.x[node]).v.values, found.turning_points.v[:, node])
+    assert dict(data.sizes) == {"instant": 7, "node": len(found.x), "load": 1}
+    assert float(low.load_factor.sel(load="p0")) == 0.25
+    frame = found.to_pandas()
+    frame = frame[(frame.cycle == 3) & (frame["load.p0"] == 0.25)].sort_values("x")
+    assert np.array_equal(frame.p.to_numpy(), low.p.values)
     samples = found.to_xarray("samples").sel(cycle=2).sel(leg=0)
     half = samples.sel(s=0.5, method="nearest")
     assert np.array_equal(half.P.values, found.at(2, leg=0, s=float(half.s)).P)

@@ -6,7 +6,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.interface.exact.consistency import ConsistentStates
@@ -141,7 +140,10 @@ class Chooser:
         number = self._take(place, point.load, [option for _, option in ways])
         if number > 0:
             point.state = ways[number][1].state
-            _set_limits(segments, point.y, found.on_limit, undecided.nodes)
+            # quantities of undecided nodes within round-off of their limits are zero
+            for kind in (1, A, B):
+                labels = kind * segments.system.n + undecided.nodes
+                point.y[labels[point.y[labels] <= found.on_limit[labels]]] = 0.0
         return ways[number][0]
 
     def _is_certified(self, system: ContactSystem, before: States, undecided: Undecided) -> bool:
@@ -273,11 +275,3 @@ def _static_option(segments: Segments, start: ContactState, end: ContactState) -
     slip = np.where(segments.frictional & (end.state != 2), change[:n], 0.0)
     dissipation = -0.5 * float(end.Q @ slip)
     return _Option(end.state, change * segments.weight[: 2 * n], (dissipation, 0.0))
-
-
-def _set_limits(segments: Segments, y: Array, on_limit: Array, nodes: NDArray[np.intp]) -> None:
-    """Set the quantities of undecided nodes that are within round-off of their limits to zero."""
-    n = segments.system.n
-    for kind in (1, A, B):
-        labels = kind * n + nodes
-        y[labels[y[labels] <= on_limit[labels]]] = 0.0

@@ -26,7 +26,7 @@ from receding_fenicsx.interface.residual import (
     local_stiffness,
     round_off,
 )
-from receding_fenicsx.interface.system import ContactState, ContactSystem, reactions
+from receding_fenicsx.interface.system import ContactState, ContactSystem, Leg, reactions
 
 SETTLE_SWEEPS = 2
 """Sweeps without a change of state after which a polish is tried."""
@@ -63,25 +63,6 @@ class Stalled(NotConverged):
     """The sweeps cycle or creep: with friction they may, though the step has a solution."""
 
 
-@dataclass(frozen=True)
-class Step:
-    """An accepted load step.
-
-    Attributes:
-        end: displacements, reactions and states at the end of the step.
-        dissipation: (N,) frictional dissipation, -(Q_old + Q_new)/2 (v_new - v_start).
-        residual: residual of the contact law over ``force_scale``.
-        force_scale: largest nodal force of the history so far.
-        sweeps: number of sweeps.
-    """
-
-    end: ContactState
-    dissipation: Array
-    residual: float
-    force_scale: float
-    sweeps: int
-
-
 def solve_step(
     system: ContactSystem,
     start: ContactState,
@@ -89,7 +70,7 @@ def solve_step(
     options: GaussSeidelOptions,
     force_scale: float = 0.0,
     guess: ContactState | None = None,
-) -> Step:
+) -> Leg:
     """Advance the contact from ``start`` to the load factors ``load`` in one step.
 
     Args:
@@ -101,7 +82,8 @@ def solve_step(
         guess: displacements and states that the sweeps begin with; ``start`` by default.
 
     Returns:
-        The accepted step.
+        The accepted step: its end, dissipation, -(Q_old + Q_new)/2 (v_new - v_start) of each node,
+        residual, force scale and number of sweeps.
 
     Raises:
         NotConverged: the sweeps ran out; the message holds the residual and the worst node.
@@ -277,7 +259,7 @@ class _Sweeper:
         worst = int(np.argmax(both))
         return (float(both[worst]) / scale if scale > 0.0 else 0.0), worst, scale
 
-    def accept(self, residual: float, scale: float, sweeps: int) -> Step:
+    def accept(self, residual: float, scale: float, sweeps: int) -> Leg:
         """Return the step with fresh reactions and its dissipation."""
         n, frictionless = self.system.n, ~self.system.friction.present
         r = reactions(self.system, self.load, self.u)
@@ -289,4 +271,5 @@ class _Sweeper:
         slip = np.where(end.state == SEPARATION, 0.0, end.v - np.array(self.v_ref))
         # without friction, forces of round-off may move a node far
         slip[self.system.held[:n] | frictionless] = 0.0
-        return Step(end, -0.5 * (Q_old + end.Q) * slip, residual, scale, sweeps)
+        dissipation = -0.5 * (Q_old + end.Q) * slip
+        return Leg(end, dissipation, 0.0, residual, scale, sweeps=sweeps)

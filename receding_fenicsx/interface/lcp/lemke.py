@@ -7,6 +7,8 @@ Source: R. W. Cottle, J.-S. Pang, R. E. Stone, *The Linear Complementarity Probl
 
 from __future__ import annotations
 
+from contextlib import suppress
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -38,22 +40,15 @@ def solve(M: Array, q: Array, cover: Array) -> Array | None:
     b = b / size
     z = lemke(scaled, b, d * cover / np.abs(d * cover).max())
     if z is not None:
-        # where the chosen unknowns leave a singular block only the answer of the pivots is one
-        for answer in (_solved_again(scaled, b, z), z):
+        # solved again without the round-off of the pivots; where the chosen unknowns leave a
+        # singular block only the answer of the pivots is one
+        chosen, again = np.flatnonzero(z > 0.0), np.zeros_like(z)
+        with suppress(np.linalg.LinAlgError):
+            again[chosen] = np.linalg.solve(scaled[np.ix_(chosen, chosen)], -b[chosen])
+        for answer in (again, z):
             if is_solution(scaled, b, answer):
                 return d * answer * size
     return None
-
-
-def _solved_again(M: Array, q: Array, z: Array) -> Array:
-    """Return the solution with the positive unknowns of z, without the round-off of the pivots."""
-    chosen = np.flatnonzero(z > 0.0)
-    found = np.zeros_like(z)
-    try:
-        found[chosen] = np.linalg.solve(M[np.ix_(chosen, chosen)], -q[chosen])
-    except np.linalg.LinAlgError:
-        return z
-    return found
 
 
 def is_solution(M: Array, q: Array, z: Array) -> bool:
@@ -85,7 +80,10 @@ def lemke(M: Array, q: Array, cover: Array) -> Array | None:
     row = int(np.argmin(q / cover))
     entering = 2 * n
     for _ in range(50 * n + 100):
-        _pivot(tableau, row, entering)
+        tableau[row] /= tableau[row, entering]
+        factor = tableau[:, entering].copy()
+        factor[row] = 0.0
+        tableau -= np.outer(factor, tableau[row])
         leaving, basic[row] = basic[row], entering
         if leaving == 2 * n:
             z = np.zeros(2 * n + 1)
@@ -97,13 +95,6 @@ def lemke(M: Array, q: Array, cover: Array) -> Array | None:
             return None
         row = found
     return None
-
-
-def _pivot(tableau: Array, row: int, column: int) -> None:
-    tableau[row] /= tableau[row, column]
-    factor = tableau[:, column].copy()
-    factor[row] = 0.0
-    tableau -= np.outer(factor, tableau[row])
 
 
 def _ratio_test(tableau: Array, basic: NDArray[np.intp], entering: int, n: int) -> int | None:

@@ -182,5 +182,5 @@ class GaussSeidelPath:
         path = self._trials.continuation.follow(problem, s_end, now.limit)
         if path.error is not None:
             return False
-        now.replace(path.finish(), s_end)
+        now.replace(path.walk.finish(path.at_rest), s_end)
         return True

@@ -16,8 +16,8 @@ answer is another equilibrium, at a finite distance however small the step. Two 
 from __future__ import annotations
 
 from contextlib import suppress
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from dataclasses import replace
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -37,7 +37,6 @@ from receding_fenicsx.interface.exact.unloading import is_at_rest, is_closed, st
 from receding_fenicsx.interface.gauss_seidel.sweeps import (
     GaussSeidelOptions,
     Stalled,
-    Step,
     solve_step,
 )
 from receding_fenicsx.interface.law import SLIP_SIGN, State
@@ -55,8 +54,7 @@ if TYPE_CHECKING:
     from receding_fenicsx.interface.exact.walk import Walk
 
 
-@dataclass(frozen=True)
-class ExactPath:
+class ExactPath(NamedTuple):
     """The exact path through a part of a leg.
 
     Attributes:
@@ -68,20 +66,6 @@ class ExactPath:
     walk: Walk
     error: SolveError | None
     at_rest: bool
-
-    @property
-    def s(self) -> float:
-        """Place on the leg up to which it leads."""
-        return self.walk.s
-
-    @property
-    def end(self) -> ContactState:
-        """State there."""
-        return self.walk.here()
-
-    def finish(self) -> Leg:
-        """Return the path to the end of the part; raise SolveError where its residual is large."""
-        return self.walk.finish(self.at_rest)
 
 
 class Continuation:
@@ -191,15 +175,11 @@ class LegInSteps:
         if self.limit is not None and s > self.limit.s:
             raise NoEquilibrium(self.limit.text)
 
-    def add(self, found: Step | Leg, part: tuple[float, float]) -> None:
+    def add(self, found: Leg, part: tuple[float, float]) -> None:
         """Add an accepted step, or a piece of the exact path, between two places."""
         leg = self.leg
-        if isinstance(found, Leg):
-            leg.work += found.work
-            leg.ties = Changes.joined(leg.ties, found.ties)
-        else:
-            mean = 0.5 * (self.load(part[0]) + self.load(part[1]))
-            leg.work += float(mean @ self.system.r_star @ (found.end.u - leg.end.u))
+        leg.work += found.work
+        leg.ties = Changes.joined(leg.ties, found.ties)
         seen = seen_changes(found, leg.end, part[1], [part[0]])
         leg.events = Changes.joined(leg.events, *seen)
         leg.dissipation = leg.dissipation + found.dissipation
@@ -249,9 +229,7 @@ class LegInSteps:
         leg.stops.append((part[1], jump.end.u))
 
 
-def seen_changes(
-    found: Step | Leg, start: ContactState, s: float, stops: list[float]
-) -> list[Changes]:
+def seen_changes(found: Leg, start: ContactState, s: float, stops: list[float]) -> list[Changes]:
     """Return the changes of state of a step, at its end, or of the exact path, at their places.
 
     Args:
@@ -260,13 +238,10 @@ def seen_changes(
         s: its end.
         stops: places of its start or of stored states; a change there is moved just beyond.
     """
-    state, passed = start.state.copy(), list[Changes]()
-    if isinstance(found, Leg):
-        at = found.events.s
-        at = np.where(np.isin(at, stops), np.nextafter(at, 1.0), at)
-        passed.append(replace(found.events, s=at))
-        state[found.events.node] = found.events.new  # of several changes of a node the last
-    return [*passed, Changes.between(s, state, found.end.state)]
+    state, at = start.state.copy(), found.events.s
+    passed = replace(found.events, s=np.where(np.isin(at, stops), np.nextafter(at, 1.0), at))
+    state[found.events.node] = found.events.new  # of several changes of a node the last
+    return [passed, Changes.between(s, state, found.end.state)]
 
 
 SMALLEST_PART = 1e-9
@@ -280,8 +255,7 @@ SMALL_STEP_ERROR = 0.02
 """The same distance up to which sweeps from a better initial guess are not tried."""
 
 
-@dataclass(frozen=True)
-class Trial:
+class Trial(NamedTuple):
     """Result of a trial of one part of a load step.
 
     Attributes:
@@ -290,7 +264,7 @@ class Trial:
         s: place up to which ``found`` leads, or up to which to try next.
     """
 
-    found: Step | Leg | SolveError | None
+    found: Leg | SolveError | None
     s: float
 
 
@@ -319,7 +293,7 @@ class StepTrials:
         load = leg.load(s_to)
         step = None
         with suppress(Stalled):  # the exact path takes over
-            step = self._solve(leg, load)
+            step = self._solve(leg, s, s_to)
         scale = leg.leg.force_scale if step is None else step.force_scale
         if step is not None and self.continuation.is_straight(leg.end, step.end, scale):
             return Trial(step, s_to)
@@ -329,14 +303,18 @@ class StepTrials:
         if path.error is None:
             # where nothing presses a free body sweeps may leave it anywhere off its plane
             allowed = SMALL_STEP_ERROR if path.at_rest else STEP_ERROR
-            near = None if step is None else self._nearest(leg, load, path.end, step, allowed)
+            near = (
+                None
+                if step is None
+                else self._nearest(leg, (s, s_to), path.walk.here(), step, allowed)
+            )
             if near is not None:
                 return Trial(near, s_to)
             if is_smallest or step is None:
-                return Trial(path.finish(), s_to)
+                return Trial(path.walk.finish(path.at_rest), s_to)
             if path.at_rest:
                 with suppress(SolveError):
-                    return Trial(path.finish(), s_to)
+                    return Trial(path.walk.finish(path.at_rest), s_to)
             return Trial(None, 0.5 * (s + s_to))
         at_start = leg.problem.ends[0]
         unloaded = s == 0.0 and not np.any(at_start)
@@ -352,46 +330,54 @@ class StepTrials:
         if is_smallest:
             if step is None:
                 with suppress(NotConverged):
-                    step = self._solve(leg, load, patient=True)
+                    step = self._solve(leg, s, s_to, patient=True)
             if step is not None:
                 change = self.continuation.size(step.end.u - leg.end.u) / step.force_scale
                 # finite is a change, as a force over the largest nodal force, of more than
                 return Trial(step if change <= 1e-5 else path.error, s_to)
             return Trial(path.error, s_to)
-        if path.s - s > SMALLEST_PART:
+        if path.walk.s - s > SMALLEST_PART:
             with suppress(SolveError):
-                return Trial(path.walk.stop_here(), path.s)
+                return Trial(path.walk.stop_here(), path.walk.s)
         return Trial(None, s + SMALLEST_PART)
 
     def _solve(
         self,
         leg: LegInSteps,
-        load: Array,
+        s: float,
+        s_to: float,
         guess: ContactState | None = None,
         patient: bool = False,
-    ) -> Step:
+    ) -> Leg:
         """Solve a part by sweeps, which may creep to the largest number of them if ``patient``."""
         scale, options = leg.leg.force_scale, self.options
         if patient:
             options = replace(options, stalled_sweeps=options.max_sweeps)
-        step = solve_step(self.system, leg.end, load, options, scale, guess)
+        step = solve_step(self.system, leg.end, leg.load(s_to), options, scale, guess)
+        mean = 0.5 * (leg.load(s) + leg.load(s_to))
+        step.work = float(mean @ self.system.r_star @ (step.end.u - leg.end.u))
         leg.leg.sweeps += step.sweeps
         if is_carried_by_round_off(self.system, step.end.u, step.force_scale):
             raise Stalled("the sweeps moved the body off; only round-off balances the loads")
         return step
 
     def _nearest(
-        self, leg: LegInSteps, load: Array, exact: ContactState, step: Step, allowed: float
-    ) -> Step | None:
+        self,
+        leg: LegInSteps,
+        part: tuple[float, float],
+        exact: ContactState,
+        step: Leg,
+        allowed: float,
+    ) -> Leg | None:
         """Return the step that ends nearest to the exact path, None if the error is too large."""
         length = self.continuation.size(exact.u - leg.end.u)
 
-        def error(step: Step) -> float:
+        def error(step: Leg) -> float:
             distance = self.continuation.distance(step.end, exact)
             return distance / (length + STEP_ON_LIMIT * step.force_scale / STEP_ERROR)
 
         if error(step) <= SMALL_STEP_ERROR:
             return step
         with suppress(NotConverged):
-            step = min(step, self._solve(leg, load, exact), key=error)
+            step = min(step, self._solve(leg, *part, exact), key=error)
         return step if error(step) <= allowed else None

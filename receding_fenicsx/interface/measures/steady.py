@@ -160,7 +160,9 @@ class SteadyWatch:
         largest = max(float(np.abs(end.r).max(initial=0.0)), UNLOADED_FORCE * end.force)
         for period, change in ((1, self.change), (2, self.change_2)):
             known = len(self.ends) > period
-            change.append(_relative(end.r, self.ends[~period].r, largest) if known else np.inf)
+            change.append(_largest(end.r - self.ends[~period].r) if known else np.inf)
+            if known:
+                change[-1] = change[-1] / largest if largest > 0.0 else 0.0
             if self.cycle < 0 and len(change) >= 2 * period:
                 repeats = self._is_round_off(max(change[-2 * period :]) * largest, largest)
                 self.kind = self._kind(period) if repeats else NOT_REACHED
@@ -214,7 +216,3 @@ class SteadyWatch:
 
 def _largest(values: Array) -> float:
     return float(np.abs(values).max(initial=0.0))
-
-
-def _relative(a: Array, b: Array, scale: float) -> float:
-    return _largest(a - b) / scale if scale > 0.0 else 0.0

@@ -196,7 +196,9 @@ def lower_limit(
     top, best, proofs = -upper.value, None, dict(certificates or {})
     order = np.arange(len(margins.targets)) if targets is None else np.array([*targets], dtype=int)
     # nodes with a wide range for little pressure come first: a small best prunes the others
-    reach = [_alone(margins, margins.targets[t]) for t in order]
+    pressed = [margins.c[list(margins.targets[t])].sum() for t in order]
+    change = [margins.d[list(margins.targets[t])].sum() for t in order]
+    reach = [-c / d if d < 0.0 else np.inf for c, d in zip(pressed, change, strict=True)]
     for t in order[np.argsort(reach, kind="stable")]:
         rows = margins.targets[t]
         total, constant = G[list(rows)].sum(axis=0), margins.c[list(rows)].sum()
@@ -214,12 +216,6 @@ def lower_limit(
         if top <= VANISHES:
             break
     return best, proofs
-
-
-def _alone(margins: Margins, rows: tuple[int, ...]) -> float:
-    """Return the mu at which a target vanishes if slip did not change its pressure."""
-    c, d = margins.c[list(rows)].sum(), margins.d[list(rows)].sum()
-    return float(-c / d) if d < 0.0 else np.inf
 
 
 def assembled(
@@ -250,6 +246,12 @@ def assembled(
     answers = {"lower": lower, "upper": upper if bounded else None}
     found = {limit: answer for limit, answer in answers.items() if answer is not None}
     active = [each for limit in found for each in _active(system, margins, found[limit], limit)]
+    # a node loses its pressure, or another one touches
+    at_upper = {(a.node, a.vertex, a.kind) for a in active if a.limit == "upper"}
+    opens = any(
+        kind not in (FORWARD, BACKWARD) or (kind == FORWARD and (n, k, BACKWARD) in at_upper)
+        for n, k, kind in at_upper
+    )
     proved = not margins.coupled or (
         len(margins.nodes) <= 2 and 2 * len(margins.nodes) == len(margins.c)
     )
@@ -260,19 +262,11 @@ def assembled(
         v,
         PROVED if proved else CONJECTURE,
         tuple(active),
-        _opens(active),
+        opens,
         away,
         residual,
         max((abs(a.value - a.bound) / (1.0 + abs(a.value)) for a in found.values()), default=0.0),
     )
-
-
-def _opens(active: Sequence[Active]) -> bool:
-    """Return whether a node loses its pressure, or another one touches, at the upper limit."""
-    at_upper = [a for a in active if a.limit == "upper"]
-    limits = {(a.node, a.vertex, a.kind) for a in at_upper}
-    both = any((n, k, BACKWARD) in limits for n, k, kind in limits if kind == FORWARD)
-    return both or any(a.kind not in (FORWARD, BACKWARD) for a in at_upper)
 
 
 def _active(

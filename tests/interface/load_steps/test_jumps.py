@@ -230,13 +230,13 @@ def test_pieces_of_the_exact_path_add_up_and_the_whole_path_replaces_them() -> N
     )
     check = Continuation(node)
     now = LegInSteps(node, LegProblem(at, (np.array([1.0, 0]), np.array([1.0, 1])), 1.0), None)
-    whole = check.follow(now.problem, 1.0, None).finish()
+    whole = check.follow(now.problem, 1.0, None).walk.finish()
 
     def numbers(leg: Leg) -> list[float]:
         return [*leg.dissipation, leg.work, leg.end.v[0], *(event[0] for event in leg.events)]
 
     for s, s_end in ((0.0, 0.3), (0.3, 0.7), (0.7, 1.0)):
-        now.add(check.follow(now.rest(s, 1.0), s_end, None).finish(), (s, s_end))
+        now.add(check.follow(now.rest(s, 1.0), s_end, None).walk.finish(), (s, s_end))
     # work of the pull: -integral of lambda dv
     assert numbers(now.leg) == pytest.approx([0.25, -0.375, 0.5, 0.5], rel=1e-12)
     now.replace(whole, 1.0)
