@@ -84,9 +84,9 @@ def test_integrals_of_the_logarithm_are_those_of_quadrature() -> None:
 
 def test_integrals_of_two_hats_do_not_depend_on_the_other_elements() -> None:
     """Not on how many there are either, of which so many are looked at together."""
-    x = graded(600)
-    whole = surface_integrals(x, np.stack([np.arange(599), np.arange(1, 600)], axis=1))
-    for first in (0, 350):
+    x = graded(700)
+    whole = surface_integrals(x, np.stack([np.arange(699), np.arange(1, 700)], axis=1))
+    for first in (0, 450):
         part = slice(first, first + 250)
         own = surface_integrals(x[part], np.stack([np.arange(249), np.arange(1, 250)], axis=1))
         for all_, found in zip(whole, own, strict=True):
