@@ -36,7 +36,8 @@ class ContactSide:
         facets: (k, 2 or 3) places in ``node`` of the nodes of each facet: ends, middle; -1 for one
             without weight, on the axis of revolution.
         carries: (n,) whether a node may be a contact point. Nodes of two edges and obliquely held
-            ones are none, nor are the middles of chords, which lie off their curve.
+            ones are none, nor are the middles of chords, which lie off their curve; of a tie, nodes
+            of two ties are none where they do not match.
         slave: whether the contact points are this side's nodes where those of both do not match.
     """
 
@@ -134,18 +135,26 @@ def find_contact(
         at = np.array([place[int(number)] for number in own])
         normal = contact.inward(points)
         carries = times[at] == 1
-        carries &= ~_held_obliquely(own, points, normal, found.given, carries)
+        if contact.tie:
+            normal = np.tile([0.0, 1.0], (len(at), 1))
+            tied = [e.nodes[0] for e, c in zip(edges, body.contacts, strict=True) if c.tie]
+            carries = np.isin(own, np.concatenate([o for o in tied if o is not own] or [own[:0]]))
+            carries = ~carries
+        else:
+            carries &= ~_held_obliquely(own, points, normal, found.given, carries)
         rows = {int(number): i for i, number in enumerate(own)}
         facets = np.array([[rows.get(int(n), -1) for n in facet] for facet in edge.facets])
-        if not isinstance(contact.line, Line):
+        if not (contact.tie or isinstance(contact.line, Line)):
             # chords have only their ends on the curve
             carries[facets[:, 2:]] = False
         sides.append(ContactSide(at, x, points, normal, weight, facets, carries, contact.slave))
-    points, normal, carries = (
+    points, normal = (
         np.concatenate([getattr(side, name) for side in sides])[first]
-        for name in ("points", "normal", "carries")
+        for name in ("points", "normal")
     )
-    normal = np.where(carries[:, None], normal, [0.0, 1.0])
+    pairs = zip(sides, body.contacts, strict=True)
+    own = np.concatenate([side.carries & (not contact.tie) for side, contact in pairs])[first]
+    normal = np.where(own[:, None], normal, [0.0, 1.0])
     tangent = np.column_stack([normal[:, 1], -normal[:, 0]]) + 0.0
 
     # a body of revolution moves along its axis only
@@ -190,7 +199,7 @@ def _edge_nodes(
     weight = np.bincount(inverse.ravel(), weights=weights.ravel()).astype(float)
     x = contact.line.along(points) + 0.0
     order = np.argsort(x)
-    if scene.axisymmetric:
+    if scene.axisymmetric and not contact.tie:
         # at order 2 the node on the axis has no weight: it gets no contact condition
         order = order[weight[order] > 1e-9 * weight.max()]
     return _Edge((node[order], points[order], x[order], weight[order]), facets.nodes)

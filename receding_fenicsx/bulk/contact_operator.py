@@ -102,6 +102,8 @@ def eliminate(
 ) -> tuple[sparse.csr_matrix, sparse.csr_matrix, Ints, NDArray[np.bool_]]:
     """Solve u = sum_b G_b u_b for the displacements of all bodies, each row by one freedom.
 
+    Ties come first, one after the other, as several may meet in a node.
+
     Args:
         relative: the rows.
         held: (n,) held freedoms of all bodies, one body after the other.
@@ -114,45 +116,56 @@ def eliminate(
     Raises:
         InputError: a freedom that a row is to determine is held, or others follow it.
     """
+    n = len(held)
     owner = np.repeat(np.arange(len(diagonal)), [len(part) for part in diagonal])
-    stiffness = np.zeros((len(diagonal), len(relative.slave)))
+    # infinite where a body is not on the joint
+    stiffness = np.full((len(diagonal), len(relative.slave)), np.inf)
     for body, (G, values) in enumerate(zip(relative.on, diagonal, strict=True)):
         coo = G.tocoo()
         for joint in relative.links[body]:
             used = np.unique(coo.col[relative.joint[coo.row] == joint])
             stiffness[body, joint] = values[used].sum()
-    G = sparse.hstack(relative.on).tocsr()
-    coo = G.tocoo()
-    row, column, value = coo.row, coo.col, coo.data
+    every = sparse.hstack(relative.on).tocsr()
     stuck = relative.held(held)
-    free = ~held[column]
-    alone = np.bincount(column[free], minlength=len(held)) == 1
-    usable = np.where(stuck[row], True, free & alone[column])
-    slave = relative.slave[relative.joint[row]]
-    matched = slave < 0
-    softness = np.where(
-        matched, stiffness[owner[column], relative.joint[row]], slave != owner[column]
-    )
-    usable &= matched | (slave == owner[column])
-    order = np.lexsort((-np.abs(value), value < 0.0, softness, row))
-    order = order[usable[order]]
-    rows, first = np.unique(row[order], return_index=True)
-    if len(rows) < relative.rows:
-        x, y = relative.places[np.setdiff1d(np.arange(relative.rows), rows)[0]]
-        raise InputError(
-            f"[[support]]: one or a displacement holds the node at ({x:.6g}, {y:.6g}) of one side "
-            "where the nodes of both do not match; hold both sides, or make the other one the slave"
-        )
-    pivot, scale = column[order[first]], value[order[first]]
-    solved = np.zeros(len(held), dtype=bool)
-    solved[pivot] = True
-    rest = np.flatnonzero(~solved & ~held)
-    n = len(held)
-    A = sparse.csr_matrix((1.0 / scale, (pivot, rows)), shape=(n, relative.rows))
-    identity = sparse.csr_matrix((np.ones(len(rest)), (rest, np.arange(len(rest)))), (n, len(rest)))
-    Y = identity - A @ (G @ identity)
+    tied = np.unique(relative.joint[relative.size :])
+    stages = [np.flatnonzero((relative.joint == k) & ~stuck) for k in tied]
+    A, Y = sparse.csr_matrix((n, relative.rows)), sparse.identity(n, format="csr")
+    fixed, left = held.copy(), np.ones(n)
+    for stage in (*stages, np.arange(relative.size)):
+        G = (every[stage] @ Y).tocsr()
+        # ties that close a ring around a node say the same twice
+        G.data[np.abs(G.data) < 1e-12] = 0.0
+        G.eliminate_zeros()
+        coo = G.tocoo()
+        row, column, value = coo.row, coo.col, coo.data
+        free = ~fixed[column]
+        alone = np.bincount(column[free], minlength=n) == 1
+        joint = relative.joint[stage][row]
+        slave = relative.slave[joint]
+        softness = stiffness[owner[column], joint]
+        usable = np.isfinite(softness) & ((slave < 0) | (slave == owner[column]))
+        usable &= stuck[stage][row] | (free & alone[column])
+        order = np.lexsort((-np.abs(value), value < 0.0, softness, row))
+        order = order[usable[order]]
+        rows, first = np.unique(row[order], return_index=True)
+        missing = np.setdiff1d(row, rows)
+        if len(missing):
+            x, y = relative.places[stage[missing[0]]]
+            raise InputError(
+                f"[[support]]: one or a displacement holds the node at ({x:.6g}, {y:.6g}) of one "
+                "side where the nodes of both do not match; hold both sides, or make the other one "
+                "the slave"
+            )
+        pivot, scale = column[order[first]], value[order[first]]
+        fixed[pivot], left[pivot] = True, 0.0
+        step = sparse.csr_matrix((1.0 / scale, (pivot, stage[rows])), shape=(n, relative.rows))
+        others = sparse.diags(left)
+        A = Y @ step
+        Y = Y @ (others - step[:, stage] @ (G @ others))
+    rest = np.flatnonzero(~fixed)
+    Y = Y.tocsc()[:, rest].tocsr()
     Y.eliminate_zeros()
-    return A, Y.tocsr(), rest, stuck
+    return A.tocsr(), Y, rest, stuck
 
 
 def relative_of(
@@ -273,9 +286,14 @@ def _points(
 ) -> _Points:
     """Return the points of one contact or tie; of two sides the slave is the first."""
     sign, body, slave = sides[0]
-    W = _merged(slave, scene.joint_labels[joint])
-    weight = np.asarray(W.sum(axis=1)).ravel()
-    W.data /= np.repeat(weight, np.diff(W.indptr))
+    if same and joint >= len(scene.contacts):
+        slave = replace(slave, carries=np.ones(len(slave.x), dtype=bool))
+    if slave.carries.all():
+        weight, W = slave.weight, sparse.identity(len(slave.x), format="csr")
+    else:
+        W = _merged(slave, scene.joint_labels[joint])
+        weight = np.asarray(W.sum(axis=1)).ravel()
+        W.data /= np.repeat(weight, np.diff(W.indptr))
     keep = np.flatnonzero(slave.carries)
     places, normal = W @ slave.points, slave.normal[keep]
     coo = W.tocoo()
@@ -390,8 +408,14 @@ def _projection(
     pi.data[np.abs(pi.data) < 1e-14 * np.abs(pi.data).max()] = 0.0
     pi.eliminate_zeros()
     total = np.asarray(pi.sum(axis=1)).ravel()
+    # a node on the axis of revolution may have no weight; it lies on one of the master
+    on_axis = np.flatnonzero(slave.weight <= 1e-9 * slave.weight.max())
+    apart = np.linalg.norm(slave.points[on_axis][:, None] - master.points, axis=2)
+    opposite = np.argmin(apart, axis=1) if len(on_axis) else on_axis
+    total[on_axis] = np.inf
     # translations to round-off
-    return sparse.csr_matrix(sparse.diags(1.0 / total) @ pi)
+    exact = sparse.csr_matrix((np.ones(len(on_axis)), (on_axis, opposite)), shape=pi.shape)
+    return sparse.csr_matrix(sparse.diags(1.0 / total) @ pi + exact)
 
 
 def _turning(

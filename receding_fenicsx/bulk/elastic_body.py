@@ -34,7 +34,7 @@ from receding_fenicsx.bulk.body import (
 )
 from receding_fenicsx.bulk.join_bodies import CondensedBody
 from receding_fenicsx.bulk.loads import thermal_strain
-from receding_fenicsx.bulk.material import linear_stresses, unit_stress
+from receding_fenicsx.bulk.material import linear_stresses, stiffness_in, unit_stress
 from receding_fenicsx.bulk.mesh.rectangle import POSITION_TOLERANCE
 from receding_fenicsx.bulk.stress import Stresses, stresses
 from receding_fenicsx.bulk.symmetric_matrix import norm, turn
@@ -219,8 +219,8 @@ def point_values(bulk: Bulk, points: Array, labels: list[str]) -> PointValues:
             )
     rows = [np.repeat(6 * i + np.arange(6), len(dofs)) for i, dofs, _, _ in every]
     of_loads = np.zeros((len(points), 6, len(bulk.load_names)))
-    for i, _, _, strain in every:
-        of_loads[i, 2:] -= np.outer(unit_stress(bulk.scene.material), strain / count[i])
+    for i, _, _, stress in every:
+        of_loads[i, 2:] -= stress / count[i]
     return PointValues(
         np.concatenate(rows),
         np.concatenate([np.tile(dofs, 6) for _, dofs, _, _ in every]),
@@ -230,7 +230,7 @@ def point_values(bulk: Bulk, points: Array, labels: list[str]) -> PointValues:
 
 
 def _in_own_cells(bulk: Bulk, points: Array) -> list[tuple[int, Ints, Array, Array]]:
-    """Return point, dofs, values (6, dofs) and thermal strains of this rank's cells at points."""
+    """Return point, dofs, values (6, dofs) and thermal stresses of this rank's cells at points."""
     mesh, dofmap = bulk.body.mesh, bulk.space.dofmap
     owned = mesh.topology.index_map(2).size_local
     corners = mesh.geometry.x[_dolfinx.cell_nodes(mesh)[:owned], :2]
@@ -238,6 +238,7 @@ def _in_own_cells(bulk: Bulk, points: Array) -> list[tuple[int, Ints, Array, Arr
     slack = CELL_TOLERANCE * (high - low).max(axis=1, initial=0.0)[:, None]
     cell_type, degree = bulk.body.cell, bulk.scene.mesh.degree
     midpoint = _dolfinx.REFERENCE_CORNERS[cell_type].mean(axis=0)
+    stiffness = stiffness_in(bulk.scene, bulk.body)
     found = []
     for i, point in enumerate(points):
         near = np.all((point >= low - slack) & (point <= high + slack), axis=1)
@@ -251,11 +252,13 @@ def _in_own_cells(bulk: Bulk, points: Array) -> list[tuple[int, Ints, Array, Arr
             shape, gradient = shape_functions(cell_type, degree, corners[cell], at)
             place = point if degree > 1 else mapped(cell_type, corners[cell], midpoint)[0]
             strain = thermal_strain(bulk.scene, bulk.load_names, place)
-            found.append((i, dofs, _values(bulk, shape, gradient, point), strain))
+            C = stiffness if stiffness.ndim == 2 else stiffness[cell]
+            stress = np.outer(unit_stress(C, bulk.scene.material), strain)
+            found.append((i, dofs, _values(bulk, C, shape, gradient, point), stress))
     return found
 
 
-def _values(bulk: Bulk, shape: Array, gradient: Array, point: Array) -> Array:
+def _values(bulk: Bulk, C: Array, shape: Array, gradient: Array, point: Array) -> Array:
     """Return (6, 2n) values of a cell's degrees of freedom from its n shape functions."""
     n = len(shape)
     # gradients [xx, xy, yx, yy, zz] that each degree of freedom causes
@@ -266,7 +269,7 @@ def _values(bulk: Bulk, shape: Array, gradient: Array, point: Array) -> Array:
         caused[:, 0, 4] = gradient[:, 0] if on_axis else shape / point[0]
     values = np.zeros((6, 2 * n))
     values[0, ::2], values[1, 1::2] = shape, shape
-    values[2:] = linear_stresses(bulk.scene.material, caused).reshape(2 * n, 4).T
+    values[2:] = linear_stresses(C, caused).reshape(2 * n, 4).T
     return values
 
 

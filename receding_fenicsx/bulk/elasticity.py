@@ -20,7 +20,7 @@ from receding_fenicsx.bulk import _dolfinx
 from receding_fenicsx.bulk.contact_nodes import find_contact
 from receding_fenicsx.bulk.elastic_body import ElasticBody
 from receding_fenicsx.bulk.loads import add_load
-from receding_fenicsx.bulk.material import lame_constants
+from receding_fenicsx.bulk.material import lame_constants, stiffness_in
 from receding_fenicsx.bulk.mesh.meshing import BodyMesh
 from receding_fenicsx.bulk.springs import add_springs, spring_rows
 from receding_fenicsx.mpi import on_all
@@ -42,7 +42,11 @@ def build(scene: Scene, body: BodyMesh) -> ElasticBody:
     """
     clock = time.perf_counter()
     space = _dolfinx.vector_space(body.mesh, scene.mesh.degree)
-    form = stiffness_form(space, *lame_constants(scene.material), scene.axisymmetric)
+    if body.materials is None and scene.material.young_2 is None:
+        form = stiffness_form(space, *lame_constants(scene.material), scene.axisymmetric)
+    else:
+        C = stiffness_in(scene, body) / scene.material.young
+        form = general_form(space, _dolfinx.cell_tensor(body.mesh, C), scene.axisymmetric)
     seconds = {"forms": time.perf_counter() - clock}
 
     clock = time.perf_counter()
@@ -152,3 +156,26 @@ def stiffness_form(
     dilation_u, dilation_v = ufl.div(u) + hoop_u, ufl.div(v) + hoop_v
     shear = 2 * μ * (ufl.inner(ε(u), ε(v)) + hoop_u * hoop_v)
     return _dolfinx.compile_form((λ * dilation_u * dilation_v + shear) * r * dx)
+
+
+def general_form(space: fem.FunctionSpace, C: fem.Function, axisymmetric: bool) -> Any:
+    """Compile a(u, v) = integral of C e(u) . e(v), e = [exx, eyy, ezz, 2 exy], times r if round.
+
+    Args:
+        space: displacement space.
+        C: (4, 4) stiffness in each cell.
+        axisymmetric: with the hoop strain ezz = u_r / r.
+    """
+    u, v = ufl.TrialFunction(space), ufl.TestFunction(space)
+    r = ufl.SpatialCoordinate(space.mesh)[0]
+    degree = len(space.dofmap.dof_layout.entity_closure_dofs(1, 0)) - 1
+    dx = ufl.dx(metadata={"quadrature_degree": 2 * degree + 2} if axisymmetric else {})
+
+    def e(u: Any) -> Any:
+        """Return the strains of a displacement field."""
+        grad = ufl.grad(u)
+        hoop = u[0] / r if axisymmetric else 0.0 * u[0]
+        return ufl.as_vector([grad[0, 0], grad[1, 1], hoop, grad[0, 1] + grad[1, 0]])
+
+    density = ufl.inner(ufl.dot(C, e(u)), e(v))
+    return _dolfinx.compile_form((r * density if axisymmetric else density) * dx)

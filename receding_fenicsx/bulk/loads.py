@@ -32,7 +32,7 @@ from receding_fenicsx.bulk.edges import (
     integrate_arcs,
     measure,
 )
-from receding_fenicsx.bulk.material import unit_stress
+from receding_fenicsx.bulk.material import stiffness_in, unit_stress
 from receding_fenicsx.bulk.mesh.curved_edges import Arcs
 from receding_fenicsx.bulk.mesh.meshing import BodyMesh
 from receding_fenicsx.mpi import on_all
@@ -166,14 +166,16 @@ def _domain_forces(
             volume = volume * points[..., 0]
         return nodes, np.einsum("cq,qn,icq->cni", volume, shape, np.array(density))
     # stress that holds a unit thermal strain
-    held = unit_stress(scene.material)[0]
-    stress = held * strain_of(load, points) * volume
+    held = np.atleast_2d(unit_stress(stiffness_in(scene, body), scene.material))
+    strain = strain_of(load, points) * volume
+    xx, yy, hoop, xy = held.T[:, :, None] * strain
+    stress = np.stack([np.stack([xx, xy], axis=-1), np.stack([xy, yy], axis=-1)], axis=-1)
     gradient = np.einsum("kqn,cqki->cqni", slopes, np.linalg.inv(jacobian))
     if not scene.axisymmetric:
-        return nodes, np.einsum("cq,cqni->cni", stress, gradient)
-    forces = np.einsum("cq,cqni->cni", stress * points[..., 0], gradient)
+        return nodes, np.einsum("cqij,cqni->cnj", stress, gradient)
+    forces = np.einsum("cqij,cqni->cnj", stress * points[..., :1, None], gradient)
     # the hoop strain u_r / r, times r
-    forces[..., 0] += np.einsum("cq,qn->cn", stress, shape)
+    forces[..., 0] += np.einsum("cq,qn->cn", hoop, shape)
     return nodes, forces
 
 

@@ -1,11 +1,12 @@
-"""Elastic constants of the plane and axisymmetric problems."""
+"""Elastic constants of the plane and axisymmetric problems, of one material or cell by cell."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from receding_fenicsx.arrays import Array
-from receding_fenicsx.scene.model import Material
+from receding_fenicsx.bulk.mesh.meshing import BodyMesh
+from receding_fenicsx.scene.model import Material, Scene
 
 
 def lame_constants(material: Material) -> tuple[float, float]:
@@ -21,18 +22,53 @@ def lame_constants(material: Material) -> tuple[float, float]:
     return nu / ((1.0 + nu) * (1.0 - 2.0 * nu)), mu
 
 
-def linear_stresses(material: Material, gradient: Array) -> Array:
-    """Return (..., [sxx, syy, szz, sxy]) from gradients (..., [xx, xy, yx, yy, zz])."""
-    lam, mu = (material.young * constant for constant in lame_constants(material))
-    exx, eyy, ezz = gradient[..., 0], gradient[..., 3], gradient[..., 4]
-    dilation = exx + eyy + ezz
-    sxx = lam * dilation + 2.0 * mu * exx
-    syy = lam * dilation + 2.0 * mu * eyy
-    sxy = mu * (gradient[..., 1] + gradient[..., 2])
-    szz = lam * dilation + 2.0 * mu * ezz
-    if material.kinematics == "plane stress":
-        szz = np.zeros_like(sxx)
-    return np.stack([sxx, syy, szz, sxy], axis=-1)
+def stiffness_of(material: Material) -> Array:
+    """Return C (4, 4) in [sxx, syy, szz, sxy] = C [exx, eyy, ezz, 2 exy].
+
+    In plane stress szz and ezz are left out. An orthotropic material has along its directions 1 and
+    2 the compliances 1 / E_1, 1 / E_2, -nu_12 / E_1 and 1 / G_12.
+    """
+    plane = material.kinematics == "plane stress"
+    C = np.zeros((4, 4))
+    if material.young_2 is None or material.shear is None:
+        lam, mu = (material.young * constant for constant in lame_constants(material))
+        C[:3, :3] = lam + 2.0 * mu * np.eye(3)
+        C[3, 3] = mu
+        if plane:
+            C[2], C[:, 2] = 0.0, 0.0
+        return C
+    across = -material.poisson / material.young
+    soft = np.array([[1.0 / material.young, across], [across, 1.0 / material.young_2]])
+    Q = np.zeros((3, 3))
+    Q[:2, :2], Q[2, 2] = np.linalg.inv(soft), material.shear
+    c, s = np.cos(np.radians(material.angle)), np.sin(np.radians(material.angle))
+    # strains [11, 22, 2 12] from [xx, yy, 2 xy]
+    turn = np.array(
+        [[c * c, s * s, c * s], [s * s, c * c, -c * s], [-2 * c * s, 2 * c * s, c * c - s * s]]
+    )
+    C[np.ix_([0, 1, 3], [0, 1, 3])] = turn.T @ Q @ turn
+    return C
+
+
+def stiffness_in(scene: Scene, body: BodyMesh) -> Array:
+    """Return C (4, 4) of a body of one material, (owned cells, 4, 4) of one with several."""
+    if body.materials is None:
+        return stiffness_of(scene.material)
+    return np.array([stiffness_of(material) for material in scene.materials])[body.materials]
+
+
+def linear_stresses(C: Array, gradient: Array) -> Array:
+    """Return (..., [sxx, syy, szz, sxy]) from gradients (..., [xx, xy, yx, yy, zz]).
+
+    Args:
+        C: (4, 4), or (cells, 4, 4) for gradients (cells, ..., 5).
+        gradient: see above.
+    """
+    shear = gradient[..., 1] + gradient[..., 2]
+    strain = np.stack([gradient[..., 0], gradient[..., 3], gradient[..., 4], shear], axis=-1)
+    if C.ndim == 2:
+        return strain @ C.T
+    return np.asarray(np.einsum("cij,c...j->c...i", C, strain))
 
 
 def free_gradient(material: Material) -> Array:
@@ -44,6 +80,7 @@ def free_gradient(material: Material) -> Array:
     return np.array([1.0, 0.0, 0.0, 1.0, float(material.kinematics != "plane stress")])
 
 
-def unit_stress(material: Material) -> Array:
-    """Return the stress [sxx, syy, szz, sxy] that a unit thermal strain takes away."""
-    return linear_stresses(material, free_gradient(material))
+def unit_stress(C: Array, material: Material) -> Array:
+    """Return the stress (..., [sxx, syy, szz, sxy]) that a unit thermal strain takes away."""
+    free = free_gradient(material)
+    return linear_stresses(C, free if C.ndim == 2 else np.tile(free, (len(C), 1)))

@@ -15,7 +15,7 @@ from receding_fenicsx.arrays import Array
 from receding_fenicsx.bulk import _dolfinx
 from receding_fenicsx.bulk.body import Bulk
 from receding_fenicsx.bulk.loads import thermal_strain
-from receding_fenicsx.bulk.material import free_gradient, linear_stresses
+from receding_fenicsx.bulk.material import free_gradient, linear_stresses, stiffness_in
 from receding_fenicsx.bulk.mesh.rectangle import POSITION_TOLERANCE
 from receding_fenicsx.mpi import given
 
@@ -64,7 +64,7 @@ def stresses(bulk: Bulk, displacement: fem.Function, load: Array | None = None) 
     vertex_dofs = _dolfinx.cell_dofs(linear)[: len(gradient)]
     count = _sum_at_vertices(linear, vertex_dofs, np.ones(vertex_dofs.shape))
     in_cells, at_vertices = {}, {}
-    components = np.moveaxis(linear_stresses(bulk.scene.material, gradient), -1, 0)
+    components = np.moveaxis(linear_stresses(stiffness_in(bulk.scene, bulk.body), gradient), -1, 0)
     for name, value in named_stresses(*components).items():
         in_cells[name] = fem.Function(constant, name=name)
         in_cells[name].x.array[cell_dofs] = value[:, -1]

@@ -72,7 +72,8 @@ def _angle(record: Record, x: float) -> float | None:
         return None
     contact = scene.contacts[int(record.edge[0])]
     body, _ = scene.find_edge(contact.edge)
-    if contact.against is not None or body.mesh is not None:
+    orthotropic = scene.material_of(body).young_2 is not None
+    if contact.against is not None or body.mesh is not None or orthotropic:
         return None
     if body.is_half_plane:
         return 180.0

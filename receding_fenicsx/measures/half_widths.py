@@ -100,7 +100,8 @@ def contact_betas(record: Record) -> tuple[float, ...]:
     """Return Dundurs' beta of a contact edge, with the sign that belongs to slip towards +x.
 
     On a user's mesh of a body of revolution both signs are possible, because x is the radius.
-    Without a scene, or for several contact edges together, none is returned.
+    Without a scene, for several contact edges together, for bodies of several materials and
+    orthotropic ones, none is returned.
     """
     numbers = set(record.edge.tolist())
     scene = record.scene
@@ -108,9 +109,11 @@ def contact_betas(record: Record) -> tuple[float, ...]:
         return ()
     contact = scene.contacts[numbers.pop()]
     body, edge = scene.find_edge(contact.edge)
-    materials = [scene.material_of(body)]
-    if contact.against is not None:
-        materials.append(scene.material_of(scene.find_edge(contact.against)[0]))
+    bodies = [scene.find_edge(e)[0] for e in (contact.edge, contact.against) if e is not None]
+    materials = [scene.material_of(each) for each in bodies]
+    several = any(len(scene.surface_materials(each)) > 1 for each in bodies)
+    if several or any(material.young_2 is not None for material in materials):
+        return ()
     beta = dundurs_beta(*((m.young, m.poisson, m.kinematics) for m in materials))
     if body.mesh is not None:
         # x runs along t

@@ -224,8 +224,14 @@ def _mass(part: Bulk) -> sparse.csr_matrix:
     """Return the mass matrix of a body, reduced like its stiffness where there are platens."""
     u, v = ufl.TrialFunction(part.space), ufl.TestFunction(part.space)
     radius = ufl.SpatialCoordinate(part.space.mesh)[0] if part.scene.axisymmetric else 1.0
-    matrix = _dolfinx.assemble_matrix(_dolfinx.compile_form(radius * ufl.inner(u, v) * ufl.dx))
-    M = _csr(matrix) * part.scene.material.density
+    density: Any = 1.0
+    if part.body.materials is not None:
+        densities = np.array([material.density for material in part.scene.materials])
+        tensor = densities[part.body.materials][:, None, None]
+        density = _dolfinx.cell_tensor(part.space.mesh, tensor)[0, 0]
+    form = _dolfinx.compile_form(density * radius * ufl.inner(u, v) * ufl.dx)
+    matrix = _dolfinx.assemble_matrix(form)
+    M = _csr(matrix) * (part.scene.material.density if part.body.materials is None else 1.0)
     matrix.destroy()
     P = None if part.ties is None else _csr(part.ties)
     return M if P is None else P.T @ M @ P

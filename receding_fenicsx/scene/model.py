@@ -125,15 +125,20 @@ class Body(Table):
 
 @dataclass(frozen=True, repr=False)
 class Material(Table):
-    """Isotropic linear elastic material.
+    """Linear elastic material, isotropic or, with ``young_2``, orthotropic.
 
     Attributes:
-        young: Young's modulus, a stress; positive.
-        poisson: Poisson's ratio, above -1 and below 0.5 (below 1 in plane stress).
+        young: Young's modulus, a stress; positive. Of an orthotropic material that along its
+            direction 1.
+        poisson: Poisson's ratio, above -1 and below 0.5 (below 1 in plane stress). Of an
+            orthotropic material nu_12, the contraction along 2 under tension along 1.
         kinematics: "plane strain", "plane stress" (unit thickness) or "axisymmetric" (x is r, y is
             z).
         name: NAME of a table [material.NAME]; not a key of the file.
         density: mass per volume, for vibration modes; 0 where it is not given.
+        young_2: Young's modulus of an orthotropic material across its direction 1; in plane stress.
+        shear: shear modulus G_12 of an orthotropic material.
+        angle: from x to direction 1 of an orthotropic material, counter-clockwise in degrees.
     """
 
     young: Positive = 1.0
@@ -141,6 +146,9 @@ class Material(Table):
     kinematics: Kinematics = "plane strain"
     name: str = ""
     density: NotNegative = 0.0
+    young_2: Positive | None = None
+    shear: Positive | None = None
+    angle: Number = 0.0
 
     @property
     def poisson_limit(self) -> float:
@@ -379,10 +387,21 @@ class Scene(Table):
             if material.name == (body.material or body.name):
                 return material
         if body.material is None:
-            return self.material
+            return next(iter(self.surface_materials(body)), self.material)
         label = f"body '{body.name}'" if self.others else "[body]"
         known = [material.name for material in self.materials]
         unknown_name(body.material, known, f"{label} material", "material")
+
+    def surface_materials(self, body: Body) -> tuple[Material, ...]:
+        """Return the materials that can be those of single physical surfaces of a body.
+
+        They are the tables [material.NAME] that are no body's.
+        """
+        names = {each.material or each.name for each in self.bodies}
+        own = body.material or body.name
+        if body.mesh is None or body.surface or any(m.name == own for m in self.materials):
+            return ()
+        return tuple(material for material in self.materials if material.name not in names)
 
     def find_edge(self, edge: str) -> tuple[Body, str]:
         """Split "NAME.edge" into the body and the name of its edge.

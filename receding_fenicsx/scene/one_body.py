@@ -76,7 +76,7 @@ def part_of(scene: Scene, body: Body) -> Scene:
         body=body,
         others=(),
         material=replace(scene.material_of(body), name=""),
-        materials=(),
+        materials=scene.surface_materials(body),
         mesh=replace(
             scene.mesh,
             contact_elements=contact_elements(scene, body),

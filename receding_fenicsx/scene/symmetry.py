@@ -37,6 +37,9 @@ def is_mirror_symmetric(scene: Scene) -> bool:
     """
     if scene.bolts or any(load.mode for load in scene.loads):
         return False
+    materials = (scene.material, *scene.materials)
+    if any(m.young_2 is not None and m.angle % 90.0 != 0.0 for m in materials):
+        return False
     if any(spring.point or spring.against for spring in scene.springs):
         return False
     if any(not body.is_rectangle or body.position[0] != 0.0 for body in scene.bodies):

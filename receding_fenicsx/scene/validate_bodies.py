@@ -54,10 +54,12 @@ def check_bodies(scene: Scene) -> None:
     for body in scene.bodies:
         _check_body(body, _label(scene, body))
     used = [scene.material_of(body) for body in scene.bodies]
+    used += [material for body in scene.bodies for material in scene.surface_materials(body)]
     for material in scene.materials:
         if material not in used:
             raise InputError(
-                f"[material.{material.name}]: no body has this material; name it in a [[body]]"
+                f"[material.{material.name}]: no body has this material; name it in a [[body]], or "
+                "give it the name of a physical surface"
             )
     for material in used:
         _check_material(material)
@@ -125,6 +127,8 @@ def check_half_planes(scene: Scene) -> None:
         )
     for body in flat:
         label = _label(scene, body)
+        if scene.material_of(body).young_2 is not None:
+            raise InputError(f"{label} material: a half-plane is isotropic; use a large rectangle")
         edges = [edge for contact in scene.contacts for edge in (contact.edge, contact.against)]
         own = {
             name
@@ -176,6 +180,22 @@ def _check_material(material: Material) -> None:
         raise InputError(
             f"{where} poisson: must be above -1 and below {material.poisson_limit:g} in "
             f"{material.kinematics}, not {material.poisson:g}"
+        )
+    if (material.young_2 is None) != (material.shear is None):
+        raise InputError(f"{where}: an orthotropic material has both young_2 and shear; give both")
+    if material.young_2 is None:
+        if material.angle != 0.0:
+            raise InputError(f"{where} angle: an isotropic material has none; remove it")
+        return
+    if material.kinematics != "plane stress":
+        raise InputError(
+            f"{where} young_2: orthotropic materials are for plane stress, where no constants "
+            'across the plane count; use kinematics = "plane stress"'
+        )
+    if not material.poisson**2 < material.young / material.young_2:
+        raise InputError(
+            f"{where} poisson: its square must be below young / young_2, "
+            f"{material.young / material.young_2:g}, not {material.poisson**2:g}"
         )
 
 

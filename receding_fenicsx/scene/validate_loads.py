@@ -291,7 +291,10 @@ def check_modes(scene: Scene, where: str) -> None:
         raise InputError(f"{where}: half-planes have no vibration modes; use bodies with a mesh")
     if any(bolt.stiffness is None for bolt in scene.bolts):
         raise InputError(f"{where}: vibration modes need elastic bolts; give them a stiffness")
-    if any(scene.material_of(body).density <= 0.0 for body in scene.bodies):
+    materials = [
+        m for b in scene.bodies for m in (scene.material_of(b), *scene.surface_materials(b))
+    ]
+    if any(material.density <= 0.0 for material in materials):
         raise InputError("[material] density: vibration modes need one of every body; give it")
 
 

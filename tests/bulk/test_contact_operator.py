@@ -250,7 +250,7 @@ def test_four_blocks_around_a_point_are_in_uniform_stress(
     )
     if found is not None:
         system, record = found
-        expected = np.where(system.edge < 2, 0.6, 1.0)
+        expected = np.where(system.edges < 2, 0.6, 1.0)
         P, Q = record.turning_points.P[-1], record.turning_points.Q[-1]
         assert P / system.weight == pytest.approx(expected, abs=1e-12)
         assert np.abs(Q).max() < 1e-13
@@ -325,22 +325,17 @@ def layers(folder: Path, counts: tuple[int, int] | None, degree: int) -> rf.Scen
 
     if counts is None:
         bodies = [layer("", 16, 0.0, 1.0, 4)]
-        foot, top, side, ties = "bottom", "top", "right", ()
+        foot, top, side = "bottom", "top", "right"
     else:
         bodies = [layer("a", counts[0], 0.0, 0.5, 2), layer("b", counts[1], 0.5, 1.0, 2)]
-        foot, top, side, ties = (
-            "a.bottom",
-            "b.top",
-            "b.right",
-            (rf.Tie("b.bottom", against="a.top"),),
-        )
+        foot, top, side = "a.bottom", "b.top", "b.right"
     return rf.Scene(
         body=bodies[0],
         others=tuple(bodies[1:]),
         material=rf.Material(2.0, 0.3),
         mesh=rf.MeshOptions(degree=degree, cell="quadrilateral"),
         contacts=(rf.Contact(foot, friction=0.4),),
-        ties=ties,
+        ties=() if counts is None else (rf.Tie("b.bottom", against="a.top"),),
         loads=(
             rf.Load("p", top, pressure="1 + 0.2*x"),
             rf.Load("q", side, (0.0, 0.5) if counts is None else None, traction=(0.2, 0.0)),
@@ -373,6 +368,46 @@ def test_tied_layers_are_one_mesh(degree: int, shared_tmp_path: Path) -> None:
             assert first == pytest.approx(second, abs=1e-12), name
         first, second = one.probe("s"), two.probe("s")
         assert first.displacement == pytest.approx(second.displacement, abs=1e-12)
+
+
+def test_four_blocks_tied_around_a_point_are_one_mesh(shared_tmp_path: Path) -> None:
+    """The last tie says at the point what the others do."""
+
+    def square(name: str, n: int, x: float, y: float) -> rf.Body:
+        path, size = shared_tmp_path / f"{name}.msh", n / 4.0
+        return rf.Body(name, mesh=grid(path, lambda s, t: (x + size * s, y + size * t), n, n))
+
+    pairs = (
+        ("a.left", "b.right"),
+        ("c.right", "d.left"),
+        ("a.bottom", "d.top"),
+        ("b.bottom", "c.top"),
+    )
+    corners = {"a": (0.0, 0.0), "b": (-1.0, 0.0), "c": (-1.0, -1.0), "d": (0.0, -1.0)}
+    first, *others = (square(name, 4, *at) for name, at in corners.items())
+    tied = rf.Scene(
+        body=first,
+        others=tuple(others),
+        material=rf.Material(2.0, 0.3),
+        mesh=rf.MeshOptions(cell="quadrilateral"),
+        contacts=(rf.Contact("a.top", (-0.5, 0.25)),),
+        ties=tuple(rf.Tie(edge, against=against) for edge, against in pairs),
+        loads=(rf.Load("p", "c.bottom", pressure=1.0), rf.Load("p", "d.bottom", pressure=1.0)),
+        history=ONCE,
+    )
+    one = replace(
+        tied,
+        body=square("whole", 8, -1.0, -1.0),
+        others=(),
+        ties=(),
+        contacts=(rf.Contact("top", (-1.0, -0.25)),),
+        loads=(rf.Load("p", "bottom", pressure=1.0),),
+    )
+    a, b = condense(tied, comm), condense(one, comm)
+    if a is not None and b is not None:
+        assert a.rigid.shape == b.rigid.shape
+        assert np.abs(a.K - b.K).max() < 1e-13 * np.abs(b.K).max()
+        assert a.r_star == pytest.approx(b.r_star, abs=1e-12)
 
 
 def test_ties_to_a_rigid_plane_are_supports(shared_tmp_path: Path) -> None:

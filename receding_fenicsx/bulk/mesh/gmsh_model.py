@@ -74,7 +74,7 @@ def mesh_of(gmsh: Any, surface: str | None, where: str, scale: float) -> RawMesh
     mesh, model = gmsh.model.mesh, gmsh.model
     if len(mesh.getElementTypes(3)):
         raise InputError(f"{where}: is a mesh of a solid; give the mesh of a plane body")
-    around = _cells(gmsh, surface, where)
+    around, surfaces = _cells(gmsh, surface, where)
     tags, coordinates, _ = mesh.getNodes()
     coordinates = coordinates.reshape(-1, 3)
     # nodes that no cell uses are left out
@@ -109,11 +109,15 @@ def mesh_of(gmsh: Any, surface: str | None, where: str, scale: float) -> RawMesh
         else:
             facets = places.reshape(-1, 2)
             edges[name] = facets[np.all(facets >= 0, axis=1)]
-    return RawMesh(points[:, :2].copy(), number[around], edges, spots, arcs=arcs_of(gmsh, scale))
+    cells, arcs = number[around], arcs_of(gmsh, scale)
+    return RawMesh(points[:, :2].copy(), cells, edges, spots, arcs=arcs, surfaces=surfaces)
 
 
-def _cells(gmsh: Any, name: str | None, where: str) -> Ints:
-    """Return the nodes around each cell of the body: of its physical surfaces, if there are any."""
+def _cells(gmsh: Any, name: str | None, where: str) -> tuple[Ints, tuple[str, ...]]:
+    """Return the nodes around each cell of the body, and the name of its physical surface.
+
+    They are those of the physical surfaces, if there are any.
+    """
     model = gmsh.model
     groups = {
         model.getPhysicalName(2, tag) or str(tag): tag for _, tag in model.getPhysicalGroups(2)
@@ -122,14 +126,20 @@ def _cells(gmsh: Any, name: str | None, where: str) -> Ints:
         close = nearest(name, groups)
         hint = f"did you mean '{close}'?" if close else f"it has {', '.join(groups) or 'none'}"
         raise InputError(f"{where}: has no physical surface '{name}'; {hint}")
-    chosen = groups.values() if name is None else [groups[name]]
-    surfaces = {int(e) for tag in chosen for e in model.getEntitiesForPhysicalGroup(2, tag)}
+    chosen = groups if name is None else {name: groups[name]}
+    surfaces = {
+        int(e): group
+        for group, tag in chosen.items()
+        for e in model.getEntitiesForPhysicalGroup(2, tag)
+    }
     if not groups:
-        surfaces = {int(e) for _, e in model.getEntities(2)}
+        surfaces = {int(e): "" for _, e in model.getEntities(2)}
+    names: list[str] = []
     found: dict[int, list[NDArray[np.uint64]]] = {}
     for surface in sorted(surfaces):
-        for kind, _, nodes in zip(*model.mesh.getElements(2, surface), strict=True):
+        for kind, tags, nodes in zip(*model.mesh.getElements(2, surface), strict=True):
             found.setdefault(int(kind), []).append(nodes)
+            names += [surfaces[surface]] * len(tags)
     if not found:
         advice = "mesh the surface and put it in a Physical Surface"
         if surfaces:
@@ -145,4 +155,4 @@ def _cells(gmsh: Any, name: str | None, where: str) -> Ints:
     (kind,) = list(found)[:1]
     if len(found) > 1 or kind not in CORNERS:
         raise InputError(f"{where}: {HIGHER_ORDER}")
-    return np.concatenate(found[kind]).astype(np.int64).reshape(-1, CORNERS[kind])
+    return np.concatenate(found[kind]).astype(np.int64).reshape(-1, CORNERS[kind]), tuple(names)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 from collections.abc import Iterator
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 from mpi4py import MPI
@@ -29,7 +30,8 @@ from receding_fenicsx.bulk.mesh.rectangle import rectangle_mesh
 from receding_fenicsx.bulk.mesh.user_mesh import read_user_meshes
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.mpi import on_root
-from receding_fenicsx.scene.model import Body, Scene
+from receding_fenicsx.scene.checks import unknown_name
+from receding_fenicsx.scene.model import Body, Scene, Tie
 from receding_fenicsx.scene.one_body import part_of
 
 
@@ -42,12 +44,14 @@ class ContactFacets:
         line: the first body's edge, so that both sides have the same positions.
         frame: the edge whose normals are those of the nodes, with a sign into the first body.
         slave: whether the contact points are this edge's nodes where those of both do not match.
+        tie: whether the edge is a tied one.
     """
 
     tag: int
     line: Along
     frame: tuple[Along, float]
     slave: bool
+    tie: bool
 
     def inward(self, points: Array) -> Array:
         """Return the normals n (n, 2) into the first body."""
@@ -71,6 +75,7 @@ class BodyMesh:
         pivot: (2,) middle of all contacts, about which rigid motions rotate.
         half: True when only x >= 0 is meshed; always for an axisymmetric body.
         cell: "triangle" or "quadrilateral".
+        materials: number of the material of each owned cell, where the body has several.
     """
 
     mesh: dmesh.Mesh
@@ -84,6 +89,7 @@ class BodyMesh:
     pivot: Array
     half: bool
     cell: str
+    materials: Ints | None = None
 
 
 def raw_meshes(scene: Scene, half: bool) -> list[RawMesh]:
@@ -179,7 +185,14 @@ def make_meshes(comm: MPI.Comm, scene: Scene, half: bool) -> tuple[BodyMesh, ...
             points, cells, facets, tags = made[i].arrays
         mesh = _dolfinx.create_mesh(comm, cell, cells, points)
         tagged = _dolfinx.tag_entities(mesh, 1, facets, tags)
-        found.append(BodyMesh(mesh, tagged, cell=cell, **data))
+        of_cells = made[i].materials if made is not None else np.empty(0, np.int32)
+        numbers = None
+        if comm.bcast(len(of_cells)):
+            tags_of = _dolfinx.tag_entities(mesh, 2, cells, of_cells)
+            numbers = np.zeros(mesh.topology.index_map(2).size_local, dtype=np.int64)
+            own = tags_of.indices < len(numbers)
+            numbers[tags_of.indices[own]] = tags_of.values[own]
+        found.append(BodyMesh(mesh, tagged, cell=cell, materials=numbers, **data))
     return tuple(found)
 
 
@@ -190,6 +203,7 @@ class _Tagged:
     arrays: tuple[Array, Ints, Ints, NDArray[np.int32]]
     cell: str
     data: dict[str, Any]
+    materials: NDArray[np.int32]
 
 
 def _make_on_root(scene: Scene, half: bool) -> list[_Tagged]:
@@ -217,6 +231,7 @@ def _tagged(
     groups = {name: [tag] for name, tag in tag_of.items()}
     contacts: list[ContactFacets] = []
     for joint, interface in zip(scene.joints, interfaces, strict=True):
+        tie = isinstance(joint, Tie)
         sides = (joint.edge, interface.facets, 1.0), (joint.against, interface.against, -1.0)
         for edge, facets, sign in sides:
             if edge is None or facets is None or scene.find_edge(edge)[0] != body:
@@ -229,7 +244,7 @@ def _tagged(
             if sign < 0.0 and interface.back is not None:
                 frame = interface.back, -1.0
             slave = interface.slave == (sign > 0.0)
-            contacts.append(ContactFacets(tag, interface.line, frame, slave))
+            contacts.append(ContactFacets(tag, interface.line, frame, slave, tie))
     named = [edge for joint in scene.joints for edge in (joint.edge, joint.against)]
     named += [part.edge for part in (*scene.edge_parts, *scene.supports)]
     named += [spring.against for spring in scene.springs]
@@ -252,4 +267,24 @@ def _tagged(
     }
     facets = np.vstack([np.empty((0, 2), dtype=np.int64), *(mesh.edges[name] for name in used)])
     every = np.concatenate([np.empty(0, np.int32), *(tags[name] for name in used)])
-    return _Tagged((mesh.points, mesh.cells, facets, every), mesh.cell, data)
+    arrays = mesh.points, mesh.cells, facets, every
+    return _Tagged(arrays, mesh.cell, data, _materials_of_cells(scene, body, mesh))
+
+
+def _materials_of_cells(scene: Scene, body: Body, mesh: RawMesh) -> NDArray[np.int32]:
+    """Return the number of the material of each cell; empty where the body has one."""
+    names = [material.name for material in scene.surface_materials(body)]
+    if not names:
+        return np.empty(0, dtype=np.int32)
+    label = f'[body] mesh "{Path(body.mesh or "").name}"'
+    surfaces = sorted(set(mesh.surfaces))
+    for name in names:
+        if name not in surfaces:
+            unknown_name(name, surfaces, f"[material.{name}]", "body or physical surface")
+    for surface in surfaces:
+        if surface not in names:
+            raise InputError(
+                f"{label}: the physical surface '{surface}' has no material; add "
+                f"[material.{surface}]"
+            )
+    return np.array([names.index(surface) for surface in mesh.surfaces], dtype=np.int32)

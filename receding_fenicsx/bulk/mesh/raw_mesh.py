@@ -30,6 +30,7 @@ class RawMesh:
         upright: positions along edges grow rightwards or upwards, as for a rectangle; else with the
             body on the left, independent of the orientation of the scene.
         arcs: the true curves of the facets on curved edges, where they are known.
+        surfaces: name of the physical surface of each cell; empty where there are none.
     """
 
     points: Array
@@ -39,6 +40,7 @@ class RawMesh:
     middles: dict[str, Array] = field(default_factory=dict)
     upright: bool = False
     arcs: Arcs | None = None
+    surfaces: tuple[str, ...] = ()
 
     @property
     def cell(self) -> str:
