@@ -188,6 +188,8 @@ def test_contact_edges_of_a_dataset_are_selected_by_name() -> None:
     edge = np.repeat([0, 1], [n // 2, n - n // 2])
     x = np.concatenate([found.x[: n // 2], found.x[: n - n // 2]])
     two = replace(found, x=x, edge=edge, edge_names=("left", "right"), f_backward=0.5 * found.f)
+    with pytest.raises(InputError, match=r"several contact edges; .*\['left'\]"):
+        two.at(1)
     # all that belongs to a node is that of the edge's nodes
     right = two.by_edge()["right"]
     for field in fields(two):
