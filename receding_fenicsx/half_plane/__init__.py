@@ -14,7 +14,7 @@ below the middle of the contact: $a_t$, $a_n$ are its displacements under the re
 in the middle, $a_r$ is the rotation of the far field. The constants are those of Johnson, Contact
 Mechanics (1985), sections 2.2 to 2.4 and eq. (5.57).
 
-1. `kernels.surface_integrals` integrates $\ln|x - s|$ and $\mathrm{sgn}(x - s)$ over pairs of the
+1. `stiffness.surface_integrals` integrates $\ln|x - s|$ and $\mathrm{sgn}(x - s)$ over pairs of the
    hat functions $\varphi_i$ of the nodes: $\Lambda_{ij} = \iint \varphi_i \varphi_j \ln|x - s|$
    in closed form, or by Gauss's rule where elements are far apart.
 2. `stiffness.compliance` makes $D$, symmetric and positive definite, of these and the material.

@@ -11,12 +11,12 @@ from scipy.integrate import quad
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.half_plane import interior
 from receding_fenicsx.half_plane.far_field import FarField, condense_far_field
-from receding_fenicsx.half_plane.kernels import surface_integrals
 from receding_fenicsx.half_plane.stiffness import (
     Surface,
     SurfaceStiffness,
     compliance,
     plane_material,
+    surface_integrals,
     surface_of,
 )
 
@@ -99,11 +99,11 @@ def test_far_elements_have_enough_points(monkeypatch: pytest.MonkeyPatch) -> Non
     lower = np.arange(59)
     pairs = np.stack([lower, lower + 1], axis=1)
     found = surface_integrals(x, pairs)[0]
-    monkeypatch.setattr("receding_fenicsx.half_plane.kernels.GAUSS_POINTS", 12)
+    monkeypatch.setattr("receding_fenicsx.half_plane.stiffness.GAUSS_POINTS", 12)
     more = surface_integrals(x, pairs)[0]
     assert np.abs(found - more).max() < 1e-12 * np.abs(more).max()
     # closed integrals of all pairs: they lose digits far away
-    monkeypatch.setattr("receding_fenicsx.half_plane.kernels.NEAR", 1e9)
+    monkeypatch.setattr("receding_fenicsx.half_plane.stiffness.NEAR", 1e9)
     assert np.abs(found - surface_integrals(x, pairs)[0]).max() < 1e-9 * np.abs(more).max()
 
 

@@ -20,8 +20,7 @@ r"""Uniqueness of a path: one solution of every rate problem, or several.
    piecewise linear law keeps a positive determinant, so that the number of solutions is that
    without friction, one.
 4. **Few factorisations** (`certificate.certify`). Sets of states of a leg are certified together,
-by
-   one matrix that contains them all: nodes that slip in given directions, and nodes that open;
+   by one matrix that contains them all: nodes that slip in given directions, and nodes that open;
    nodes that touch may slip the other way too. A group that fails is halved. A set in a pattern
    that was certified before needs no more work.
 5. **Margin** (`Certificate.margin`). All friction may grow by
@@ -31,7 +30,7 @@ by
 6. **Doubt** (`UniquenessWatch._doubt`). Where a set is not definite: all principal minors, for few
    slipping nodes; then all solutions for the load rate, by `interface.lcp.all_solutions`. The
    instant is certified if it has exactly one.
-7. **Static problems** (`first_loading.solutions_from_rest`). From rest without gaps all nodes are
+7. **Static problems** (`watch.solutions_from_rest`). From rest without gaps all nodes are
    on all limits. All sets of states of few nodes are tried; for more nodes other solutions are
    looked for, and not excluded.
 
