@@ -5,8 +5,8 @@
 #          RECEDING_ENV=pypi root/.venv-pypi, an environment of PyPI wheels only. A set-up that was stopped is done again.
 # It sets  $venv, its interpreter $python, and $mpirun, which starts MPI programs.
 
-# Libraries of PyPI's gmsh:
-graphics="libgl1 libglu1-mesa libxrender1 libxcursor1 libxfixes3 libxft2 libfontconfig1 libxinerama1"
+# Libraries of PyPI's gmsh, and of VTK for off-screen rendering:
+graphics="libosmesa6 libgl1 libglu1-mesa libxrender1 libxcursor1 libxfixes3 libxft2 libfontconfig1 libxinerama1"
 # Without libopenblas0-pthread MUMPS is 3 to 5 times slower.
 debian_packages="python3-dolfinx-real python3-h5py python3-venv ca-certificates libopenblas0-pthread $graphics"
 
@@ -14,7 +14,7 @@ debian_packages="python3-dolfinx-real python3-h5py python3-venv ca-certificates 
 works='
 from receding_fenicsx.bulk.elasticity import warm_up
 from receding_fenicsx.interface.exact.compilation import warm_up as compile_path
-import PIL, gmsh, h5py, matplotlib, pandas, pytest, pyvista, scipy, xarray
+import PIL, gmsh, h5py, matplotlib, pandas, pytest, scipy, vtk, xarray
 from mpi4py import MPI
 warm_up(MPI.COMM_SELF, "triangle", 1)
 compile_path()'

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import ctypes.util
 import os
 import platform
 import re
@@ -42,6 +43,15 @@ pc.setFactorSolverType("mumps")
 pc.setUp()
 """
 """Program that factorises a small matrix by MUMPS, which prints its version."""
+
+RENDER = """
+import pyvista
+plotter = pyvista.Plotter(off_screen=True, window_size=(64, 64))
+plotter.add_mesh(pyvista.Sphere(), color="red")
+picture = plotter.screenshot(return_img=True)
+raise SystemExit(0 if picture.std() > 0 else 3)
+"""
+"""Program that renders a sphere; exit code 3 if the picture is empty."""
 
 MPI_VARIABLES = re.compile(r"^(PMIX_|OMPI_|PMI_|PRTE_|HYDI_|MPI_LOCALNRANKS|MPI_LOCALRANKID)")
 """Variables that make a child process join this MPI job; they are removed for it."""
@@ -85,6 +95,7 @@ def examine() -> list[Finding]:
     own = Path(sys.executable).with_name("mpiexec")  # PyPI's MPI needs its own
     program = str(own) if own.exists() else shutil.which("mpirun")
     findings.append(Finding("mpirun", program, "install the MPI that DOLFINx is linked with"))
+    findings.append(_rendering())
     return findings
 
 
@@ -140,6 +151,8 @@ def _modules() -> list[Finding]:
             "libxfixes3 libxft2 libfontconfig1 libxinerama1",
         ),
         ("matplotlib", lambda: metadata.version("matplotlib"), pip.format("matplotlib")),
+        ("pyvista", lambda: metadata.version("pyvista"), pip.format("pyvista")),
+        ("vtk", lambda: metadata.version("vtk"), pip.format("'vtk>=9.5,<9.6'")),
         ("pillow", lambda: metadata.version("pillow"), pip.format("pillow")),
         (
             "imageio-ffmpeg",
@@ -239,3 +252,17 @@ def _child(program: str) -> subprocess.CompletedProcess[str] | str:
         )
     except (OSError, subprocess.TimeoutExpired) as error:
         return type(error).__name__
+
+
+def _rendering() -> Finding:
+    """Render in a child process, since VTK may crash without EGL and OSMesa."""
+    name = "off-screen rendering"
+    advice = "apt install libosmesa6 (or libegl1)"
+    libraries = [lib for lib in ("EGL", "OSMesa") if ctypes.util.find_library(lib)]
+    done = _child(RENDER)
+    if isinstance(done, str):
+        return Finding(name, None, f"{done}; {advice}")
+    if done.returncode == 0:
+        return Finding(name, f"works (found: {', '.join(libraries) or 'a display'})")
+    last = (done.stderr.strip().splitlines() or ["no message"])[-1]
+    return Finding(name, None, f"exit code {done.returncode}, {last}; {advice}")

@@ -1,6 +1,6 @@
-"""Helper processes: for work that may crash, or that runs beside other.
+"""Helper processes: for work that may crash, that must not meet DOLFINx, or that runs beside other.
 
-gmsh ends the whole process where a file asks for it.
+VTK ends the whole process where a graphics library is missing, and gmsh where a file asks for it.
 Each pool of processes has a name and is kept for later jobs: only its first job pays for its start.
 Its processes are no part of the MPI job, and end with the one that started them, which alone
 answers Ctrl-C.

@@ -227,6 +227,7 @@ def test_doctor_lists_what_works(capsys: pytest.CaptureFixture[str]) -> None:
     if root:
         for word in "python dolfinx petsc MUMPS MPI gmsh numpy numba h5py".split():
             assert f"\n{word} " in f"\n{out}"
+        assert "off-screen rendering  works" in out
         assert "1 thread(s)" in out
         assert re.search(r"^MUMPS +5\.[0-9.]+, works$", out, re.MULTILINE)
         assert out.endswith("all requirements are met\n")
@@ -247,12 +248,20 @@ def test_doctor_says_when_mumps_does_not_work(monkeypatch: pytest.MonkeyPatch) -
 def test_doctor_says_what_is_missing_and_how_to_get_it(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
+    def crash() -> environment.Finding:
+        monkeypatch.setattr(environment, "RENDER", "import os; os.abort()")
+        return rendering()
+
+    rendering = environment._rendering
+    monkeypatch.setattr(environment, "_rendering", crash)
     monkeypatch.setitem(sys.modules, "gmsh", None)  # makes importing it fail
     assert cli.main(["doctor"]) == 1
     out = capsys.readouterr().out
     if root:
         lines = {line.split("  ")[0].strip(): line for line in out.splitlines()}
         assert "MISSING" in lines["gmsh"] and "pip install gmsh" in lines["gmsh"]
+        assert "exit code -6" in lines["off-screen rendering"]
+        assert "apt install libosmesa6" in lines["off-screen rendering"]
         assert "some requirements are missing" in out
 
 

@@ -122,7 +122,7 @@ def test_axis_of_a_film_that_ends_unloaded_has_room_for_the_largest_tractions(
         return Figure(figsize=(1.0, 1.0))
 
     monkeypatch.setattr(draw, "compose", note)
-    monkeypatch.setattr(draw, "raster", lambda *_: None)
+    monkeypatch.setattr(draw, "render", lambda *_: None)
     film = animation.Scenario(instants, np.array([0.0, 0.5, 0.9]))
     animation.draw_frames(bulk, film, fields, quantity_of("max_shear"))
     bulk.destroy()

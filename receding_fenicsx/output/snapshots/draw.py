@@ -1,7 +1,7 @@
 """Pictures of a stress on the deformed body, with states and tractions of the contact.
 
-One picture for each instant and stress, as wide as a journal page: ``render`` makes the image of
-the field, Matplotlib draws the page around it.
+One picture for each instant and stress, as wide as a journal page: pyvista renders the field,
+Matplotlib draws the page around it.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ from receding_fenicsx.output.snapshots.colours import (
     scaled,
 )
 from receding_fenicsx.output.snapshots.page import Clock, Layout, compose, layout_of
-from receding_fenicsx.output.snapshots.render import raster
+from receding_fenicsx.output.snapshots.render import render, start
 from receding_fenicsx.output.snapshots.view import Units, View, units_of, view_of
 from receding_fenicsx.output.snapshots.whole_body import merge_axis, vertex_areas, whole_contact
 from receding_fenicsx.scene.history import history_from_scene
@@ -64,7 +64,7 @@ def snapshots(
     """
     comm, folder = bulk.comm, Path(folder)
     beside = folder.parent / "fields"
-    on_root(comm, lambda: make_folder(folder))
+    on_root(comm, lambda: (make_folder(folder), start()))
     on_root(comm, lambda: make_folder(beside))
     names = [f"cycle{now.cycle:04d}_leg{now.leg}_s{now.s:.3f}" for now in instants]
     fields = [beside / f"{name}.xdmf" for name in names]
@@ -124,7 +124,7 @@ def draw_pages(
     shown = np.concatenate([v[at] for v, at in zip(values, seen, strict=True)])
     colours, levels = colours_of(shown, quantity, views[0].pressure_symbol, np.concatenate(areas))
     for view, field, clock in zip(views, values, clocks, strict=True):
-        pixels = raster(
+        pixels = render(
             view.moved,
             view.cells,
             field,
