@@ -6,6 +6,8 @@ from functools import cache
 import models
 import numpy as np
 import pytest
+from law import random_system
+from small import table
 
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.evolution import tables
@@ -49,6 +51,16 @@ def test_stored_instants_are_found_by_load_or_by_position() -> None:
             assert np.array_equal(moment.Q, samples.Q[row])
     # the largest load is the measure of what is the same
     assert found.at(2, load=0.25 + 8e-10).leg == 0
+
+
+def test_extremes_of_several_loads_do_not_depend_on_their_units() -> None:
+    system = random_system(3, 4, 0.4)
+    loop = [[0.5, 0.0], [1.0, 0.1], [0.3, 0.4], [0.5, 0.0]]
+    found = evolve(system, table(system, [[0.0, 0.0], loop[0]], loop, 1))
+    for units in ([1.0, 1.0], [1e3, 1.0], [1.0, 1e3]):
+        points = found.turning_points
+        other = replace(found, turning_points=replace(points, load=points.load * units))
+        assert (other.at(1, "maximum").leg, other.at(1, "minimum").leg) == (1, 2)
 
 
 @pytest.mark.parametrize(

@@ -13,6 +13,8 @@ from bodies import CELLS, block, built, condense
 from msh import turned, write_msh
 
 from receding_fenicsx import evolve
+from receding_fenicsx.bulk.mesh.curves import curve_of
+from receding_fenicsx.bulk.mesh.raw_mesh import RawMesh
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.evolution.problem import with_profiles
 from receding_fenicsx.evolution.record import Record
@@ -242,3 +244,14 @@ def test_groove_carries_the_load_and_may_be_turned(friction: float, shared_tmp_p
         assert np.abs(getattr(b, name) - expected).max() < 1e-9 * scale
     assert np.array_equal(a.state, b.state) or friction == 0.0
     assert friction == 0.0 or State.FORWARD_SLIP in a.state
+
+
+def test_normals_of_an_arc_of_unequal_facets_are_those_of_its_circle() -> None:
+    angle = np.pi + np.array([0.2, 0.35, 0.4, 0.6, 0.7, 0.95])
+    rim = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    n = np.arange(len(rim) - 1)
+    fan = np.stack([n, n + 1, np.full(len(n), len(rim))], axis=1)
+    mesh = RawMesh(np.vstack([rim, np.zeros(2)]), fan, {"rim": fan[:, :2]})
+    arc = curve_of(mesh, "rim", "here")
+    # inward normals of the unit circle about the origin; at the ends too
+    np.testing.assert_allclose(arc.inward(rim), -rim, atol=2e-3)
