@@ -310,40 +310,6 @@ def test_parts_of_the_largest_load_are_written_as_they_are(part: float, said: st
     assert describe_factors(("torque",), np.array([part])).startswith(f"torque at ${part:.3g}$")
 
 
-@pytest.mark.parametrize("name", ["pressure", "normal pressure on the upper edge"])
-def test_labels_stay_on_the_page_whatever_the_load_is_called(name: str) -> None:
-    scene = replace(BLOCK, loads=(replace(BLOCK.loads[0], name=name),))
-    found = replace(record(), load_names=(name,), scene_toml=rf.to_toml(scene))
-    for figure in (
-        rf.figures.tractions(found, found.at(1)),
-        rf.figures.slip_per_cycle(found),
-        rf.figures.hysteresis(found),
-        rf.figures.trajectories(found, [45, 60, 75]),
-    ):
-        figure.draw_without_rendering()
-        labels = [text for legend in figure.legends for text in legend.get_texts()]
-        for axes in figure.axes:
-            labels += [axes.xaxis.label, axes.yaxis.label, axes.title]
-        for text in filter(Text.get_text, labels):
-            box, page = text.get_window_extent(), figure.bbox
-            slack = 0.01 * page.width
-            assert page.x0 - slack <= box.x0 and box.x1 <= page.x1 + slack, text
-            assert page.y0 - slack <= box.y0 and box.y1 <= page.y1 + slack, text
-
-
-def test_tractions_are_drawn_over_the_load_that_acts() -> None:
-    found = record()
-    row = int(np.flatnonzero(found.turning_points.cycle == 1)[0])
-    assert found.turning_points.load[row, 0] == 1.0 / 3.0
-    figure = rf.figures.tractions(found, [found.at(1, "minimum")])
-    lines = {line.get_color(): line for line in figure.axes[1].lines}
-    p = lines[rf.style.PRESSURE_COLOUR]
-    q = lines[rf.style.SHEAR_COLOUR]
-    assert np.array_equal(p.get_xdata(), found.x)
-    assert np.allclose(p.get_ydata(), 3.0 * found.turning_points.p[row], rtol=1e-14)
-    assert np.allclose(q.get_ydata(), 3.0 * found.turning_points.q[row], rtol=1e-14)
-
-
 def names_of_colours(figure: Figure) -> dict[str, str]:
     """Name of each state by the colour that the legend of a figure gives it."""
     patches = [patch for legend in figure.legends for patch in legend.get_patches()]
@@ -456,19 +422,6 @@ def test_zone_map_shows_half_of_a_symmetric_contact_against_the_load() -> None:
 def test_no_text_lies_on_another_or_beyond_the_page(known: bool) -> None:
     for name, figure in rf.figures.draw_all(record(known=known)):
         check_texts(figure, name)
-
-
-def test_no_text_of_figures_in_units_lies_on_another() -> None:
-    scene = replace(BLOCK, units=rf.Units("mm", "N/mm²"))
-    found = replace(record(), scene_toml=rf.to_toml(scene))
-    for figure in (
-        rf.figures.tractions(found, found.at(1)),
-        rf.figures.zone_maps(found, 1),
-        rf.figures.slip_per_cycle(found),
-        rf.figures.hysteresis(found),
-        rf.figures.trajectories(found, [45, 60, 75]),
-    ):
-        check_texts(figure, "in units")
 
 
 @pytest.mark.parametrize("legs", [3, 24])
@@ -808,26 +761,3 @@ def two_nodes() -> rf.ContactSystem:
     """Two nodes that know nothing of each other, under two loads."""
     loads = {"a": np.repeat([0.1, 1.0], 2), "b": np.repeat([0.2, 0.5], 2)}
     return small_system(np.kron([[2.0, 0.3], [0.3, 1.0]], np.eye(2)), loads, 0.5)
-
-
-def test_legs_are_counted_from_0_as_in_the_record() -> None:
-    system, loop = two_nodes(), [[1.0, 0.5], [1.0, 0.2], [0.5, 0.2], [1.0, 0.5]]
-    history = table(system, [[0.0, 0.0], loop[0]], loop, 2)
-    found = rf.evolve(system, history, output=rf.OutputOptions(cycles="all"))
-    titles = [axes.get_title() for axes in rf.figures.zone_maps(found, 2).axes[:3]]
-    assert [re.findall(r"cycle 2, leg (\d): ", title) for title in titles] == [["0"], ["1"], ["2"]]
-
-
-def test_the_legend_of_the_density_names_the_first_and_the_last_cycle() -> None:
-    found = record()
-    figure = rf.figures.dissipation_density(found)
-    (legend,) = figure.legends
-    entries = zip(legend.get_texts(), legend.get_lines(), strict=True)
-    colours = {text.get_text(): line.get_color() for text, line in entries}
-    density = found.cycles.dissipation_density
-    for line in figure.axes[0].lines:
-        row = {"cycle 1": 0, "cycle 10": -1}[str(line.get_label())]
-        drawn = np.asarray(line.get_ydata())
-        assert drawn / drawn.max() == pytest.approx(density[row] / density[row].max(), rel=1e-12)
-        assert line.get_color() == colours[str(line.get_label())]
-    assert set(colours) == {"cycle 1", "cycle 10"} and len(set(colours.values())) == 2
