@@ -146,7 +146,7 @@ def _modules() -> list[Finding]:
         ("MUMPS", _mumps, "use a PETSc built with MUMPS, such as Debian's"),
         (
             "gmsh",
-            _gmsh,
+            lambda: str(import_module("gmsh").__version__),
             pip.format("gmsh") + " and apt install libgl1 libglu1-mesa libxrender1 libxcursor1 "
             "libxfixes3 libxft2 libfontconfig1 libxinerama1",
         ),
@@ -211,10 +211,6 @@ def _factorisation(finding: Finding) -> Finding:
         last = (done.stderr.strip().splitlines() or ["no message"])[-1]
         return Finding(finding.name, None, f"exit code {done.returncode}, {last}; {advice}")
     return replace(finding, version=f"{said[1]}, works")
-
-
-def _gmsh() -> str:
-    return str(import_module("gmsh").__version__)
 
 
 def _blas() -> str:

@@ -17,8 +17,6 @@ T = TypeVar("T")
 
 POLL_SECONDS = 0.005
 """Longest pause between two polls of a waiting rank."""
-POLL_SHARE = 0.1
-"""Pause between two polls over the time waited so far: the largest relative delay of a stage."""
 SAVING_SECONDS = 10.0
 """Time that a rank waits after a signal for rank 0 to save its work."""
 RANK_WAIT_SECONDS = 10.0
@@ -142,7 +140,8 @@ def _wait_for_root(request: MPI.Request) -> None:
     while time.monotonic() < end:
         try:
             while time.monotonic() < end and not request.Test():
-                time.sleep(pause_after(time.monotonic() - begin))
+                # late by a tenth at most
+                time.sleep(min(0.1 * (time.monotonic() - begin), POLL_SECONDS))
             if time.monotonic() < end:
                 return
         except (KeyboardInterrupt, SystemExit) as signalled:
@@ -150,11 +149,6 @@ def _wait_for_root(request: MPI.Request) -> None:
             end = min(end, time.monotonic() + SAVING_SECONDS)
     assert stopped is not None
     raise stopped
-
-
-def pause_after(waited: float) -> float:
-    """Return the pause before the next poll, in seconds, after ``waited`` seconds."""
-    return min(POLL_SHARE * waited, POLL_SECONDS)
 
 
 def on_all(comm: MPI.Comm, work: Callable[[], T]) -> T:

@@ -30,8 +30,6 @@ Freedom = tuple[int, int]
 Named = tuple[sparse.csc_matrix, list[Freedom] | None]
 """A square matrix, and the freedom of each row where the file names them."""
 
-LARGEST_LABEL = 2**53
-"""Number up to which whole numbers are exact."""
 TYPE = r"(?im)^\*MATRIX\s*,\s*TYPE\s*=\s*(\w+).*$"
 """Keyword line before the entries of a user element."""
 
@@ -135,7 +133,7 @@ def _market(path: Path, text: str) -> Any:
 
 
 def _whole(values: Array) -> Any:
-    if not np.all((values == np.round(values)) & (np.abs(values) < LARGEST_LABEL)):
+    if not np.all((values == np.round(values)) & (np.abs(values) < 2**53)):
         raise ValueError("numbers of nodes, freedoms and rows have to be whole")
     return values.astype(int)
 

@@ -82,9 +82,10 @@ def read_columns(
         raise InputError(f"{where} file: must be a path in quotes")
     label = f'{where} file "{name}"'
     text = read_text(folder / name, label).splitlines()
-    lines = [(i, _content(line)) for i, line in enumerate(text, 1)]
-    filled = [(i, line) for i, line in lines if line]
-    first = next((k for k, (_, line) in enumerate(filled) if _has_number(line)), None)
+    without = ("" if line.lstrip()[:1] == "%" else line.partition("#")[0].strip() for line in text)
+    filled = [(i, line) for i, line in enumerate(without, 1) if line]
+    numbered = (any(map(_is_number, _cells(line, _separator(line)))) for _, line in filled)
+    first = next((k for k, found in enumerate(numbered) if found), None)
     if first is None:
         raise InputError(f"{label}: has no row of numbers; write one row a line")
     rows, head = filled[first:], filled[first][0] - 1
@@ -99,7 +100,8 @@ def read_columns(
 
     def names_in(line: str) -> tuple[str, ...]:
         cells = _cells(line, mark)
-        return tuple(cell if cell in known else _without_unit(cell) for cell in cells)
+        unit = r"\s*[\[(][^\])]*[\])]$"
+        return tuple(cell if cell in known else re.sub(unit, "", cell) for cell in cells)
 
     headers = [names_in(line) for _, line in filled[:first]]
     comments = [names_in(line.strip()[1:].strip()) for line in text[:head] if line[:1] in "#%"]
@@ -116,15 +118,6 @@ def read_columns(
     return columns
 
 
-def _content(line: str) -> str:
-    """Return a line without its comment."""
-    return "" if line.lstrip()[:1] == "%" else line.partition("#")[0].strip()
-
-
-def _without_unit(name: str) -> str:
-    return re.sub(r"\s*[\[(][^\])]*[\])]$", "", name)
-
-
 def _separator(line: str) -> str | None:
     """Return the separator of a line's cells, None for blanks."""
     return next((mark for mark in ";,\t" if mark in line), None)
@@ -137,10 +130,6 @@ def _cells(line: str, separator: str | None) -> list[str]:
 def _is_number(cell: str) -> bool:
     number = r"\d+[.,]?\d*|[.,]\d+"
     return bool(re.fullmatch(rf"[+-]?(({number})(e[+-]?\d+)?|inf|infinity|nan)", cell, re.I))
-
-
-def _has_number(line: str) -> bool:
-    return any(_is_number(cell) for cell in _cells(line, _separator(line)))
 
 
 def _row(line: str, separator: str | None, where: str) -> list[float]:

@@ -25,7 +25,6 @@ from receding_fenicsx.scene.checks import (
 from receding_fenicsx.scene.profiles import Profile
 
 UnitName = Annotated[str, MaxLen(12)]
-POWERS = {1: "", 2: "²", 3: "³"}
 
 
 @dataclass(frozen=True, repr=False)
@@ -50,7 +49,8 @@ class Units(Table):
         needed = [(unit, power) for unit, power in parts if power]
         if any(unit is None for unit, _ in needed):
             return ""
-        return " ".join(f"{unit}{POWERS[power]}" for unit, power in needed)
+        raised = {1: "", 2: "²", 3: "³"}
+        return " ".join(f"{unit}{raised[power]}" for unit, power in needed)
 
     def of_force(self, axisymmetric: bool) -> str:
         """Return the unit of forces: of the full circle, or in the plane for unit thickness."""
@@ -236,8 +236,8 @@ class Bolt(Table):
 
 MAX_CYCLES = 1_000_000_000
 """Largest number of cycles; cycle numbers in the files of a run have room for it."""
-SAMPLES_PER_LEG, SAMPLES_PER_CYCLE = 40, 800
-"""Default numbers of samples: per leg, and at most per cycle where it has many legs."""
+SAMPLES_PER_LEG = 40
+"""Default number of samples on a leg; of a cycle of many legs, 800 at most."""
 
 
 HEADLINE_NAMES = {
@@ -431,7 +431,7 @@ class OutputOptions(Table):
         """Return the number of samples per leg of a cycle of so many legs."""
         if self.samples_per_leg is not None:
             return self.samples_per_leg
-        return max(1, min(SAMPLES_PER_LEG, SAMPLES_PER_CYCLE // max(legs, 1)))
+        return max(1, min(SAMPLES_PER_LEG, 800 // max(legs, 1)))
 
 
 @dataclass(frozen=True, repr=False)

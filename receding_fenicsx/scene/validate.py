@@ -42,8 +42,6 @@ PROBE_KINDS = ("point", "points", "segment", "edge")
 """Keys of a probe of which exactly one is given."""
 MOST_POINTS = 1000
 """Largest number of points of all probes together: each costs six solves with the bulk."""
-NOT_IN_FILE_NAMES = '/\\:*?"<>|'
-"""Characters that the names of files cannot hold on some systems."""
 
 
 def validate(scene: Scene) -> None:
@@ -258,7 +256,7 @@ def _check_probe_name(name: str) -> None:
     """Check that a name can be that of a file."""
     check_name(name, "[[probe]] name")
     if (
-        any(c in NOT_IN_FILE_NAMES for c in name)
+        any(c in '/\\:*?"<>|' for c in name)  # those that some systems do not allow
         or name != name.strip()
         or name.startswith(".")
         or len(name) > 80

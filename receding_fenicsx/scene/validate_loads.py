@@ -35,9 +35,6 @@ from receding_fenicsx.scene.validate_bodies import (
     has_mesh_file,
 )
 
-ON_EDGES = ("edge", "span", "platen", "pressure", "traction", "displacement", "force", "tension")
-"""Keys of a load on an edge."""
-
 
 def check_load(load: Load, scene: Scene) -> None:
     """Check that a load acts outside the contact, on what a body has, and is not zero."""
@@ -263,7 +260,8 @@ def check_acts(load: Load, scene: Scene) -> None:
 def _check_body_load(scene: Scene, load: Load, where: str) -> None:
     """Check a body force or thermal strain: its body, and that its profile is finite, not zero."""
     kind, *others = [kind for kind in ON_BODY if getattr(load, kind) is not None]
-    given = [key for key in ON_EDGES if getattr(load, key)] + others
+    on_edges = ("edge", "span", "platen", *(key for key in KINDS if key not in ON_BODY))
+    given = [key for key in on_edges if getattr(load, key)] + others
     if given:
         raise InputError(f"{where}: {kind} acts on a whole body; remove {given[0]}")
     if load.mode is not None:

@@ -29,9 +29,6 @@ from receding_fenicsx.scene.toml_file import from_toml
 from receding_fenicsx.store.hdf5 import new_hdf5, read_system
 from receding_fenicsx.store.run_folder import read_run
 
-COMPRESSED_ROWS = -2
-"""Value of FCLIB's ``nz`` that marks a matrix in compressed rows."""
-
 
 def export(
     source: Path,
@@ -153,7 +150,7 @@ def _matrix(group: h5py.Group, matrix: Array) -> None:
         ("nzmax", matrix.size),
         ("m", rows),
         ("n", columns),
-        ("nz", COMPRESSED_ROWS),
+        ("nz", -2),  # compressed rows
     ):
         group[key] = np.array([value], dtype=np.intc)
     group["p"] = (columns * np.arange(rows + 1)).astype(np.intc)

@@ -244,7 +244,11 @@ def write_system(path: Path, system: ContactSystem, overwrite: bool = False) -> 
     Raises:
         InputError: the file exists already or cannot be written.
     """
-    values = _values_of(system)
+    values = {f.name: getattr(system, f.name) for f in dataclasses.fields(system)}
+    probes = values.pop("probes")
+    if probes is not None:
+        values |= {f"probes/{f.name}": getattr(probes, f.name) for f in dataclasses.fields(probes)}
+    values = {name: value for name, value in values.items() if value is not None}
     with new_hdf5(path, overwrite, SYSTEM) as file:
         for name, value in values.items():
             write(file, name, value)
@@ -275,7 +279,11 @@ def read_system(path: Path, scene: Scene | None = None) -> ContactSystem:
                 values[field.name] = read(file, field.name)
         for name in ("load_names", "edge_names"):
             values[name] = tuple(values[name])
-        system = ContactSystem(**values, probes=_read_probes(file))
+        probes = None
+        if "probes" in file:
+            names, at, rows = (read(file, f"probes/{name}") for name in ("names", "points", "rows"))
+            probes = ProbeMatrix(tuple(names), at, rows)
+        system = ContactSystem(**values, probes=probes)
         condensed_from = file.attrs["digest"]
     if scene is not None:
         _check_scene(path, condensed_from, system.scene_toml, scene)
@@ -285,23 +293,6 @@ def read_system(path: Path, scene: Scene | None = None) -> ContactSystem:
         return system_for(scene, system)
     except InputError as error:
         raise InputError(f"{path}: {error}") from None
-
-
-def _values_of(system: ContactSystem) -> dict[str, Any]:
-    """Return the fields of a system that are not None by their names in its file."""
-    values = {f.name: getattr(system, f.name) for f in dataclasses.fields(system)}
-    probes = values.pop("probes")
-    if probes is not None:
-        values |= {f"probes/{f.name}": getattr(probes, f.name) for f in dataclasses.fields(probes)}
-    return {name: value for name, value in values.items() if value is not None}
-
-
-def _read_probes(file: h5py.File) -> ProbeMatrix | None:
-    """Read the probes of a system, None where it has none."""
-    if "probes" not in file:
-        return None
-    names, points, rows = (read(file, f"probes/{name}") for name in ("names", "points", "rows"))
-    return ProbeMatrix(tuple(names), points, rows)
 
 
 def _check_scene(path: Path, stored: str, scene_toml: str, scene: Scene) -> None:

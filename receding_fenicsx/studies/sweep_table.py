@@ -25,17 +25,6 @@ Label = float | int | str | bool
 """A value of a key as the table shows it."""
 ERROR = "error"
 """Column of the reasons why cases failed."""
-SHOWN_ROWS, SHOWN_MEASURED = 20, 5
-"""Rows and measured columns that the printed table shows."""
-HEADLINES = (
-    "steady",
-    "steady_cycle",
-    "dissipation_last_cycle",
-    "stick_half_width_at_minimum",
-    "p_max_at_maximum",
-    "residual_max",
-)
-"""Measured columns that the printed table shows, where there are such."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -115,12 +104,15 @@ class SweepTable:
         """Return the number of cases, and the first rows with the most important columns."""
         filled = {name for row in self.rows for name, cell in row.items() if cell is not None}
         measured = [name for name in self.columns[len(self.keys) : -1] if name in filled]
-        names = [name for name in HEADLINES if name in measured] or measured[:SHOWN_MEASURED]
+        first = ("steady", "steady_cycle", "dissipation_last_cycle", "stick_half_width_at_minimum")
+        headlines = (*first, "p_max_at_maximum", "residual_max")
+        names = [name for name in headlines if name in measured] or measured[:5]
         names = [*self.keys, *names, *([ERROR] if self.failed else [])]
-        rows = [names, *([_shown(r.get(name)) for name in names] for r in self.rows[:SHOWN_ROWS])]
+        most = 20
+        rows = [names, *([_shown(r.get(name)) for name in names] for r in self.rows[:most])]
         lines = aligned(rows)
-        if len(self.rows) > SHOWN_ROWS:
-            lines.append(f"... {len(self.rows) - SHOWN_ROWS} more rows")
+        if len(self.rows) > most:
+            lines.append(f"... {len(self.rows) - most} more rows")
         failed = f", {len(self.failed)} failed" if self.failed else ""
         return "\n".join([*lines, f"{len(self.rows)} cases{failed}"])
 

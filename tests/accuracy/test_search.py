@@ -11,15 +11,14 @@ from typing import Any
 
 import pytest
 
-from receding_fenicsx.bulk.mesh.meshing import contact_nodes_of
 from receding_fenicsx.errors import InputError, MeshMisfit, NotConverged
 from receding_fenicsx.output.plots.study_plots import error_over_time
 from receding_fenicsx.output.report.run import search_rows
-from receding_fenicsx.scene.model import Body, Contact, Load, Scene
+from receding_fenicsx.scene.model import Scene
 from receding_fenicsx.scene.toml_file import read_scene
 from receding_fenicsx.studies.accuracy import search as module
 from receding_fenicsx.studies.accuracy.estimate import Level
-from receding_fenicsx.studies.accuracy.meshes import coarser, graded_at_ends, is_graded
+from receding_fenicsx.studies.accuracy.meshes import graded_at_ends, is_graded
 from receding_fenicsx.studies.accuracy.numbers import Number
 from receding_fenicsx.studies.accuracy.search import Search, search
 
@@ -214,31 +213,6 @@ def test_meshes_that_do_not_fit_or_have_no_answer_are_passed_over() -> None:
 
     with pytest.raises(InputError, match=r"no mesh that was tried fits the scene; .*: no vertex"):
         search(scene_of(1e-3), nowhere)
-
-
-@pytest.mark.parametrize(("width", "step"), [(6.0, 4), (7.0, 8)])
-def test_meshes_fit_rectangles_of_unequal_width(width: float, step: int) -> None:
-    """The other body has width / 4 times as many elements, which must be an even number."""
-    plain = made_up(centre_pressure=lambda n: 0.3 * (16.0 / n) ** 1.1)
-
-    def solve(scene: Scene, elements: int) -> Level:
-        contact_nodes_of(scene)
-        return plain(scene, elements)
-
-    scene = replace(
-        scene_of(1e-2),
-        body=Body("u", width=4.0, position=(0.0, 1.0)),
-        others=(Body("l", width=width),),
-        contacts=(Contact("u.bottom", against="l.top"), Contact("l.bottom")),
-        loads=(Load("p0", "u.top", pressure=1.0),),
-    )
-    found = search(scene, solve)
-    assert found.met and all(n % step == 0 for n in sizes(found))
-    for elements in range(32, 80, 16):
-        mesh = replace(scene.mesh, contact_elements=elements)
-        partner = coarser(replace(scene, mesh=mesh))
-        assert partner is not None
-        assert partner.mesh.contact_elements == elements // 2 // step * step
 
 
 def test_a_search_begins_anew_on_graded_meshes_where_corners_are_sharp() -> None:

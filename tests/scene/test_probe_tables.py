@@ -52,10 +52,10 @@ def test_points_lists_and_segments_are_read_and_written() -> None:
     ("scene", "message"),
     [
         (LOAD + "[[probe]]\npoint = [0.0, 0.0]", "[[probe]] number 1: the key 'name' is missing"),
-        (LOAD + NAMED, "probe 'one': has none of point, points, segment; give exactly one"),
+        (LOAD + NAMED, "probe 'one': has none of point, points, segment, edge; give exactly one"),
         (
             LOAD + NAMED + "point = [0, 0]\npoints = [[0, 0]]",
-            "probe 'one': has point and points of point, points, segment; give exactly one",
+            "probe 'one': has point and points of point, points, segment, edge; give exactly one",
         ),
         (LOAD + NAMED + "point = [0, 0]\ncount = 3", "count: belongs to a segment; remove it"),
         (

@@ -40,8 +40,8 @@ MIN_LEVELS = 3
 RATIOS = (1.6, 2.8)
 """Smallest and largest ratio of the elements of two successive meshes: smaller ones repeat work,
 larger ones leave the estimate without meshes to compare with."""
-MOST_NODES, MOST_ELEMENTS = 8000, 4000
-"""Largest number of contact nodes, whose condensed stiffness takes 2 GB, and of elements."""
+MOST_NODES = 8000
+"""Largest number of contact nodes: their condensed stiffness takes 2 GB."""
 
 
 @dataclass
@@ -230,7 +230,7 @@ def _wants(found: Search) -> str:
 
 def _most_elements(scene: Scene) -> int:
     """Return the elements of the finest mesh."""
-    return doublings(scene)[-1] if is_refined(scene) else MOST_ELEMENTS
+    return doublings(scene)[-1] if is_refined(scene) else 4000
 
 
 def _solved(scene: Scene, wanted: int, solve: Solve) -> Level:

@@ -56,9 +56,6 @@ from receding_fenicsx.studies.runner import (
 from receding_fenicsx.studies.sweep import Grid, grid_of, play_scene
 from receding_fenicsx.studies.sweep_table import ERROR, SweepTable
 
-FITTED = 3
-"""Least number of amplitudes with dissipation for an exponent."""
-
 
 @dataclass(frozen=True, repr=False)
 class JointCurve:
@@ -117,7 +114,7 @@ class JointCurve:
     def exponent(self) -> tuple[float, float]:
         """Slope of log D over log amplitude, and its standard error; NaN for too few points."""
         alive = self.dissipation > 0.0
-        if np.count_nonzero(alive) < FITTED:
+        if np.count_nonzero(alive) < 3:
             return np.nan, np.nan
         x, y = np.log(self.amplitude[alive]), np.log(self.dissipation[alive])
         slope, level = np.polyfit(x, y, 1)
