@@ -74,7 +74,7 @@ def test_a_corner_held_at_a_point_is_still_a_corner() -> None:
 def test_a_node_held_normally_has_no_pressure() -> None:
     """What a clamped side carries at the corner of the contact is no contact pressure."""
     clamped, half = (rf.Support("xy", edge="left"),), scene(True, 1)
-    rough = {"forward": 0.35, "backward": 0.3}
+    rough: dict[str, float | str | dict[str, list[float]]] = {"forward": 0.35, "backward": 0.3}
     contacts = tuple(replace(contact, friction=rough) for contact in half.contacts)
     record = study.run(replace(half, supports=clamped, contacts=contacts))
     if record is None:

@@ -64,8 +64,13 @@ def snapshots(
     """
     comm, folder = bulk.comm, Path(folder)
     beside = folder.parent / "fields"
-    on_root(comm, lambda: (make_folder(folder), start()))
-    on_root(comm, lambda: make_folder(beside))
+
+    def prepare() -> None:
+        start()
+        make_folder(folder)
+        make_folder(beside)
+
+    on_root(comm, prepare)
     names = [f"cycle{now.cycle:04d}_leg{now.leg}_s{now.s:.3f}" for now in instants]
     fields = [beside / f"{name}.xdmf" for name in names]
     solved = [_solve(bulk, now, file) for now, file in zip(instants, fields, strict=True)]

@@ -106,7 +106,7 @@ def test_no_recovery_breaks_the_law_that_the_nodal_forces_keep() -> None:
     f = np.full(len(x), 0.3)
     for seed in range(40):
         rng = np.random.default_rng(seed)
-        P = weight * np.repeat(rng.uniform(0.01, 1.0, 11) ** 2, 3)
+        P = weight * np.square(np.repeat(rng.uniform(0.01, 1.0, 11), 3))
         state = np.repeat(rng.choice([STICK, FORWARD, BACKWARD], 11), 3)
         share = np.where(state == STICK, np.repeat(rng.choice([-1.0, -0.99, 0.99], 11), 3), 1.0)
         Q = f * P * np.where(state == FORWARD, -1.0, share)
