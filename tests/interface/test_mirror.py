@@ -53,17 +53,10 @@ def test_a_whole_model_is_left_as_it_is() -> None:
     assert mirror.factor == 1.0
 
 
-@pytest.fixture(scope="module")
-def pair() -> tuple:
-    """Return the records of the half and of the whole block over three cycles."""
+def test_half_and_whole_records_agree_in_every_field() -> None:
     output = OutputOptions(samples_per_leg=10, cycles="all")
     half = evolve(HALF, cyclic(3), output=output)
     whole = evolve(block_system(40, 10, half=False), cyclic(3), output=output)
-    return half, whole
-
-
-def test_half_and_whole_records_agree_in_every_field(pair: tuple) -> None:
-    half, whole = pair
     for name in ("turning_points", "samples"):
         a, b = getattr(half, name), getattr(whole, name)
         assert np.array_equal(a.state, b.state)
@@ -77,10 +70,6 @@ def test_half_and_whole_records_agree_in_every_field(pair: tuple) -> None:
             field
         )
     assert (half.modelled_nodes, whole.modelled_nodes) == (21, 41)
-
-
-def test_half_and_whole_dissipate_alike(pair: tuple) -> None:
-    half, whole = pair
     assert half.dissipation_first_loading == pytest.approx(
         whole.dissipation_first_loading, rel=1e-10
     )
@@ -90,10 +79,6 @@ def test_half_and_whole_dissipate_alike(pair: tuple) -> None:
     # the density integrates to the total
     total = half.cycles.dissipation_density @ half.weight
     assert total == pytest.approx(half.cycles.dissipation, rel=1e-12)
-
-
-def test_half_and_whole_pass_the_same_events(pair: tuple) -> None:
-    half, whole = pair
 
     def rows(record: object) -> np.ndarray:
         e = record.events  # type: ignore[attr-defined]
