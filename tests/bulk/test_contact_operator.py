@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 import receding_fenicsx as rf
 from receding_fenicsx.mpi import on_root
+from receding_fenicsx.output.report.run import slip_warnings
 from receding_fenicsx.studies.run import condense
 
 comm = MPI.COMM_WORLD
@@ -182,6 +183,28 @@ def test_ring_in_a_rigid_circle_has_lames_pressure(
         system, record = found
         p = 0.01 * young * (b**2 - a**2) / (b * soft) if interference else 2.0 * a**2 / soft
         assert record.turning_points.P[-1] / system.weight == pytest.approx(p, rel=limit)
+
+
+@pytest.mark.parametrize("turn", [1e-3, 0.5])
+def test_slips_beyond_half_an_element_of_a_curved_edge_are_a_warning(
+    turn: float, shared_tmp_path: Path
+) -> None:
+    """A ring driven round in its circle by its bore slips by the radius times the angle."""
+    scene = rf.Scene(
+        body=rf.Body(mesh=grid(shared_tmp_path / "r.msh", ring(1.0, 2.0), 24, 4)),
+        material=rf.Material(200.0, 0.3),
+        mesh=rf.MeshOptions(degree=1, cell="quadrilateral"),
+        contacts=(rf.Contact("top", friction=0.0, interference=0.01),),
+        loads=(rf.Load("d", "bottom", displacement=(f"-{turn}*y", f"{turn}*x")),),
+        history=ONCE,
+    )
+    found = last(scene)
+    if found is not None:
+        lines = slip_warnings(found[1])
+        assert len(lines) == (turn > 0.1)
+        for line in lines:
+            # 24 nodes on a circle of radius 2
+            assert "'top' slip by up to 1, 1.9 times the distance of its nodes" in line
 
 
 # -- edges that meet -----------------------------------------------------------------------------

@@ -85,9 +85,30 @@ def loose_warnings(record: Record) -> list[str]:
     ]
 
 
+def slip_warnings(record: Record) -> list[str]:
+    """Return one line for each curved edge along which points do not stay opposite each other."""
+    lines = []
+    for number in np.unique(record.edge):
+        on = record.edge == number
+        points, table = record.points[on], record.turning_points
+        if len(points) < 3 or np.linalg.matrix_rank(points - points[0], 1e-6 * np.ptp(points)) < 2:
+            continue
+        apart = float(np.linalg.norm(np.diff(points, axis=0), axis=1).min())
+        moved = float(np.abs(table.v[:, on] * (table.P[:, on] > 0.0)).max())
+        # the error of a gap is the slip times the slope of the edge over half an element
+        if moved > 0.5 * apart:
+            lines.append(
+                f"points of the curved edge '{record.edge_names[number]}' slip by up to "
+                f"{moved:.3g}, {moved / apart:.2g} times the distance of its nodes, but are taken "
+                "to stay opposite each other; reduce the load, or use larger elements"
+            )
+    return lines
+
+
 def _warnings(record: Record) -> dict[str, Any]:
     scene = scene_warnings(record.scene) if record.scene else []
-    return {"warnings": [*scene, *cut_off_warnings(record), *loose_warnings(record)]}
+    found = [*cut_off_warnings(record), *slip_warnings(record), *loose_warnings(record)]
+    return {"warnings": [*scene, *found]}
 
 
 WARNINGS = Section(
