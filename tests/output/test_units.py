@@ -138,7 +138,11 @@ def test_labels_of_all_figures_say_what_the_same_in_units_is_divided_by(kinemati
                 if found and not name.startswith(("tractions", "dissipation_per", "slip")):
                     shown, others = (
                         np.concatenate(
-                            [x[:, n] for x in map(Line2D.get_xydata, panel.lines) if len(x) > 2]
+                            [
+                                x[:, n]
+                                for x in map(np.asarray, map(Line2D.get_xydata, panel.lines))
+                                if len(x) > 2
+                            ]
                             or [(panel.get_xlim(), panel.get_ylim())[n]]
                         )
                         for panel in (axes, plain)

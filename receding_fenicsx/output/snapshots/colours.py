@@ -14,11 +14,6 @@ from receding_fenicsx.output.snapshots.view import View
 
 MIN_FRINGES = 10
 """Smallest number of isochromatic fringes between zero and the largest shear."""
-FRINGE_COLOURS = 4096
-"""Number of colours of a fringe pattern."""
-CLIPPED_AREA = 0.5
-"""Per cent of the area whose values may lie beyond either end of the colour bar: singular points
-would otherwise take most of its range."""
 
 
 @dataclass(frozen=True)
@@ -106,14 +101,15 @@ def colours_of(
     # part of the largest absolute value below which the field does not affect the colour range
     stressed = np.abs(values) > 0.02 * np.abs(values).max(initial=0.0)
     weights = np.ones(len(values)) if areas is None else areas
-    parts = np.array([CLIPPED_AREA, 100.0 - CLIPPED_AREA]) / 100
-    low, high = _quantiles(values[stressed], weights[stressed], parts)
+    # half a per cent of the area may lie beyond either end of the colour bar: singular points would
+    # take most of its range
+    low, high = _quantiles(values[stressed], weights[stressed], np.array([0.005, 0.995]))
     divided = f"/{pressure_symbol}" if pressure_symbol else ""
     label = f"${quantity.symbol}{divided}$"
     if quantity.fringes:
         fringe = fringe_value(high)
         limits = (0.0, max(float(values.max()), fringe))
-        order = np.linspace(0.0, limits[1] / fringe, FRINGE_COLOURS)
+        order = np.linspace(0.0, limits[1] / fringe, 4096)
         grey = np.cos(np.pi * order) ** 2
         note = f"one fringe {fringe:g}" + (rf"$\,{pressure_symbol}$" if pressure_symbol else "")
         table = np.stack([grey] * 3, axis=1)

@@ -38,11 +38,6 @@ from receding_fenicsx.store.hdf5 import new_hdf5
 INSTANT = re.compile(r"cycle\d+_leg\d+_s\d+\.\d+\.xdmf")
 """File names of instants."""
 
-CELL_CODE = {3: 4, 4: 5}
-"""XDMF's numbers of triangles and quadrilaterals, by their number of vertices."""
-LINE_CODE = (2, 2)
-"""XDMF's number of a polyline, and its number of points."""
-
 
 @dataclass(frozen=True)
 class Grid:
@@ -89,8 +84,9 @@ def grid_of(fields: Fields, cell_stress: dict[str, Array], contact: WholeContact
     ends = np.column_stack([start, start + 1])
     width = fields.cells.shape[1]
     topology = [
-        np.column_stack([np.full(len(fields.cells), CELL_CODE[width]), fields.cells]),
-        np.column_stack([np.tile(LINE_CODE, (len(ends), 1)), ends + n]),
+        # XDMF's numbers: 4 a triangle, 5 a quadrilateral, 2 a polyline of two points
+        np.column_stack([np.full(len(fields.cells), {3: 4, 4: 5}[width]), fields.cells]),
+        np.column_stack([np.tile((2, 2), (len(ends), 1)), ends + n]),
     ]
     body = np.zeros(n, dtype=int) if fields.body is None else fields.body
     part = np.append(1 + body[fields.cells[:, 0]], np.zeros(len(ends)))
