@@ -244,7 +244,8 @@ class _Points:
         x, places, normal, weight: as of ``ContactPoints``.
         parts: of each side its body, and for each pair of a point and a node of the body, whose
             numbers are (m,), the matrix (m, 2, 2) of x and y that multiplies the displacement.
-        without: (n, 2) whether only the slave's part of [v; w] counts.
+        own: (n,) the slave's node at each point.
+        without: (n, 2) whether only that node counts in [v; w].
     """
 
     x: Array
@@ -252,6 +253,7 @@ class _Points:
     normal: Array
     weight: Array
     parts: tuple[tuple[int, Ints, Ints, Array], ...]
+    own: Ints
     without: NDArray[np.bool_]
 
     def rows(self, nodes: ContactNodes, body: int, axis: str) -> sparse.csr_matrix:
@@ -263,7 +265,9 @@ class _Points:
         for number, (owner, point, node, matrix) in enumerate(self.parts):
             if owner != body:
                 continue
-            keep = ~self.without[point, "tn".index(axis)] if number else np.ones(len(point), bool)
+            keep = ~self.without[point, "tn".index(axis)]
+            if number == 0:
+                keep |= node == self.own[point]
             row = np.einsum("ma,mab->mb", direction[point], matrix)
             values = [np.einsum("mb,mb->m", row, d[node]) for d in (nodes.tangent, nodes.normal)]
             value = np.concatenate(values) * np.tile(keep, 2)
@@ -312,8 +316,11 @@ def _points(
         parts.append((other, coo.row, master.node[coo.col], -sign * coo.data[:, None, None] * eye))
         if not same:
             parts.append((other, *_turning(pi.tocsr(), places, master, -sign)))
+        if not (same and slave.carries.all()):
             without = _held_together(contacts, (body, slave), (other, master), keep)
-    return _Points(x, places, normal, weight, tuple(parts), without)
+    elif not slave.carries.all():
+        without = contacts[body].held.reshape(2, -1)[:, slave.node[keep]].T
+    return _Points(x, places, normal, weight, tuple(parts), slave.node[keep], without)
 
 
 def _merged(side: ContactSide, where: str) -> sparse.csr_matrix:
@@ -448,7 +455,7 @@ def _held_together(
 ) -> NDArray[np.bool_]:
     """Return (n, 2) whether the slave's node and the master's one at its place are held in [v; w].
 
-    There the master's neighbours do not count, as on a plane of symmetry.
+    There the neighbours on both sides do not count, as on a plane of symmetry.
     """
     found = np.zeros((len(keep), 2), dtype=bool)
     nodes, others = contacts[slave[0]], contacts[master[0]]

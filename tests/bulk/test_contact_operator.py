@@ -15,9 +15,12 @@ from msh import write_msh
 from numpy.typing import NDArray
 
 import receding_fenicsx as rf
+from receding_fenicsx.bulk.from_scene import bulk_of
+from receding_fenicsx.modal.modes import _modes
 from receding_fenicsx.mpi import on_root
 from receding_fenicsx.output.report.run import slip_warnings
 from receding_fenicsx.studies.run import condense
+from receding_fenicsx.timing import Timer
 
 comm = MPI.COMM_WORLD
 Array = NDArray[np.float64]
@@ -183,6 +186,32 @@ def test_ring_in_a_rigid_circle_has_lames_pressure(
         system, record = found
         p = 0.01 * young * (b**2 - a**2) / (b * soft) if interference else 2.0 * a**2 / soft
         assert record.turning_points.P[-1] / system.weight == pytest.approx(p, rel=limit)
+
+
+@pytest.mark.parametrize("counts", [(12, 12), (12, 17)])
+@pytest.mark.parametrize("degree", [1, 2])
+def test_quarter_of_rings_held_by_symmetry_is_the_whole(
+    degree: int, counts: tuple[int, int], shared_tmp_path: Path
+) -> None:
+    """Lame's pressure up to the planes of symmetry, which hold the ends of both edges."""
+
+    def quarter(low: float, high: float) -> Callable[[Array, Array], tuple[Array, Array]]:
+        return lambda s, t: ring(low, high)(s / 4.0, t)
+
+    scene = rings(shared_tmp_path, (24, 24), degree)
+    names = ("i", "o")
+    bodies = [
+        rf.Body(k, mesh=grid(shared_tmp_path / f"q{k}.msh", quarter(1.0 + j, 2.0 + j), n, 6))
+        for j, (k, n) in enumerate(zip(names, counts, strict=True))
+    ]
+    supports = [rf.Support("y", edge=f"{k}.left") for k in names]
+    supports += [rf.Support("x", edge=f"{k}.right") for k in names]
+    found = last(replace(scene, body=bodies[0], others=(bodies[1],), supports=tuple(supports)))
+    if found is not None:
+        system, record = found
+        P, Q = record.turning_points.P[-1], record.turning_points.Q[-1]
+        assert P / system.weight == pytest.approx(LAME, rel=0.01)
+        assert np.abs(Q[~system.held[: system.n]]).max() < (0.005 if counts[1] > 12 else 1e-4)
 
 
 @pytest.mark.parametrize("turn", [1e-3, 0.5])
@@ -466,3 +495,16 @@ def test_what_cannot_be_tied_is_refused_in_one_line(
     with pytest.raises(rf.InputError) as caught:
         last(scene)
     assert words in str(caught.value) and "\n" not in str(caught.value)
+
+
+@pytest.mark.one_rank
+def test_tied_layers_vibrate_as_one_mesh(shared_tmp_path: Path) -> None:
+    found = []
+    for counts in (None, (16, 16), (16, 11)):
+        scene = layers(shared_tmp_path, counts, 2)
+        scene = replace(scene, material=replace(scene.material, density=1.0))
+        bulk = bulk_of(scene, MPI.COMM_SELF, Timer(None))
+        found.append(_modes(bulk, np.ones(2 * len(bulk.contact.x), dtype=bool), 1, 3)[1])
+        bulk.destroy()
+    assert found[1] == pytest.approx(found[0], rel=1e-10)
+    assert found[2] == pytest.approx(found[0], rel=1e-4) and found[2].min() > found[0].min()
