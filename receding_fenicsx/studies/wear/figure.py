@@ -29,7 +29,7 @@ def profiles_figure(study: WearStudy) -> Figure:
             lower.plot(study.x, -study.depth[row], color=colour, label=label)
         upper.set_ylabel("$p$")
         lower.set(xlabel="$x$", ylabel="worn depth, downwards", xlim=_seen(study))
-        upper.set_ylim(0.0, style.focus(study.pressure[rows[-1]], study.pressure[rows[0]])[1])
+        upper.set_ylim(bottom=0.0)
         figure.legend(loc="outside lower center", ncols=3)
     return figure
 
