@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import fields, replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -16,8 +18,11 @@ from receding_fenicsx.evolution.journal import Journal
 from receding_fenicsx.evolution.problem import problem_of_history
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.evolution.record_data import PathUniqueness
+from receding_fenicsx.interface.exact.segments import States
 from receding_fenicsx.interface.system import ContactSystem
+from receding_fenicsx.interface.uniqueness.watch import UniquenessWatch
 from receding_fenicsx.output.report.checks import uniqueness_rows, uniqueness_summary
+from receding_fenicsx.scene.history import History
 from receding_fenicsx.scene.model import SolverOptions
 
 pytestmark = pytest.mark.one_rank
@@ -118,18 +123,29 @@ def test_load_steps_prove_nothing_of_what_happens_within_them() -> None:
     assert steps.margin == pytest.approx(exact.margin, rel=0.05)
 
 
+def in_doubt(seed: int) -> tuple[ContactSystem, History]:
+    """Return two or three nodes so strongly coupled that some paths are in doubt."""
+    rng = np.random.default_rng(seed)
+    n = 2 + seed % 2
+    G = rng.standard_normal((2 * n, 3 * n))
+    couple = np.diag(rng.uniform(0.3, 1.0, n) * rng.choice([-1.0, 1.0], n))
+    K = 0.1 * G @ G.T / n + 1.02 * np.eye(2 * n) + np.kron([[0, 1], [1, 0]], couple)
+    press = np.concatenate([1.5 * rng.standard_normal(n), rng.uniform(0.3, 1.5, n)])
+    loads = {"p": press, "q": rng.standard_normal(2 * n)}
+    system = small_system(K, loads, rng.uniform(0.5, 4.0, n))
+    return system, table(system, [(0, 0), (1, 0)], [(1, 0), (1, 0.8), (1, -0.8), (1, 0)], 4)
+
+
+def assert_told_alike(one: PathUniqueness | None, other: PathUniqueness | None) -> None:
+    """Assert that two records say the same of their uniqueness, to the bit."""
+    assert one is not None and other is not None
+    for field in fields(PathUniqueness):
+        np.testing.assert_array_equal(getattr(one, field.name), getattr(other, field.name))
+
+
 def test_a_run_with_doubts_tells_the_same_when_it_is_resumed() -> None:
     doubts = 0
-    for seed in range(12):
-        rng = np.random.default_rng(seed)
-        n = 2 + seed % 2
-        G = rng.standard_normal((2 * n, 3 * n))
-        couple = np.diag(rng.uniform(0.3, 1.0, n) * rng.choice([-1.0, 1.0], n))
-        K = 0.1 * G @ G.T / n + 1.02 * np.eye(2 * n) + np.kron([[0, 1], [1, 0]], couple)
-        press = np.concatenate([1.5 * rng.standard_normal(n), rng.uniform(0.3, 1.5, n)])
-        loads = {"p": press, "q": rng.standard_normal(2 * n)}
-        system = small_system(K, loads, rng.uniform(0.5, 4.0, n))
-        history = table(system, [(0, 0), (1, 0)], [(1, 0), (1, 0.8), (1, -0.8), (1, 0)], 4)
+    for system, history in map(in_doubt, range(12)):
         problem = problem_of_history(system, history, SolverOptions(on_jump="static"))
         journal, resumed = Journal(2), Journal(2)
         try:
@@ -138,12 +154,35 @@ def test_a_run_with_doubts_tells_the_same_when_it_is_resumed() -> None:
             continue
         resumed.cycles = list(journal.cycles[:3])
         again = continue_history(problem, resumed).uniqueness
-        assert whole is not None and again is not None
-        for field in fields(PathUniqueness):
-            one, other = (getattr(a, field.name) for a in (whole, again))
-            np.testing.assert_array_equal(one, other)
-        doubts += not whole.certified
+        assert_told_alike(whole, again)
+        doubts += whole is not None and not whole.certified
     assert doubts > 0
+
+
+def test_legs_judged_from_where_they_differ_from_the_last_tell_the_same(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    part, every, doubts, unlike = 0, 0, 0, UniquenessWatch._unlike_the_last
+
+    def counted(self: UniquenessWatch, way: bytes, start: States, *rest: Any) -> Any:
+        nonlocal part, every
+        states, rows = unlike(self, way, start, *rest)
+        every, part = every + len(rest[0]), part + len(rest[0].select(rows))
+        return states, rows
+
+    def whole(self: UniquenessWatch, way: bytes, start: States, *rest: Any) -> Any:
+        return start, slice(None)
+
+    blocks = [(block_system(n, 4, f=f), cyclic(12)) for n, f in ((16, 0.35), (24, 1.2))]
+    for system, history in [*map(in_doubt, range(12)), *blocks]:
+        problem, told = problem_of_history(system, history, SolverOptions(on_jump="static")), []
+        with suppress(SolveError):
+            for way in (counted, whole):
+                monkeypatch.setattr(UniquenessWatch, "_unlike_the_last", way)
+                told.append(continue_history(problem, Journal()).uniqueness)
+            assert_told_alike(*told)
+            doubts += told[0] is not None and not told[0].certified
+    assert doubts > 0 and part < 0.8 * every
 
 
 def test_a_jump_is_a_doubt() -> None:

@@ -112,16 +112,11 @@ class Sides(NamedTuple):
             yield one
 
     def after(self, changes: Iterable[Change]) -> Sides:
-        """Return the sides after several changes of state, of which the last of a node counts."""
-        changed = [0] * (1 + max(STICK, FORWARD, BACKWARD, SEPARATION))
-        for i, new in {i: new for i, _, new in changes}.items():
-            changed[new] |= 1 << i
-        others = ~sum(changed)
-        return Sides(
-            self.forward & others | changed[FORWARD],
-            self.backward & others | changed[BACKWARD],
-            self.open & others | changed[SEPARATION],
-        )
+        """Return the sides after several changes of state, one after the other."""
+        sides = self
+        for i, _, new in changes:
+            sides = sides.put(1 << i, new)
+        return sides
 
 
 class InstantsOfLegs:
@@ -137,7 +132,7 @@ class InstantsOfLegs:
         start: States,
         events: Changes,
         ties: Changes,
-        finite: Callable[[float], bool] = lambda s: False,
+        finite: Callable[[float], bool] | None = None,
     ) -> list[tuple[float, Sides]]:
         """Return the instants of a leg not met before: its start and where states change.
 
@@ -151,17 +146,20 @@ class InstantsOfLegs:
             events: its changes of state, in order.
             ties: nodes on limits, as changes to other states that they may take there.
             finite: says of a place s whether the states there change by a load step or a jump: only
-                the states after it are judged.
+                the states after it are judged. None where none do.
         """
         met = self._met.setdefault(direction, set())
         now = Sides.of(start)
         found: list[tuple[float, Sides]] = []
         for s, group in _together(events, ties):
             before, made = now, [change for change, is_tie in group if not is_tie]
-            if made:
-                now = before.after(made)
-            if finite(s):
+            now = before.after(made)
+            alone = made[0][1:] if len(group) == len(made) == 1 else (SEPARATION, SEPARATION)
+            if finite is not None and finite(s):
                 sides = _loosest(now, [change for change, is_tie in group if is_tie])
+            elif STICK in alone and SEPARATION not in alone:
+                # mostly one node begins or ends to slip: it may slip or stick
+                sides = before if alone[1] == STICK else now
             else:
                 sides = _loosest(before, [change for change, _ in group])
             if sides not in met:

@@ -16,7 +16,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from receding_fenicsx.arrays import Array
+from receding_fenicsx.arrays import Array, Ints
 from receding_fenicsx.interface.exact.segments import Segments
 from receding_fenicsx.interface.exact.static import end_in_states, states_by_newton
 from receding_fenicsx.interface.exact.ties import ties_at
@@ -134,6 +134,8 @@ class UniquenessWatch:
         self._doubtful: list[tuple[bytes, Sides]] = []
         # keys of static problems and of legs that were judged, to be known where they come again
         self._judged: set[tuple[bytes, ...]] = set()
+        # of the last leg in each direction: its start, its end, and its changes as rows
+        self._last: dict[bytes, tuple[States, States, Ints]] = {}
         self._left = COUNTED
 
     def forget_doubts(self) -> None:
@@ -142,6 +144,7 @@ class UniquenessWatch:
             self._instants.forget(way, sides)
         self._doubtful, self._left = [], COUNTED
         self._judged.clear()
+        self._last.clear()
 
     def add(
         self,
@@ -249,10 +252,13 @@ class UniquenessWatch:
             # definite sets of states are so whatever the loads
             if (b"", *parts) in self._judged or (way, *parts) in self._judged:
                 return
-        rubbing = self.certificate.rubbing
+            start, part = self._unlike_the_last(way, start, every, is_tie, later)
+            every, is_tie = every.select(part), is_tie[part]
+            events, ties = every.select(~is_tie), every.select(is_tie)
+        rubbing, finite = self.certificate.rubbing, None if parts else self._is_finite
         instants = [
             (s, sides, sides.of_nodes(rubbing))
-            for s, sides in self._instants.new(way, start, events, ties, self._is_finite)
+            for s, sides in self._instants.new(way, start, events, ties, finite)
         ]
         self.judge(
             [one for _, _, one in instants if (one.forward | one.backward | one.touching) & rubbing]
@@ -265,6 +271,41 @@ class UniquenessWatch:
             if len(self._judged) == 4096:
                 self._judged.clear()
             self._judged.add((way if self.indefinite else b"", *parts))
+
+    def _unlike_the_last(
+        self,
+        way: bytes,
+        start: States,
+        every: Changes,
+        is_tie: NDArray[np.bool_],
+        later: NDArray[np.bool_],
+    ) -> tuple[States, slice]:
+        """Return which changes of a leg are not those of the last one, and the states before them.
+
+        All instants before and after these were met on the last leg in the direction.
+        """
+
+        def after(count: int) -> States:
+            state, made = start.copy(), ~is_tie[:count]
+            state[every.node[:count][made]] = every.new[:count][made]
+            return state
+
+        k, end = len(every), after(len(every))
+        rows = np.stack([every.node, every.old, every.new, is_tie, later], axis=1)
+        known, self._last[way] = self._last.get(way), (start, end, rows)
+        if known is None or not np.array_equal(known[0], start):
+            return start, slice(k)
+        before, m = known[2], min(k, len(known[2]))
+        same = np.append((rows[:m] == before[:m]).all(axis=1), False)
+        # the last group of simultaneous changes may be larger in the other leg
+        begins = np.flatnonzero(later[: same.argmin()])
+        first, last = int(begins[-1]) if len(begins) else 0, k
+        if np.array_equal(known[1], end):
+            same = np.append((rows[k - m :] == before[len(before) - m :]).all(axis=1)[::-1], False)
+            begin = max(first, k - int(same.argmin()))
+            begins = np.flatnonzero(later[begin:])
+            last = begin + int(begins[0]) if len(begins) else k
+        return after(first), slice(first, last)
 
     def _is_new(self, one: Sides) -> bool:
         """Return whether nothing is known of a set of states."""
