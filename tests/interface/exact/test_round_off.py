@@ -67,7 +67,7 @@ def with_clamped_node(system: ContactSystem, seed: int) -> ContactSystem:
         weight=np.ones(n + 1),
         K=K,
         r_star=r_star,
-        f=np.append(system.f, 0.7),
+        f=np.append(system.f, 0.0),
         g0=np.zeros(n + 1),
         held=held,
         rigid=np.zeros((2 * n + 2, 0)),
