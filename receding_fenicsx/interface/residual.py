@@ -44,16 +44,32 @@ moved far without limit, tipping over, would let pass anything."""
 
 
 def reachable(system: ContactSystem, u: Array, force_scale: float) -> float:
-    """Return the relative residual that is accepted for round-off, at most ``REACHABLE_AT_MOST``.
+    """Return the relative residual that is accepted for round-off."""
+    return limit_excuse(system, ROUND_OFFS * round_off(system, u, force_scale), [u], force_scale)
+
+
+def limit_excuse(
+    system: ContactSystem, excused: float, u: list[Array], force_scale: float
+) -> float:
+    """Return a residual that round-off excuses, cut off at ``REACHABLE_AT_MOST``.
 
     The largest force is that of the contact or an elastic one, K u less its own round-off: soft
     springs may carry the loads of a body whose contact is open.
+
+    Args:
+        system: the condensed body.
+        excused: residual over the force scale.
+        u: displacements (2N,) at one instant or several.
+        force_scale: largest nodal force of the history so far.
     """
-    excused = ROUND_OFFS * round_off(system, u, force_scale)
     if not excused > REACHABLE_AT_MOST:
         return excused
-    elastic = float(np.abs(system.K @ u).max()) / force_scale - excused
-    return min(excused, REACHABLE_AT_MOST * max(1.0, elastic))
+    elastic = (
+        float(np.abs(system.K @ at).max()) / force_scale
+        - ROUND_OFFS * round_off(system, at, force_scale)
+        for at in u
+    )
+    return min(excused, REACHABLE_AT_MOST * max(1.0, *elastic))
 
 
 def is_carried_by_round_off(system: ContactSystem, u: Array, force_scale: float) -> bool:

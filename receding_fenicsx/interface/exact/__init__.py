@@ -49,7 +49,7 @@ are no load steps. The method, from top to bottom:
    $$D = -\sum_i \tfrac12 (Q_i^a + Q_i^b)(v_i^b - v_i^a), \qquad
      W = \sum_k \tfrac12 (\lambda_k^a + \lambda_k^b)\, r^*_k \cdot (u^b - u^a) .$$
    The balance of forces is followed from event to event.
-7. **Round-off** (`Walk._balanced`, `Walk._refined`). Where the imbalance of $y$ has
+7. **Round-off** (`Walk._balanced`, `Walk._refined`, `round_off`). Where the imbalance of $y$ has
    grown it is removed by iterative refinement, and at the end of a leg where forces that vanish are
    more than round-off: by the tableau, or by a factor of the states there (`loop.ActiveSets`). The
    reactions of the end are evaluated afresh and its residual is checked.

@@ -28,6 +28,7 @@ from receding_fenicsx.interface.exact.unloading import (
     carries_nothing,
     is_at_rest,
     is_closed,
+    keeps_limits,
     stops_short,
     zero_crossing,
 )
@@ -207,18 +208,23 @@ class EventPath:
         if (b - a).tobytes() in self.changed and not self.segments.is_special:
             changed = np.logical_or.reduce(list(self.changed.values()))
             loop.leave_out(problem.start.state, changed, self._opened)
-        walk = Walk(loop, problem, self._equilibrium_ends)
+        walk = Walk(loop, problem, self._equilibrium_ends, resolved)
         short = stops_short(self.segments, b)
         try:
             walk.run(1.0 - REMAINING_LOAD if short else 1.0)
         except NoQuasiStaticContinuation:
             at_end = LEFT_TO_NEXT_LEG if np.any(b) else UNLOADING_ROUND_OFF
-            if walk.s >= 1.0 - at_end:
+            place = walk.s
+            if place >= 1.0 - at_end:
                 # at the end itself only round-off decides: left to the next leg
                 walk.path.place[0] = 1.0
                 leg = walk.stop_here()
-                leg.samples += [(s, leg.end) for s in problem.samples[len(leg.samples) :]]
-                return leg
+                y = self.segments.values(leg.end)
+                if np.any(b) or keeps_limits(self.segments, problem.start.u, y, leg.force_scale):
+                    leg.samples += [(s, leg.end) for s in problem.samples[len(leg.samples) :]]
+                    return leg
+                # springs far softer than the body move it there
+                walk.path.place[0] = place
             if self.on_jump != "static" or not resolved:
                 raise
             return self._jump(walk, problem)

@@ -20,6 +20,7 @@ from receding_fenicsx.interface.exact.consistency import ConsistentStates, Equil
 from receding_fenicsx.interface.exact.legs import LegProblem, PathPoint
 from receding_fenicsx.interface.exact.loop import Loop
 from receding_fenicsx.interface.exact.pivot_matrix import SingularExchange
+from receding_fenicsx.interface.exact.round_off import displacement_uncertainty
 from receding_fenicsx.interface.exact.segments import EPSILON, Segment, States
 from receding_fenicsx.interface.exact.ties import ties_at
 from receding_fenicsx.interface.exact.unloading import (
@@ -55,6 +56,7 @@ class Walk:
         loop: Loop,
         problem: LegProblem,
         equilibrium_ends: EquilibriumEnd = lambda ends: np.inf,
+        accept_round_off: bool = True,
         traced: bool = False,
     ) -> None:
         """Start at the beginning of a leg.
@@ -63,6 +65,8 @@ class Walk:
             loop: the compiled loop of the contact.
             problem: the leg; its force scale includes the held reactions at both ends.
             equilibrium_ends: place on the leg beyond which there is no equilibrium.
+            accept_round_off: accept a residual that round-off of the displacements explains; not
+                where only friction too low to be resolved holds them.
             traced: keep all stops of the path.
         """
         self.loop, self.segments, self.system = loop, loop.segments, loop.system
@@ -70,6 +74,7 @@ class Walk:
         self.path = loop.path(problem, traced)
         self.residual, self._excess = 0.0, False
         self._states = ConsistentStates(self.segments, self.point, equilibrium_ends)
+        self._accept_round_off = accept_round_off
 
     @property
     def s(self) -> float:
@@ -305,7 +310,7 @@ class Walk:
         end = self._refined(reached, load, 0 if np.any(load) else UNLOADING_REFINEMENTS)
         self._note(end)
         leg = self._leg(end)
-        if self._excess:
+        if self._excess and not self._explained(leg):
             raise SolveError(
                 f"the exact path lost accuracy before {self.segments.system.load_text(load)}: "
                 f"residual {self.residual:.1e} over {ACCEPTED_RESIDUAL:.0e}; "
@@ -330,6 +335,15 @@ class Walk:
             places = self.problem.start.u, state.u
             accepted = max(reachable(self.system, u, scale) for u in places)
             self._excess |= residual > accepted
+
+    def _explained(self, leg: Leg) -> bool:
+        """Return whether round-off of the displacements explains the residual."""
+        if not self._accept_round_off:
+            return False
+        states = self.problem.start, leg.end
+        return self.residual <= displacement_uncertainty(
+            self.segments, states, leg.events, self.force_scale
+        )
 
     def _leg(self, end: ContactState) -> Leg:
         """Return what has been followed."""
