@@ -14,7 +14,7 @@ import pytest
 from receding_fenicsx import cli
 from receding_fenicsx.errors import InputError, Interrupted, ToleranceNotMet
 from receding_fenicsx.mpi import on_root
-from receding_fenicsx.output.report.run import verdict
+from receding_fenicsx.output.report.run import ERRORS, verdict
 from receding_fenicsx.output.report.summary import run_table
 from receding_fenicsx.reference.closed_forms import BLOCK
 from receding_fenicsx.scene.model import Scene
@@ -156,6 +156,18 @@ def test_a_tolerance_is_met_and_the_true_error_is_within_it(shared_tmp_path: Pat
     printed = run_table(summary, everything=True)
     for level in found["way"]:
         assert f"{level['elements']}  " in printed
+
+
+@pytest.mark.one_rank
+def test_estimates_of_numbers_that_a_tolerance_is_not_for_say_so() -> None:
+    known = {"value": 1.0, "error": 0.001, "relative": 0.001, "order": 1.0, "converges": True}
+    coarse = known | {"relative": 0.014}
+    level = {"numbers": {"centre_pressure": known}}
+    search = {"tolerance": 0.01, "met": True, "seconds": 1.0, "way": [level]}
+    summary = {"errors": {"centre_pressure": known, "stick_half_width": coarse}, "accuracy": search}
+    (line,) = ERRORS.lines(summary)
+    assert "stick_half_width (not in the tolerance) 1.4e-02, centre_pressure 1.0e-03" in line
+    assert "met by 1 number: twice" in verdict(summary)
 
 
 def test_a_tolerance_beyond_the_budget_keeps_the_best_run(

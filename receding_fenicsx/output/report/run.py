@@ -207,13 +207,16 @@ def _error_lines(summary: Summary) -> list[str]:
     """Return doubts about the estimates, and the largest relative errors on one line."""
     errors = (summary.get("errors") or {}).items()
     lines = [f"{head}: {words}" for head, words in _doubts(summary)]
-    wrong = [name for name, found in errors if found.get("converges") is False]
+    meshes = (summary.get("accuracy") or {}).get("way")
+    asked = meshes[-1]["numbers"] if meshes else dict(errors)
+    named = {n: n if n in asked else f"{n} (not in the tolerance)" for n, _ in errors}
+    wrong = [named[name] for name, found in errors if found.get("converges") is False]
     if wrong:
         more = ", ..." * (len(wrong) > 3)
         lines.append(f"{', '.join(wrong[:3])}{more}: does not converge in order")
     known = sorted(((e["relative"], name) for name, e in errors if e.get("relative")), reverse=True)
     if known:
-        listed = ", ".join(f"{name} {relative:.1e}" for relative, name in known[:2])
+        listed = ", ".join(f"{named[name]} {relative:.1e}" for relative, name in known[:2])
         lines.append(f"largest estimated relative space errors: {listed}")
     return lines
 
@@ -248,7 +251,8 @@ def verdict(summary: Summary) -> str:
     """Return how a search ended, in a line."""
     search = summary["accuracy"]
     kind = "graded meshes" if search.get("graded") else "meshes"
-    ended = "met: twice each estimate is below it"
+    count = len(search["way"][-1]["numbers"]) if search["way"] else 0
+    ended = f"met by {count} number{'s' * (count != 1)}: twice each estimate is below it"
     if not search["met"]:
         ended = f"NOT met: {search['reason']}"
     spent = f"{search['seconds']:.3g} s on {len(search['way'])} {kind}"
