@@ -32,10 +32,7 @@ def import_file(specification: str, out: str, overwrite: bool) -> None:
 
 
 def export_matrices(source: Path, out: Path, overwrite: bool) -> None:
-    """Write K, r* (a row a load) and rigid motions as MatrixMarket, the nodes as CSV.
-
-    Rows of K are [v; w]: along the edge, then away from the plane.
-    """
+    """Write K (rows [v; w]), r* (a row a load) and rigid motions as MatrixMarket, nodes as CSV."""
     kind = FolderKind("set of matrices", ("stiffness.mtx",), resumable=False)
     kind.check(out, overwrite)
     system = read_system(source / SYSTEM if source.is_dir() else source)

@@ -35,11 +35,7 @@ TYPE = r"(?im)^\*MATRIX\s*,\s*TYPE\s*=\s*(\w+).*$"
 
 
 def read_matrix(path: Path) -> Named:
-    """Read a stiffness.
-
-    Raises:
-        InputError: the file cannot be read, has none of the forms, or is not a square matrix.
-    """
+    """Read a stiffness."""
     text = read_text(path)
     try:
         if text.startswith("%%MatrixMarket"):
@@ -65,11 +61,7 @@ def read_matrix(path: Path) -> Named:
 
 
 def read_vector(path: Path, freedoms: list[Freedom]) -> Array:
-    """Read nodal forces in the order of given freedoms.
-
-    Raises:
-        InputError: the file cannot be read, has another length, or names other freedoms.
-    """
+    """Read nodal forces in the order of given freedoms."""
     text, values = read_text(path), np.zeros(len(freedoms))
     try:
         if text.startswith("%%MatrixMarket"):

@@ -100,11 +100,7 @@ class Import:
 
 
 def read_specification(path: Path) -> Import:
-    """Read a specification and the file of its nodes.
-
-    Raises:
-        InputError: a file cannot be read, a key is unknown or missing, or a value is wrong.
-    """
+    """Read a specification and the file of its nodes."""
     raw = parse_toml(read_text(path))
     tables: dict[str, Any] = {}
     for name, kind in (("contact", Edge), ("support", Fixed), ("load", NodalLoad)):

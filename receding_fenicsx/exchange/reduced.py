@@ -74,11 +74,7 @@ class ReducedModel:
     g0: Array
 
     def save(self, path: str | Path, overwrite: bool = False) -> None:
-        """Write the model as HDF5 with a description.
-
-        Raises:
-            InputError: the file exists already or cannot be written.
-        """
+        """Write the model as HDF5 with a description."""
         with new_hdf5(Path(path), overwrite, "receding_fenicsx reduced model") as file:
             for field in fields(self):
                 write(file, field.name, getattr(self, field.name))
@@ -124,15 +120,7 @@ def _reduced(
     system: ContactSystem,
     count: int,
 ) -> ReducedModel:
-    """Return the model with so many modes.
-
-    Args:
-        whole: the matrices of the bodies.
-        C: (2N, dofs) relative displacements from all freedoms.
-        loads: names, and nodal forces (n_loads, dofs).
-        system: the condensed contact.
-        count: number of modes.
-    """
+    """Return the model, from C (2N, dofs) and the names and forces (n_loads, dofs) of loads."""
     b = np.concatenate(whole.contact)
     b = b[~whole.fixed[b]]
     inner = ~whole.fixed

@@ -62,21 +62,11 @@ class Columns:
 def read_columns(
     name: object, folder: Path, where: str, known: Sequence[str], default: Sequence[str] = ()
 ) -> Columns:
-    """Read a text file with columns of numbers.
+    """Read a text file of columns, ``name`` relative to a folder; ``where`` begins messages.
 
     The first line above the numbers with as many cells as they have names the columns; a comment
-    does so only where it holds one of the known names.
-
-    Args:
-        name: path in the scene file.
-        folder: folder that it is relative to.
-        where: table and key, for messages.
-        known: names that are looked for; other ones are taken without a unit in brackets.
-        default: names of the columns of a file that does not name them.
-
-    Raises:
-        InputError: the file cannot be read or has no rows or names, rows differ in length, or a
-            cell is not a finite number; one line with the number of the line.
+    does so only where it holds one of the known names. ``default`` names those of a file that does
+    not.
     """
     if not isinstance(name, str):
         raise InputError(f"{where} file: must be a path in quotes")
@@ -156,13 +146,6 @@ def with_files(raw: dict[str, Any], folder: Path) -> dict[str, Any]:
     """Replace every ``{file = "..."}`` of a parsed scene by the values in that file.
 
     A scene saved with its results then needs no other file, and a changed file is noticed.
-
-    Args:
-        raw: parsed TOML.
-        folder: folder that paths are relative to.
-
-    Raises:
-        InputError: a file cannot be read, or has not the columns that are needed; one line.
     """
     history = raw.get("history")
     if isinstance(history, dict):
@@ -199,10 +182,7 @@ def _with_profiles(raw: Any, folder: Path, keys: tuple[str, ...]) -> Any:
 
 
 def _with_signals(history: dict[str, Any], loads: Any, folder: Path) -> dict[str, Any]:
-    """Return the table [history] with the rows of files, and ``columns`` if only files name them.
-
-    Equal successive rows are merged: a load that dwells changes nothing.
-    """
+    """Return [history] with ``columns`` and rows of load factors in place of files."""
     files = [key for key in SIGNAL_KEYS if isinstance(history.get(key), dict)]
     wanted = history.get("columns")
     if not files:

@@ -43,16 +43,9 @@ FREE_WHEN_FINISHED = frozenset({"history.cycles", "history.until"})
 
 
 def difference(a: Any, b: Any, free: frozenset[str] = frozenset(), key: str = "") -> str | None:
-    """Return the first key in which two scenes, or parts of scenes, differ.
+    """Return the first key, "[table] key", in which two scenes or parts of them differ, or None.
 
-    Args:
-        a: a scene, or a part of one.
-        b: the other scene, or the same part of it.
-        free: keys that may differ, "table.key".
-        key: key of the part, "" for scenes.
-
-    Returns:
-        "[table] key", or None where nothing differs.
+    Keys "table.key" in ``free`` may differ; ``key`` is that of the part.
     """
     if key in free:
         return None

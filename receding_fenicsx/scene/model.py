@@ -378,11 +378,7 @@ class Scene(Table):
         return len(self.bodies) > 2 or (len(self.bodies) == 2 and on_plane)
 
     def material_of(self, body: Body) -> Material:
-        """Return the material of a body.
-
-        Raises:
-            InputError: the body names a material that the scene does not have.
-        """
+        """Return the material of a body; raise InputError for one that the scene lacks."""
         for material in self.materials:
             if material.name == (body.material or body.name):
                 return material
@@ -393,10 +389,7 @@ class Scene(Table):
         unknown_name(body.material, known, f"{label} material", "material")
 
     def surface_materials(self, body: Body) -> tuple[Material, ...]:
-        """Return the materials that can be those of single physical surfaces of a body.
-
-        They are the tables [material.NAME] that are no body's.
-        """
+        """Return the tables [material.NAME] that can be those of single surfaces of a body."""
         names = {each.material or each.name for each in self.bodies}
         own = body.material or body.name
         if body.mesh is None or body.surface or any(m.name == own for m in self.materials):
@@ -406,10 +399,7 @@ class Scene(Table):
     def find_edge(self, edge: str) -> tuple[Body, str]:
         """Split "NAME.edge" into the body and the name of its edge.
 
-        The body's name may be left out in a scene of one body.
-
-        Raises:
-            InputError: no body has that name.
+        The body's name may be left out in a scene of one body; InputError where no body has it.
         """
         for body in self.bodies:
             if body.name and edge.startswith(f"{body.name}."):

@@ -22,13 +22,6 @@ def part_of(scene: Scene, body: Body) -> Scene:
 
     Contacts, loads and supports of other bodies are omitted, and the probes of several bodies. The
     number of contact elements of a rectangle is that for which elements have one size on all.
-
-    Args:
-        scene: the scene.
-        body: one of its bodies.
-
-    Returns:
-        A scene of one body.
     """
 
     def own(edge: str | None) -> str | None:
@@ -97,9 +90,6 @@ def places_on(scene: Scene, body: Body) -> tuple[Refinement, ...]:
 
     Of two rectangles in contact both get all places, their mirror images about the middle of each
     body and breaks at the ends of both, so that the vertices of both match.
-
-    Raises:
-        InputError: a rectangle lies against a mesh file, or in a stack.
     """
     if scene.mesh.refine and scene.is_stack and any(b.is_rectangle for b in scene.bodies):
         raise InputError(
@@ -157,10 +147,7 @@ def _moved(place: Refinement, sign: float, shift: float) -> Refinement:
 def _on_rectangle(
     scene: Scene, contact: Contact, body: Body, places: list[Refinement]
 ) -> list[Refinement]:
-    """Return the places on a rectangle; for a pair with mirror images and breaks.
-
-    A place is mirrored about the middles of the bodies whose element sizes it changes.
-    """
+    """Return the places on a rectangle; for a pair with mirror images and breaks."""
     edges = [edge for edge in (contact.edge, contact.against) if edge is not None]
     radial = scene.axisymmetric and is_horizontal(scene, contact.edge)
     zeros = [_zero(scene, edge) for edge in edges]

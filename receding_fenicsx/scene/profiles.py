@@ -28,18 +28,9 @@ FrictionProfile = Profile | dict[Annotated[str, OneOf(*DIRECTIONS)], Profile]
 
 
 def evaluate(profile: Profile, x: ArrayLike, y: ArrayLike | None = None) -> Array:
-    """Evaluate a profile; a table is linear between its points and constant beyond its ends.
+    """Evaluate a profile at points; a table is linear between its points, constant beyond its ends.
 
-    Args:
-        profile: number, expression or table.
-        x: points.
-        y: second coordinate of the points, for expressions that use it.
-
-    Returns:
-        Values, of the shape of ``x``.
-
-    Raises:
-        InputError: the expression cannot be read, or its value is not finite at one of the points.
+    InputError: the expression cannot be read, or its value is not finite at a point.
     """
     points = np.asarray(x, dtype=float)
     if isinstance(profile, str):
@@ -52,15 +43,7 @@ def evaluate(profile: Profile, x: ArrayLike, y: ArrayLike | None = None) -> Arra
 
 
 def directions(friction: FrictionProfile, where: str = "friction") -> tuple[Profile, Profile]:
-    """Return the profiles of friction for forward and backward slip.
-
-    Args:
-        friction: one profile, or one for each direction.
-        where: table and key, for messages.
-
-    Raises:
-        InputError: one of the directions is missing, or there is another key.
-    """
+    """Return the profiles of friction for forward and backward slip."""
     if not isinstance(friction, dict) or set(friction) <= {"x", "value"}:
         profile = cast(Profile, friction)
         return profile, profile
@@ -73,12 +56,7 @@ def directions(friction: FrictionProfile, where: str = "friction") -> tuple[Prof
 
 
 def check_table(profile: Profile, where: str) -> None:
-    """Raise InputError for a table that is incomplete or unsorted; other profiles pass.
-
-    Args:
-        profile: number, expression or table.
-        where: table and key, for messages.
-    """
+    """Raise InputError for a table that is incomplete or unsorted; other profiles pass."""
     if not isinstance(profile, dict):
         return
     if set(profile) != {"x", "value"}:
@@ -94,17 +72,10 @@ def check_table(profile: Profile, where: str) -> None:
 
 
 def evaluate_checked(profile: Profile, x: Array, y: Array | None, where: str) -> Array:
-    """Check a profile and evaluate it.
+    """Check a profile and evaluate it at points of the part of an edge that it is for.
 
-    Args:
-        profile: number, expression or table.
-        x: points along the whole edge, or along the part of it that the profile is for.
-        y: second coordinate of the points; None where an expression may use x only.
-        where: table and key, for messages.
-
-    Raises:
-        InputError: the table is incomplete, unsorted or beside all points, the expression cannot be
-            read, or a value is not finite or too large.
+    ``y`` is None where an expression may use x only. InputError: the table is incomplete, unsorted
+    or beside all points, the expression cannot be read, or a value is not finite or too large.
     """
     check_table(profile, where)
     if isinstance(profile, dict) and min(profile["value"]) < max(profile["value"]):
@@ -172,21 +143,10 @@ COMPARE: dict[type[ast.cmpop], Callable[[Array, Array], NDArray[np.bool_]]] = {
 
 
 def evaluate_expression(text: str, x: Array, y: Array | None = None) -> Array:
-    """Evaluate an expression in ``x`` (and ``y``) at many points.
+    """Evaluate an expression in ``x`` (and ``y``, unless None) at many points.
 
     It may use numbers, ``x``, ``y``, ``pi``, ``+ - * / **``, comparisons (1 if true, else 0) and
     ``min max abs sqrt sin cos exp log tanh where(test, yes, no)``.
-
-    Args:
-        text: the expression.
-        x: points.
-        y: second coordinate of the points; None where the expression may not use ``y``.
-
-    Returns:
-        Values, of the shape of ``x``.
-
-    Raises:
-        InputError: the text is not an expression, or its value is not finite at a point.
     """
     if len(text) > MAX_LENGTH:
         raise InputError(f"expression of {len(text)} characters: at most {MAX_LENGTH} are allowed")

@@ -34,9 +34,6 @@ def edge_range(scene: Scene, edge: str) -> tuple[float, float]:
 
     This is the position from the edge's middle, or the radius on a horizontal edge of a body of
     revolution.
-
-    Raises:
-        InputError: the edge is not that of a rectangle.
     """
     body, name = scene.find_edge(edge)
     if name not in EDGES:

@@ -23,17 +23,11 @@ SYMMETRY_TOLERANCE = 1e-12
 
 
 def is_mirror_symmetric(scene: Scene) -> bool:
-    """Return whether a scene is mirror-symmetric about x = 0, so that half of it can be modelled.
+    """Return whether a valid scene is mirror-symmetric about x = 0: half of it can be modelled.
 
     Friction, gap, pressures and y-components of tractions must be even in x. The initial slip and
     x-components of tractions must be odd. Every support needs its mirror image. Expressions are
     compared at sample points.
-
-    Args:
-        scene: a valid scene.
-
-    Returns:
-        True when mesh, supports, contacts, each load and the initial slip are symmetric.
     """
     if scene.bolts or any(load.mode for load in scene.loads):
         return False

@@ -64,14 +64,8 @@ def read_scene(path: str | Path, overrides: Iterable[str] = ()) -> Scene:
 def from_toml(text: str, overrides: Iterable[str] = (), folder: Path | None = None) -> Scene:
     """Read and validate a scene from TOML text; see :func:`read_scene`.
 
-    Args:
-        text: content of a scene file.
-        overrides: ``table.key=value`` or ``load.NAME.key=value``.
-        folder: folder that paths are relative to. Default: paths of mesh files are left unchanged,
-            paths of tables are relative to the working directory.
-
-    Returns:
-        The validated scene.
+    Paths are relative to ``folder``. By default paths of mesh files are left unchanged, and paths
+    of tables are relative to the working directory.
     """
     check_types("scene", text=(text, str), overrides=(overrides, Iterable))
     overrides = list(overrides)
@@ -122,10 +116,7 @@ def to_toml(scene: Scene) -> str:
 
 
 def tables_of(scene: Scene) -> dict[str, Any]:
-    """Return a scene as the tables of its file, as parsed TOML has them.
-
-    Empty values and tables of options that are not used are left out.
-    """
+    """Return a scene as the tables of its file, without empty values and unused options."""
     tables: dict[str, Any] = {}
     for field in dataclasses.fields(scene):
         table, value = TABLE_OF.get(field.name, field.name), getattr(scene, field.name)
@@ -146,17 +137,10 @@ def tables_of(scene: Scene) -> dict[str, Any]:
 def apply_override(raw: dict[str, Any], override: str) -> None:
     """Change one value of a parsed scene file in place.
 
-    The value is read as TOML. Text that is not TOML (a word, an expression) is a string, so that a
-    shell command needs no quotes for it.
-
-    Args:
-        raw: the parsed file.
-        override: ``table.key=value``, ``load.NAME.key=value`` or ``title=value``. The friction of
-            one direction is ``contact.friction.forward``; the other one stays as it is.
-
-    Raises:
-        InputError: the text is not an override, or names a table or load that the scene does not
-            have.
+    The override is ``table.key=value``, ``load.NAME.key=value`` or ``title=value``. The value is
+    read as TOML; text that is not TOML (a word, an expression) is a string, so that a shell command
+    needs no quotes for it. The friction of one direction is ``contact.friction.forward``; the other
+    one stays as it is.
     """
     key, equals, text = override.partition("=")
     if not equals or not all(part.strip() for part in key.split(".")):
@@ -172,12 +156,7 @@ def apply_override(raw: dict[str, Any], override: str) -> None:
 def parse_value(text: str, where: str | None) -> Any:
     """Return a value read as TOML; text that is not TOML is a string.
 
-    Args:
-        text: the text.
-        where: origin of the text, for messages; None takes any text.
-
-    Raises:
-        InputError: the text begins as a list or a table, and is not valid TOML.
+    InputError where it begins as a list or a table, unless ``where`` is None: that takes any text.
     """
     try:
         parsed = parse_toml(f"value = {text}")
@@ -190,16 +169,9 @@ def parse_value(text: str, where: str | None) -> Any:
 
 
 def set_value(raw: dict[str, Any], key: str, value: Any, where: str) -> None:
-    """Change one value of a parsed scene file in place.
+    """Change one value of a parsed scene file in place; ``where`` begins messages.
 
-    Args:
-        raw: the parsed file.
-        key: "table.key", "load.NAME.key" or "title", as in :func:`apply_override`.
-        value: the value, as TOML gives it.
-        where: origin of the change, for messages.
-
-    Raises:
-        InputError: the key names a table or load that the scene does not have.
+    The key is "table.key", "load.NAME.key" or "title", as in :func:`apply_override`.
     """
     kind, *names = (part.strip() for part in key.split("."))
     if kind == "title" and not names:

@@ -62,11 +62,7 @@ LIMITS = {
 
 
 def parse_toml(text: str) -> dict[str, Any]:
-    """Return the content of a TOML text.
-
-    Raises:
-        InputError: it is not valid TOML, or has a key of more than 50 parts.
-    """
+    """Return the content of a TOML text."""
     if DEEP_KEY.search(text):
         raise InputError("not valid TOML: a key has more than 50 parts")
     try:
@@ -77,11 +73,7 @@ def parse_toml(text: str) -> dict[str, Any]:
 
 
 def scene_of(raw: dict[str, Any]) -> Scene:
-    """Convert parsed TOML into a scene; types, ranges and choices are checked, rules are not.
-
-    Raises:
-        InputError: keys are unknown or missing, or values have wrong types or ranges; all of them.
-    """
+    """Convert parsed TOML into a scene; types, ranges and choices are checked, rules are not."""
     unknown = [key for key in raw if key not in KNOWN]
     messages = [f"scene: unknown table '{key}'; {suggestion(key, KNOWN)}" for key in unknown]
     values = {key: value for key, value in raw.items() if key not in unknown}
@@ -128,10 +120,8 @@ def as_list(value: object, name: str) -> list[dict[str, Any]]:
 def plain(value: Any, sparse: bool = False) -> Any:
     """Return a value as parsed TOML has it: dataclasses as tables, tuples as lists.
 
-    Args:
-        value: a table of a scene, or a value in it.
-        sparse: leave out None, empty names and edges, empty values where they are the default, and
-            the sides of a rectangle where there is a mesh file.
+    ``sparse`` leaves out None, empty names and edges, empty values where they are the default, and
+    the sides of a rectangle where there is a mesh file.
     """
     if isinstance(value, list | tuple | np.ndarray):
         return [plain(item, sparse) for item in value]
@@ -156,11 +146,7 @@ def plain(value: Any, sparse: bool = False) -> Any:
 
 
 def check_values(table: Table, label: str = "") -> None:
-    """Check types, ranges and choices of a scene, or of one of its tables, made in Python.
-
-    Raises:
-        InputErrors: values have wrong types or ranges; all of them.
-    """
+    """Check types, ranges and choices of a scene, or of one of its tables, made in Python."""
     values = plain(table)
     scene = isinstance(table, Scene)
     convert(type(table), values, lambda place: _label(values, place) if scene else (label, place))
@@ -200,15 +186,9 @@ def type_adapter(kind: type) -> Any:
 
 
 def convert(kind: type[T], raw: Any, label: Callable[[Place], tuple[str, Place]]) -> T:
-    """Convert a parsed table into a dataclass.
+    """Convert a parsed table into a dataclass; all wrong keys and values are one InputErrors.
 
-    Args:
-        kind: the dataclass, a :class:`~receding_fenicsx.scene.checks.Table`.
-        raw: parsed TOML with the keys of the dataclass.
-        label: function that returns the table of a place in messages, and the rest of the place.
-
-    Raises:
-        InputErrors: keys are unknown or missing, or values have wrong types or ranges; all of them.
+    ``label`` returns the table of a place in messages, and the rest of the place.
     """
     from pydantic import ValidationError
 
@@ -254,11 +234,7 @@ def _steps(raw: Any, item: dict[str, Any]) -> list[tuple[str | int, bool]]:
 
 
 def _resolved(errors: list[Any]) -> list[tuple[Place, dict[str, Any]]]:
-    """Return the errors with their places: of a union those of the branch that fits best.
-
-    A branch fits where the value itself has the type of the branch. Where none fits, one error
-    with the types of all branches takes their place.
-    """
+    """Return the errors with their places: of a union those of the branch that fits best."""
     found: list[tuple[Place, dict[str, Any]]] = []
     unions: dict[Place, dict[str | int, list[Any]]] = {}
     for steps, item in errors:
@@ -411,10 +387,7 @@ def scene_schema() -> dict[str, Any]:
 
 
 def _cleaned(schema: Any) -> Any:
-    """Return Pydantic's schema as scene files need it.
-
-    TOML has no null, the range of all numbers says nothing, and profiles may come from files.
-    """
+    """Return Pydantic's schema as scene files need it: TOML has no null, profiles may be files."""
     if isinstance(schema, list):
         return [_cleaned(item) for item in schema]
     if not isinstance(schema, dict):

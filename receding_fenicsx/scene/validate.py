@@ -222,10 +222,7 @@ def _check_record_size(scene: Scene, history: History) -> None:
 
 
 def check_probes(scene: Scene) -> None:
-    """Check the names of probes, and that their points lie on their bodies.
-
-    Whether a point lies inside a mesh file's body is found when the body is meshed.
-    """
+    """Check the names of probes, and that their points lie on their bodies."""
     seen: set[str] = set()
     for probe in scene.probes:
         where = f"probe '{probe.name}'"

@@ -253,12 +253,7 @@ def _check_refinement(scene: Scene, place: Refinement, where: str) -> None:
 
 
 def count_cells(mesh: MeshOptions, slenderness: float) -> float:
-    """Estimate the number of triangles of a rectangle's mesh.
-
-    Args:
-        mesh: mesh options.
-        slenderness: depth below the contact edge over the length of that edge.
-    """
+    """Estimate the number of triangles of a rectangle of a depth over its contact edge's length."""
     layers = mesh.contact_elements * slenderness
     if mesh.growth > 1.0:
         # a layer of size dx growth^k has n / growth^k elements side by side
@@ -358,11 +353,7 @@ def check_edge(
 ) -> None:
     """Check that a body has an edge; groups of a mesh file are checked when it is read.
 
-    Args:
-        scene: the scene.
-        edge: its name.
-        where: begins the message.
-        of_half_plane: names that a half-plane's edge may have here.
+    ``of_half_plane`` are the names that a half-plane's edge may have here.
     """
     try:
         body, name = scene.find_edge(edge)

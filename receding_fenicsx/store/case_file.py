@@ -62,8 +62,7 @@ class CaseFile:
     def read(self, final: bool = False) -> dict[str, Outcome]:
         """Return the outcomes of all shares by the identities of their cases.
 
-        Args:
-            final: leave out cases that may succeed when they are tried again.
+        ``final`` leaves out cases that may succeed when they are tried again.
         """
         found: dict[str, Outcome] = {}
         for path in sorted(self.folder.glob("cases*.jsonl")):
@@ -78,11 +77,7 @@ class CaseFile:
         return found
 
     def add(self, case: Case, outcome: Outcome) -> None:
-        """Write a finished case to the disk.
-
-        Raises:
-            RecedingError: the disk is full.
-        """
+        """Write a finished case to the disk."""
         row = {"case": case.labels, "identity": case.identity, **asdict(outcome)}
         text = json.dumps(row, ensure_ascii=False).encode()
         try:

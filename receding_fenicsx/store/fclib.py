@@ -102,19 +102,7 @@ def write_fclib(
     description: str = "",
     overwrite: bool = False,
 ) -> None:
-    """Write the problem of a load step, and its solution if given.
-
-    Args:
-        path: the file.
-        problem: the load step.
-        solution: its solution.
-        title: title of the problem.
-        description: description of the problem.
-        overwrite: replace an existing file.
-
-    Raises:
-        InputError: the file exists already or cannot be written.
-    """
+    """Write the problem of a load step, and its solution if given."""
     free = problem.V.shape[1]
     with new_hdf5(path, overwrite) as file:
         local = file.create_group("fclib_local")

@@ -42,17 +42,10 @@ TITLE_BYTES = 512
 
 @contextmanager
 def new_hdf5(path: Path, overwrite: bool = False, kind: str = "") -> Iterator[h5py.File]:
-    """Give an open HDF5 file; on leaving it is written as by :func:`new_file`.
+    """Yield an open HDF5 file of a kind; on leaving it is written as by :func:`new_file`.
 
-    The file is filled in memory, because HDF5 crashes at the interpreter's exit on a full disk.
-
-    Args:
-        path: path of the finished file.
-        overwrite: replace an existing file.
-        kind: kind of a file for :func:`open_file`; "" for a file of other programs, without title.
-
-    Yields:
-        The open file.
+    The file is filled in memory, because HDF5 crashes at the interpreter's exit on a full disk. One
+    of kind "" is for other programs, without title.
     """
     about = {"format": kind, "format_version": FORMAT_VERSION} if kind else {}
     with new_file(path, overwrite) as temporary:
@@ -90,9 +83,8 @@ def _title(kind: str, digest: str) -> bytes:
 def open_file(path: Path, kind: str) -> Iterator[h5py.File]:
     """Yield a file of :func:`new_hdf5`, of a kind and with the digest of its title.
 
-    Raises:
-        InputError: the file does not exist, is of another kind or format version, or a bit of it
-            has changed since it was written.
+    InputError: the file does not exist, is of another kind or format version, or a bit of it has
+    changed since it was written.
     """
     path = Path(path)
     if not path.is_file():
@@ -178,16 +170,7 @@ CHOICES = "choices"
 
 
 def write_record(path: Path, record: Record, overwrite: bool = False) -> None:
-    """Write ``record.h5``.
-
-    Args:
-        path: the file.
-        record: the record.
-        overwrite: replace an existing file.
-
-    Raises:
-        InputError: the file exists already or cannot be written.
-    """
+    """Write ``record.h5``; InputError where the file exists already or cannot be written."""
     with new_hdf5(path, overwrite, RECORD) as file:
         nodes = file.create_group("nodes")
         for field in dataclasses.fields(record):
@@ -205,11 +188,7 @@ def write_record(path: Path, record: Record, overwrite: bool = False) -> None:
 
 
 def read_record(path: Path) -> Record:
-    """Read ``record.h5``.
-
-    Raises:
-        InputError: the file does not exist, is not a record, or is damaged.
-    """
+    """Read ``record.h5``; InputError where it does not exist, is not a record, or is damaged."""
     with open_file(path, RECORD) as file:
         values: dict[str, Any] = {}
         for field in dataclasses.fields(Record):
@@ -236,13 +215,7 @@ def read_record(path: Path) -> Record:
 def write_system(path: Path, system: ContactSystem, overwrite: bool = False) -> None:
     """Write a condensed system with its scene and the digest of the scene keys it depends on.
 
-    Args:
-        path: the file.
-        system: the condensed system.
-        overwrite: replace an existing file.
-
-    Raises:
-        InputError: the file exists already or cannot be written.
+    InputError where the file exists already or cannot be written.
     """
     values = {f.name: getattr(system, f.name) for f in dataclasses.fields(system)}
     probes = values.pop("probes")

@@ -39,11 +39,7 @@ RUN = FolderKind("run", ("summary.json",))
 
 
 def part_of(path: Path) -> Path:
-    """Return the folder ``DIR.part`` of an unfinished run.
-
-    Raises:
-        InputError: ``path`` is the root of a file system.
-    """
+    """Return the folder ``DIR.part`` of an unfinished run."""
     place = Path(os.path.abspath(path))
     if not place.name:
         raise InputError(f"{path}: cannot be a run's folder; give the name of a new folder")
@@ -111,10 +107,7 @@ def run_folder(
 def shared_folder(
     comm: MPI.Comm, path: str | Path | None, scene: Scene, overwrite: bool, resume: bool
 ) -> Iterator[Path | None]:
-    """Open and close a run's folder on rank 0; its errors are raised on all ranks.
-
-    ``path`` None yields None.
-    """
+    """Open and close a run's folder on rank 0, None without one; errors are raised on all."""
     if path is None:
         yield None
         return
@@ -141,11 +134,7 @@ def _fill(part: Path, scene: Scene, earlier: Path | None) -> None:
 
 
 def read_run(folder: Path) -> tuple[Scene, ContactSystem, Record]:
-    """Read scene, condensed system and record of a finished run.
-
-    Raises:
-        InputError: a file is missing or damaged, or the record has no scene.
-    """
+    """Read scene, condensed system and record of a finished run."""
     record = read_record(folder / "record.h5")
     if record.scene is None:
         raise InputError(f"{folder / 'record.h5'}: has no scene; give the folder of a run")
@@ -160,8 +149,7 @@ def has_run(path: Path) -> bool:
 def is_finished(path: Path, scene: Scene) -> bool:
     """Return whether a folder holds the finished run of a scene, with no cycle left to resume.
 
-    Raises:
-        InputError: it holds the run of another scene, or a run that failed.
+    InputError: it holds the run of another scene, or a run that failed.
     """
     path = Path(path)
     if part_of(path).exists() or not (path / "summary.json").is_file():

@@ -25,11 +25,7 @@ def write_summary(path: Path, summary: Mapping[str, Any], overwrite: bool = Fals
 
 
 def read_summary(path: Path) -> dict[str, Any]:
-    """Read a summary.
-
-    Raises:
-        InputError: the file does not exist or is not a summary.
-    """
+    """Read a summary; InputError where there is none."""
     try:
         summary = json.loads(Path(path).read_text(encoding="utf-8"))
     except FileNotFoundError:
@@ -62,12 +58,7 @@ PROBES = "probes"
 def write_probes(folder: Path, record: Record) -> list[Path]:
     """Write ``NAME.csv`` for each probe of a record, with the columns of ``probe.to_table()``.
 
-    Args:
-        folder: folder of the files, created if necessary; existing files are replaced.
-        record: the record.
-
-    Returns:
-        The files; none, and no folder, for a record without probes.
+    The folder is created if there is a probe; the files, which are returned, replace earlier ones.
     """
     made = []
     for name in probe_names(record):

@@ -36,8 +36,7 @@ class FolderKind:
     def check(self, path: Path, overwrite: bool = False, resume: bool = False) -> bool:
         """Return whether a folder holds results of this kind, to be replaced or continued.
 
-        Raises:
-            InputError: the folder may not be written to.
+        InputError where it may not be written to.
         """
         if overwrite and resume:
             raise InputError("--resume and --overwrite: give one of them")
@@ -77,12 +76,7 @@ class FolderKind:
 
     @contextmanager
     def new(self, path: Path, overwrite: bool = False) -> Iterator[Path]:
-        """Yield a folder beside ``path`` that takes its place at the end of the block.
-
-        Raises:
-            InputError: the folder exists already, or cannot be created.
-            RecedingError: the disk is full.
-        """
+        """Yield a folder beside ``path`` that takes its place at the end of the block."""
         path = Path(os.path.abspath(path))
         beside = path.with_name(f".{path.name}.{os.getpid()}.tmp")
         make_folder(beside)
@@ -108,15 +102,10 @@ class FolderKind:
 
 @contextmanager
 def locked(path: Path, wait: bool = False, shared: bool = False) -> Iterator[None]:
-    """Keep a folder or a file to this process; one that ends leaves no lock behind.
+    """Keep a folder, or a file that may be new, to this process; its end leaves no lock behind.
 
-    Args:
-        path: a folder, or a file, which is created unless it exists.
-        wait: wait for another process that is using it.
-        shared: let others that share it use it too.
-
-    Raises:
-        InputError: another process is using it.
+    ``wait`` for another process that is using it, which is an InputError else; ``shared`` lets
+    others that share it use it too.
     """
     handle = os.open(path, os.O_RDONLY if path.is_dir() else os.O_RDWR | os.O_CREAT)
     try:
@@ -137,14 +126,7 @@ def locked(path: Path, wait: bool = False, shared: bool = False) -> Iterator[Non
 def interruption(
     signalled: KeyboardInterrupt | SystemExit, where: str, folder: Path, held: str
 ) -> Interrupted:
-    """Return the error to raise where a signal ends what can be continued.
-
-    Args:
-        signalled: what the signal raised.
-        where: what was interrupted.
-        folder: the folder.
-        held: what it holds from which it continues.
-    """
+    """Return the error to raise where a signal ends what a folder can continue."""
     code = signalled.code if isinstance(signalled, SystemExit) else 130  # 128 + SIGINT
     text = f"interrupted {where}; {folder} holds {held}; continue by --resume"
     return Interrupted(text, int(code or 1))
@@ -156,14 +138,8 @@ def resumable(
 ) -> Iterator[None]:
     """Say how to continue where a signal ends the block, unless that was said inside.
 
-    Args:
-        folder: the folder; None without one.
-        where: what is interrupted.
-        held: what the folder holds from which it continues.
-        file: where it holds that; without this file there is nothing to continue.
-
-    Raises:
-        Interrupted: a signal asked to end.
+    ``folder``, if there is one, continues from what is ``held`` in a file; without this file there
+    is nothing to continue.
     """
     try:
         yield

@@ -28,11 +28,9 @@ _systems: dict[str, ContactSystem] = {}
 def shared_system(scene: Scene, body: str, folder: Path | None = None) -> ContactSystem:
     """Return the condensed system of a case from memory, from a file, or newly condensed.
 
-    Args:
-        scene: the scene; the system serves any friction.
-        body: its :func:`~receding_fenicsx.scene.identity.body_of`.
-        folder: folder in which all processes share their systems: the first that needs one
-            condenses it, the others wait.
+    It serves any friction. ``body`` is the scene's
+    :func:`~receding_fenicsx.scene.identity.body_of`. In a folder all processes share their systems:
+    the first that needs one condenses it.
     """
     if body not in _systems:
         found = _from_folder(scene, body, folder) if folder else _condensed(scene)
@@ -73,12 +71,7 @@ def _condensed(scene: Scene) -> ContactSystem:
 def cells_of(measured: Any, taken: Iterable[str]) -> dict[str, Cell]:
     """Return what a function of the user's has measured as plain numbers and texts.
 
-    Args:
-        measured: what it returned.
-        taken: names of columns that the table has already.
-
-    Raises:
-        InputError: it is not a dictionary of numbers and texts, or names such a column.
+    InputError: it is no dictionary of such, or names a column that is taken.
     """
     if not isinstance(measured, Mapping):
         raise InputError(f"measure: must return a dictionary, not a {type(measured).__name__}")

@@ -276,10 +276,7 @@ def _system(
 def _saved_system(
     scene: Scene, comm: MPI.Comm, timer: Timer, place: Path | None, file: Path
 ) -> ContactSystem | None:
-    """Return a saved system for a scene on rank 0, and keep it in the run's folder; collective.
-
-    The bodies are meshed only where the scene has probes that the system lacks.
-    """
+    """Return a saved system on rank 0, meshed only for probes that it lacks; collective."""
 
     def read() -> ContactSystem:
         return hdf5.read_system(file, scene)
@@ -327,15 +324,9 @@ def condense(
 
 
 def check(scene: Scene, comm: MPI.Comm | None = None) -> int:
-    """Do what a run does before its first leg; a large scene is condensed on a coarser mesh.
+    """Do what a run does before its first leg, and return the number of contact nodes; collective.
 
-    All ranks call this together.
-
-    Returns:
-        The number of contact nodes.
-
-    Raises:
-        RecedingError: why the scene cannot be modelled, on all ranks.
+    A large scene is condensed on a coarser mesh.
     """
     # PETSc starts on all ranks together
     import receding_fenicsx.bulk.mesh.meshing  # noqa: F401
@@ -406,21 +397,11 @@ def run_history(
     folder: Path | None,
     say: Callable[[str], None] | None = None,
 ) -> tuple[Record, SolveError | None]:
-    """Evolve a scene's history, from the last checkpoint in the folder if there is one.
+    """Evolve a scene's history, from the last checkpoint in its folder if there is one.
 
-    Args:
-        scene: the scene.
-        system: its condensed system.
-        folder: folder of the journal; None keeps no journal.
-        say: called with the progress.
-
-    Returns:
-        The record, and the error that ended the history early if one did. The scene of the record
-        has the number of corners of a harmonic history.
-
-    Raises:
-        Interrupted: a signal asked to end. The folder holds the record of the finished cycles.
-        SolveError: the history failed in its very first leg.
+    Returns the record, whose scene has the number of corners of a harmonic history, and the error
+    that ended the history early if one did; one of the very first leg is raised. Interrupted: a
+    signal asked to end; the folder holds the record of the finished cycles.
     """
     every = scene.output.checkpoint_cycles
     journal: Journal = Journal(every)

@@ -224,11 +224,7 @@ def digest_of(*parts: Any) -> str:
 
 
 def on_ranks(comm: MPI.Comm, work: Callable[[Executor | None], T]) -> T | None:
-    """Call a function on rank 0 with an executor whose processes are the other ranks; collective.
-
-    Returns:
-        What it returned on rank 0, None on the others.
-    """
+    """Call a function on rank 0, whose result it returns, with the other ranks as executor."""
     if comm.size == 1:
         return work(None)
     from mpi4py.futures import MPICommExecutor
@@ -301,11 +297,7 @@ class Runner:
         self.complete = True
 
     def outcomes(self, cases: Sequence[Case], measure: Measure) -> list[Outcome]:
-        """Run the cases of this share that are not finished; return the outcomes of all.
-
-        Raises:
-            Interrupted: a signal asked to end.
-        """
+        """Run the cases of this share that are not finished; return the outcomes of all."""
         finished = {} if self.file is None else self.file.read(final=True)
         # cases of one body follow each other: a process keeps few condensed systems
         order = sorted(range(len(cases)), key=lambda number: cases[number].body)
@@ -378,11 +370,7 @@ def _on_executor(executor: Executor, cases: Mapping[int, Case], measure: Measure
 
 
 def _on_processes(cases: Mapping[int, Case], measure: Measure, count: int) -> Played:
-    """Run cases on new processes of this machine.
-
-    If a process dies, the cases that were begun are run again, each alone; the one whose process
-    dies again has failed.
-    """
+    """Run cases on new processes; when one dies, those begun are run again, each alone."""
     waiting = list(cases)
     while waiting:
         begun = yield from _until_one_dies(cases, measure, waiting, min(count, len(cases)))
@@ -423,13 +411,7 @@ SYSTEMS = "systems"
 
 @contextlib.contextmanager
 def _opened(path: Path, study: Study[Any], options: StudyOptions) -> Iterator[CaseFile]:
-    """Open the folder of a study, a new one or one to continue; yield its file of cases.
-
-    Raises:
-        InputError: the folder holds something else, or a study of another scene or of other values;
-            or another process is using it.
-        RecedingError: the disk is full.
-    """
+    """Open the folder of a study, a new one or one to continue; yield its file of cases."""
     shard = options.shard
     resume = options.resume or shard is not None
     if study.kind.check(path, options.overwrite, resume) and resume:

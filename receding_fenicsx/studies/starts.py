@@ -144,11 +144,7 @@ def steady_states(
 def play_start(
     system: ContactSystem, history: History, solver: SolverOptions | None, slip: Array
 ) -> dict[str, Any]:
-    """Play a history from an initial slip; a path that ends has a failure.
-
-    Raises:
-        SolveError: the first leg has no answer.
-    """
+    """Play a history from an initial slip; a path that ends after its first leg has a failure."""
     failure = ""
     try:
         record = evolve(system, history, solver, OutputOptions(1, ()), initial_slip=slip)
@@ -167,11 +163,7 @@ def play_start(
 
 
 def check_first_leg(problem: Problem, starts: int) -> None:
-    """Play the first leg of a problem from the initial slips of so many starts.
-
-    Raises:
-        InputError: a node with an initial gap lands on it: where its slip begins is not defined.
-    """
+    """Raise InputError where a node with a gap lands, from the slips of so many starts."""
     system, history = problem.system, problem.history
     leg = replace(ended_by(history, None), path=history.path[:2], loop=history.loop[:0], cycles=0)
     _, *slips = initial_slips(system, history, starts, None).values()  # rest may land
@@ -241,10 +233,7 @@ def check_starts(scene: Scene, starts: int) -> None:
 
 
 def check_landings(system: ContactSystem, scene: Scene, starts: int) -> None:
-    """Raise InputError where a run cannot be played from so many initial slips.
-
-    Asked before the run, which may take long.
-    """
+    """Raise InputError, before the run, where it cannot be played from so many initial slips."""
     if not np.any(system_for(scene, system).g0 > 0.0):
         return
     problem = problem_of_scene(system, tightened(system, scene))
@@ -257,15 +246,7 @@ def check_landings(system: ContactSystem, scene: Scene, starts: int) -> None:
 def limit_with_starts(
     system: ContactSystem, scene: Scene, record: Record, starts: int, runner: Runner
 ) -> dict[str, Any]:
-    """Evolve a history from many initial slips; return the summary's key "limit" with the results.
-
-    Args:
-        system: the condensed body.
-        scene: what was run.
-        record: its record.
-        starts: number of initial slips (:func:`steady_states`).
-        runner: runs them.
-    """
+    """Evolve the history of a run from many initial slips; return its key "limit"."""
     states = steady_states(system, scene, starts, runner=runner)
     limit: Mapping[str, Any] = limit_summary(record)["limit"]
     return {"limit": {**limit, "starts": starts_summary(states)}}

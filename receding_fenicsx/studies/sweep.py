@@ -127,15 +127,7 @@ def _identity(measure: Measure | None) -> str:
 def play_scene(
     scene: Scene, body: str, systems: Path | None, measure: Measure | None, taken: tuple[str, ...]
 ) -> dict[str, Cell]:
-    """Evolve a scene and take its numbers.
-
-    Args:
-        scene: the scene.
-        body: digest of its condensed system.
-        systems: folder of the condensed systems that the processes share.
-        measure: function that takes the numbers of a record, or None for the default ones.
-        taken: names of columns that the table has already.
-    """
+    """Evolve a scene, with a system that processes share in a folder, and take its numbers."""
     system = shared_system(scene, body, systems)
     if measure is None:
         # turning points only: enough for the columns of measure_record
@@ -151,10 +143,7 @@ def measure_record(record: Record) -> dict[str, Cell]:
     """Return the headline numbers of a record, with the names of ``summary.json``.
 
     Half widths and extreme tractions are those of the last cycle at the smallest and the largest
-    load. With several contact edges their names end in ".EDGE".
-
-    Args:
-        record: the record; samples and events are not used.
+    load. With several contact edges their names end in ".EDGE". Samples and events are not used.
     """
     D, steady = record.cycles.dissipation, record.steady
     row: dict[str, Cell] = {
@@ -231,16 +220,9 @@ class Grid:
 
 
 def grid_of(scene: Scene, over: Mapping[str, Any], folder: Path | None = None) -> Grid:
-    """Return the scenes of all combinations of values.
+    """Return the scenes of all combinations of values; paths of files are relative to a folder.
 
-    Args:
-        scene: the scene that is changed.
-        over: a list of values for each key; or a dictionary of values by the names that the table
-            shows.
-        folder: folder that paths of files among the values are relative to.
-
-    Raises:
-        InputError: a key or a value cannot be used in any combination; one line.
+    InputError: a key or a value cannot be used in any combination.
     """
     if not over:
         raise InputError('sweep: give keys and values, {"contact.friction": [0.1, 0.2]}')
@@ -324,15 +306,8 @@ _RANGE = re.compile(r"\s*([^:\s]+)\s*:\s*([^:\s]+)\s*:\s*([^:\s]+)\s*")
 def read_over(texts: list[str]) -> dict[str, list[Any]]:
     """Read the arguments ``--over KEY=VALUES``.
 
-    Args:
-        texts: each "table.key=values". Values are separated by commas; each is TOML, a text
-            without quotes, or a range "first:last:number" of evenly spaced values.
-
-    Returns:
-        The values of each key.
-
-    Raises:
-        InputError: a text has no key or no values, a key occurs twice, or a range is not one.
+    Values are separated by commas; each is TOML, a text without quotes, or a range
+    "first:last:number" of evenly spaced values.
     """
     over: dict[str, list[Any]] = {}
     for text in texts:

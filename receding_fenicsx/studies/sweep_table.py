@@ -62,11 +62,7 @@ class SweepTable:
         return iter(self.rows)
 
     def __getitem__(self, name: str) -> NDArray[Any]:
-        """Return a column; missing numbers are NaN, missing texts None.
-
-        Raises:
-            InputError: there is no such column.
-        """
+        """Return a column; missing numbers are NaN, missing texts None."""
         if name not in self.columns:
             raise InputError(
                 f"sweep: no column is named '{name}'; {suggestion(name, self.columns)}"
@@ -86,11 +82,7 @@ class SweepTable:
         return optional("pandas").DataFrame({name: self[name] for name in self.columns})
 
     def write_csv(self, path: str | Path, overwrite: bool = False) -> None:
-        """Write the table as a CSV file; numbers keep all their digits.
-
-        Raises:
-            InputError: the file exists already, or its folder is not writable.
-        """
+        """Write the table as a CSV file; numbers keep all their digits."""
         names = self.columns
         with (
             new_file(Path(path), overwrite) as beside,

@@ -35,14 +35,7 @@ def check_known(driven: Iterable[str], names: tuple[str, ...], key: str) -> None
 def check_driven(
     driven: tuple[str, ...], names: tuple[str, ...], options: HistoryOptions, key: str
 ) -> None:
-    """Check that a history drives all loads that are not constant, and these only.
-
-    Args:
-        driven: names of the loads that it drives.
-        names: names of the loads that are not constant.
-        options: the options of the history.
-        key: key of [history] that names the driven loads.
-    """
+    """Check that a history drives, by a key of [history], all loads that are not constant."""
     for name in driven:
         if name in options.constant:
             raise InputError(
@@ -59,16 +52,9 @@ def check_driven(
 
 
 def from_harmonic(options: HistoryOptions, names: tuple[str, ...]) -> History:
-    """Return the polygon of a harmonic history, and the path from rest to its first corner.
+    """Return the polygon of a harmonic history, the coarsest one without ``corners``.
 
-    The path leads from rest straight to the means, then straight to the first corner.
-
-    Args:
-        options: the options of the history; without ``corners`` the polygon is the coarsest one.
-        names: names of the loads that are not constant.
-
-    Raises:
-        InputError: no load has an amplitude, or a load or an option is not valid.
+    Its path leads from rest straight to the means, then straight to the first corner.
     """
     loads = _checked_loads(options, names)
     angles = _angles(options, loads)
@@ -143,10 +129,7 @@ def _angles(options: HistoryOptions, loads: list[Harmonic]) -> NDArray[np.float6
 
 
 def _shares(parts: NDArray[np.float64], total: int) -> NDArray[np.int64]:
-    """Divide a number in proportion to parts of 1, at least 1 to each.
-
-    Twice a number gives twice the shares, so that no arc stays as it is when corners are doubled.
-    """
+    """Divide a number by parts of 1, at least 1 each; twice a number gives twice the shares."""
     if total % 2 == 0 and total // 2 >= max(FEWEST_CORNERS, len(parts)):
         return 2 * _shares(parts, total // 2)
     found = np.ones(len(parts), dtype=np.int64)
@@ -314,15 +297,7 @@ def _check_keys(options: HistoryOptions) -> None:
 
 
 def _from_table(options: HistoryOptions, names: tuple[str, ...]) -> History:
-    """Return the history of a table of load factors.
-
-    Args:
-        options: the options of the history.
-        names: names of the loads that are not constant.
-
-    Raises:
-        InputError: a column or row is missing, too short or not closed, or a row is repeated.
-    """
+    """Return the history of a table of load factors; ``names`` are those not constant."""
     if not options.columns:
         raise InputError("[history] columns: is missing; give the name of the load of each column")
     if len(set(options.columns)) < len(options.columns):

@@ -37,11 +37,7 @@ class History:
     until_limit: bool = False
 
     def __post_init__(self) -> None:
-        """Convert names and load factors given as lists.
-
-        Raises:
-            InputError: a row has another length, or an entry is not a number.
-        """
+        """Convert names and load factors given as lists."""
         object.__setattr__(self, "load_names", tuple(self.load_names))
         for name in ("path", "loop"):
             try:
@@ -72,11 +68,7 @@ class History:
         return ", until steady" if self.until_steady else ""
 
     def polyline(self, cycle: int) -> NDArray[np.float64]:
-        """Return the load factors at the corners of a cycle; cycle 0 is the path from rest.
-
-        Raises:
-            InputError: there is no such cycle.
-        """
+        """Return the load factors at the corners of a cycle; cycle 0 is the path from rest."""
         if not 0 <= cycle <= self.cycles:
             raise InputError(
                 f"cycle {cycle} does not occur: the history has cycles 0 to {self.cycles}"
@@ -85,11 +77,7 @@ class History:
 
 
 def ended_by(history: History, until: str | None) -> History:
-    """Return a history that ends at the steady state, at the limit, or (None) after its cycles.
-
-    Raises:
-        InputError: there is no such end, or the limit is asked for and the cycles do not suffice.
-    """
+    """Return a history that ends at the steady state, at the limit, or (None) after its cycles."""
     if until not in (None, "steady", "limit"):
         raise InputError(
             f'[history] until: "{until}" is unknown; use "steady", "limit", or remove it'
@@ -113,12 +101,7 @@ def named_factors(names: tuple[str, ...], row: NDArray[np.float64]) -> str:
 
 
 def check_history(history: History, load_names: tuple[str, ...]) -> None:
-    """Check that a history drives given loads, starts at rest and has a closed loop.
-
-    Raises:
-        InputError: the history has other loads, an array of a wrong shape or with entries that are
-            not finite, a path that does not start at rest, or a loop that is not closed.
-    """
+    """Raise InputError unless a history drives given loads from rest, in a closed loop."""
     if not isinstance(history, History):
         raise InputError(f"evolve: a Scene or a History is needed, not a {type(history).__name__}")
     if history.load_names != load_names:
@@ -153,18 +136,9 @@ def check_history(history: History, load_names: tuple[str, ...]) -> None:
 
 
 def leg_number(history: History, name: str, cycle: int = 1) -> int:
-    """Return the index of a leg in its cycle from its name on the command line.
+    """Return the index of a leg in its cycle, from 0, by its name on the command line.
 
-    Args:
-        history: the history.
-        name: "loading", "unloading", or the index.
-        cycle: cycle of the leg; 0 is the path from rest.
-
-    Returns:
-        Index of the leg, from 0: in a cycle, "unloading" is the first leg and "loading" the last.
-
-    Raises:
-        InputError: the cycle has no such leg.
+    In a cycle, "unloading" is the first leg and "loading" the last.
     """
     polyline = history.polyline(cycle)
     n = len(polyline) - 1
@@ -188,21 +162,12 @@ def leg_number(history: History, name: str, cycle: int = 1) -> int:
 def evenly_spaced(
     history: History, cycle: int, n: int
 ) -> tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.float64]]:
-    """Return instants of a cycle, evenly spaced in the path length of the loads.
+    """Return n instants of a cycle, evenly spaced in the path length of the loads.
 
-    Args:
-        history: the history.
-        cycle: cycle, 0 for the path from rest.
-        n: number of instants, at least two.
-
-    Returns:
-        For each instant the leg, the position s in [0, 1] along it, and the fraction of the cycle's
-        path length up to it. The first instant is the cycle's start; in cycle 0 it is slightly
-        later, as nothing is loaded at the start. Where n is larger than the number of legs, the end
-        of every leg is one of the instants.
-
-    Raises:
-        InputError: there is no such cycle, or n is too small.
+    Each has a leg, the position s in [0, 1] along it, and the fraction of the cycle's path length
+    up to it. The first one is the cycle's start; in cycle 0 it is slightly later, as nothing is
+    loaded at the start. Where n is larger than the number of legs, the end of every leg is one of
+    the instants.
     """
     polyline = history.polyline(cycle)
     legs = len(polyline) - 1

@@ -89,11 +89,7 @@ class Estimate:
 
 
 def estimates_of(levels: Sequence[Level]) -> dict[str, Estimate]:
-    """Estimate the errors of all numbers of the finest mesh.
-
-    Args:
-        levels: meshes of one family, in any order.
-    """
+    """Estimate the errors of all numbers of the finest of some meshes of one family."""
     finest, *coarser = sorted(levels, key=lambda level: -level.elements)
     found = {}
     for name, number in finest.numbers.items():
@@ -124,10 +120,7 @@ def estimated_error(
 ) -> float:
     """Return the estimated error of the first value; NaN when nothing is known of coarser meshes.
 
-    Args:
-        values: (r_k, a_k), r_k increasing from 1.
-        order: observed order; NaN stands for 1.
-        most: largest order that is assumed.
+    The values are (r_k, a_k), r_k increasing from 1; the order, NaN for 1, is limited to ``most``.
     """
     p = UNRESOLVED_ORDER if math.isnan(order) else order
     p = min(max(p, ORDERS[0]), most)

@@ -113,8 +113,8 @@ def graded_at_ends(scene: Scene, sizes: Sequence[float]) -> Scene:
 def to_limit(scene: Scene) -> Scene:
     """Return a scene whose cycles end in their limit, where it plays them until they are steady.
 
-    The limit does not depend on where playing stops. A scene of few cycles,
-    or with a steady tolerance of its own, is returned as it is.
+    The limit does not depend on where playing stops. A scene of few cycles, or with a steady
+    tolerance of its own, is returned as it is.
     """
     history, solver = scene.history, scene.solver
     exact = (solver.steady_tolerance, solver.method, solver.branch) == (None, "events", "first")
@@ -147,11 +147,7 @@ def first_that_fits(
 ) -> tuple[int, T] | None:
     """Solve on the first mesh whose vertices fit the scene; None where no numbers are given.
 
-    Args:
-        scene: a scene of the family.
-        numbers: numbers of contact elements.
-        solve: called with a scene and its elements.
-        refused: the error with which a mesh is refused; that of the last one is raised.
+    A mesh is refused by an error of a type; that of the last one is raised.
     """
     misfit = None
     for elements in numbers:
@@ -165,11 +161,7 @@ def first_that_fits(
 
 
 def count_nodes(scene: Scene) -> int:
-    """Return the number of contact nodes; the bodies are meshed on this rank.
-
-    Raises:
-        InputError: a mesh that cannot serve the scene.
-    """
+    """Return the number of contact nodes; the bodies are meshed on this rank."""
     from receding_fenicsx.bulk.half_planes import body
     from receding_fenicsx.bulk.mesh.meshing import contact_nodes_of
 
@@ -179,15 +171,9 @@ def count_nodes(scene: Scene) -> int:
 
 
 def coarser(scene: Scene) -> Scene | None:
-    """Return the scene on the mesh nearest to half as many elements that fits it.
+    """Return the scene on the mesh nearest to half as many elements that fits, None if too coarse.
 
     The bodies are meshed on this rank.
-
-    Returns:
-        None where the mesh is too coarse itself.
-
-    Raises:
-        InputError: why the last of the meshes that were tried does not fit.
     """
 
     def fitting(partner: Scene, _: int) -> Scene:

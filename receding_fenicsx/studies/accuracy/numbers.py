@@ -104,19 +104,12 @@ def _of_edge(record: Record, row: int) -> Iterator[tuple[str, Number]]:
 
 
 def _known_to(low: float, high: float, fitted: bool) -> float:
-    """Return what the end of a zone is known to on its own mesh.
-
-    A fitted end is known to a third of half its interval, a tenth of the node spacing or more: the
-    interval bounds the shift by the elements, which coarser meshes show.
-    """
+    """Return what the end of a zone is known to: fitted ones to a third of half the interval."""
     return float(0.5 * (high - low)) * (1.0 / 3.0 if fitted else 1.0)
 
 
 def _scatter(record: Record, p: Array, node: int) -> float:
-    """Return what the pressure of a node is known to: on linear elements it zigzags.
-
-    Half the largest second difference of the pressures of four nodes to each side.
-    """
+    """Return half the largest second difference near a node: on linear elements p zigzags."""
     if record.scene is None or record.scene.mesh.degree > 1:
         return 0.0
     near = p[max(node - 4, 0) : node + 5]

@@ -120,13 +120,10 @@ class Meshes:
 
 
 def with_coarser_partner(scene: Scene) -> Scene:
-    """Return a scene whose mesh can be made coarser.
+    """Return a scene whose mesh can be made coarser; InputError where it is too coarse for it.
 
-    A mesh file that does not take ``contact_elements`` is refined once where it is not refined: its
-    coarser partner is itself.
-
-    Raises:
-        InputError: the mesh is too coarse for an estimate.
+    A mesh file that is neither refined nor takes ``contact_elements`` is refined once: its coarser
+    partner is itself.
     """
     if is_refined(scene):
         return (
@@ -198,10 +195,8 @@ def errors_of_run(
 ) -> dict[str, Any]:
     """Return the summary's keys on space errors; collective. Arguments as :func:`space_errors`.
 
-    Returns:
-        ``{"errors": ...}``; with "errors_failure", the reason, where the scene has no answer on a
-        coarser mesh, and "errors_warning" where a zone is so narrow that errors do not fall in
-        order.
+    With "errors_failure", the reason, where the scene has no answer on a coarser mesh, and
+    "errors_warning" where a zone is so narrow that errors do not fall in order.
     """
     try:
         found = shown(space_errors(scene, record, solve, meshes))
@@ -218,15 +213,8 @@ def within_tolerance(
 ) -> Solved:
     """Run a scene on finer and finer meshes until its numbers meet its tolerance; collective.
 
-    Args:
-        scene: a scene with ``accuracy.tolerance``.
-        comm: communicator.
-        folder: working folder, on rank 0; None writes nothing.
-        run: runs the scene of one mesh.
-        say: called with the progress.
-
-    Returns:
-        The run of the last mesh, with the summary's keys on its errors and on the search.
+    ``run`` runs the scene of one mesh. The last of these runs is returned, with the summary's keys
+    on its errors and on the search.
     """
     meshes = Meshes(comm, folder)
     last: Solved | None = None

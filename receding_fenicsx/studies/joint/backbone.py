@@ -76,17 +76,10 @@ def first_loading(
     amplitudes: Sequence[float] | Array,
     solver: SolverOptions | None = None,
 ) -> Backbone:
-    """Follow the first loading through all amplitudes.
+    """Follow the first loading of a drive through all amplitudes, which are positive.
 
-    Args:
-        system: the condensed body.
-        drive: name of the driven load.
-        preload: (k, n_loads) load factors from rest to the preload, those of the drive zero.
-        amplitudes: load factors of the drive, positive.
-        solver: method and tolerances.
-
-    Raises:
-        SolveError: the preload has no equilibrium, or a solver fails.
+    ``preload`` are (k, n_loads) load factors from rest to the preload, those of the drive zero.
+    SolveError: the preload has no equilibrium, or a solver fails.
     """
     names = system.load_names
     held = preload[-1]

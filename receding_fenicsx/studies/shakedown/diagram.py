@@ -41,13 +41,7 @@ class Diagram:
 
 
 def means(margins: Margins, load: int, width: float) -> Array:
-    """Return changes of a mean load over which a residual slip holds the contact.
-
-    Args:
-        margins: margins with the scene's mean loads.
-        load: number of the load.
-        width: largest change.
-    """
+    """Return changes of a mean load, up to a width, over which a slip holds the contact."""
     ends = []
     for sign in (-1.0, 1.0):
         G = np.hstack([margins.G, sign * width * margins.by_load[:, [load]]])[: len(margins.kind)]

@@ -87,14 +87,7 @@ def limit_by_cycles(
     """Return an interval of lambda at whose lower end cycles from rest or safe slip end stuck.
 
     At its upper end, the smallest range tried at which they do not, both slip on; inf when there
-    was none.
-
-    Args:
-        system: the condensed body.
-        mean: load factors of the mean loads, by name.
-        range: changes of the load factors at the corners of the range at lambda = 1.
-        upper: lambda_2 of the closed contact, positive.
-        safe: (N,) safe slip of the closed contact.
+    was none. ``upper`` is lambda_2 of the closed contact, positive, ``safe`` its (N,) safe slip.
     """
 
     def ends(factor: float) -> bool:
