@@ -295,7 +295,8 @@ def check_touching(scene: Scene) -> None:
     for body in scene.bodies:
         if body not in touching:
             raise InputError(
-                f"body '{body.name}': touches nothing; name one of its edges in a [[contact]]"
+                f"body '{body.name}': touches nothing; name one of its edges in a [[contact]], or "
+                "bond it by a [[tie]]"
             )
 
 

@@ -116,6 +116,15 @@ def test_step_of_one_node_by_hand() -> None:
     np.testing.assert_allclose(slipping.u, [0.0, 0.25], atol=1e-12)
 
 
+@pytest.mark.parametrize("rest", [0.0, 1e-15, 1e-10])
+def test_a_motion_that_is_free_to_round_off_is_refused(rest: float) -> None:
+    turn = np.array([[1.0, -2.0], [2.0, 1.0]]) / np.sqrt(5.0)
+    K = turn @ np.diag([2.0, rest]) @ turn.T
+    system = small_system(K, {"a": [-1.0, 3.0]}, 0.5)
+    with pytest.raises(InputError, match="singular to round-off"):
+        step_problem(replace(system, rigid=np.zeros((2, 0))), LOAD)
+
+
 def test_nodes_held_normally_are_no_contacts_and_nodes_held_sideways_have_no_friction(
     tmp_path: Path,
 ) -> None:

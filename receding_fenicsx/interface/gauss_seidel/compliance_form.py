@@ -81,8 +81,8 @@ def step_problem(
         start: state at its start; unloaded, without displacements, when left out.
 
     Raises:
-        InputError: an array of the system has a wrong shape or values without meaning, or friction
-            differs forward and backward.
+        InputError: an array of the system has a wrong shape or values without meaning, friction
+            differs forward and backward, or K has no compliance to half the digits.
     """
     check_system(system)
     if system.f_backward is not None:
@@ -98,7 +98,19 @@ def step_problem(
     X = np.linalg.qr(model.rigid[free])[0]
     K = model.K[np.ix_(free, free)]
     c = float(np.trace(K)) / len(free)
-    compliance = np.linalg.inv(K + c * X @ X.T) - X @ X.T / c
+    regular = K + c * X @ X.T
+    try:
+        inverse = np.linalg.inv(regular)
+    except np.linalg.LinAlgError:
+        inverse = np.full_like(regular, np.inf)
+    with np.errstate(invalid="ignore"):
+        error = np.abs(regular @ inverse - np.eye(len(free))).max()
+    if not error <= 1e-8:
+        raise InputError(
+            "the stiffness is singular to round-off beside its rigid motions, so that the problem "
+            "has no compliance form; hold the parts that are almost free to move"
+        )
+    compliance = inverse - X @ X.T / c
     compliance = 0.5 * (compliance + compliance.T)
     held_reaction = (load @ model.r_star)[free]
     whole = np.zeros((2 * n, 2 * n))
