@@ -18,10 +18,12 @@ $u = u' - S^T \lambda$,
 
 $$r = r^{*T} \lambda + K u = (r^* - S K)^T \lambda + K u' .$$
 
-So an interference of depth $\delta$, which the gap $g = g_0 + w - \lambda \delta$ closes, is a load
-with $S = -[0; \delta]$ whose $u'$ has the change of the gap as $w$; its conjugate is
-$\sum_i \delta_i P_i$. Where a load drives a contact node of one body, the bodies are condensed and
-joined for the displacement relative to the prescribed one, and $S$ is what it moves.
+So a gap $h$ that grows with a load, $g = g_0 + w + \lambda h$, is a load with $S = [0; h]$ whose
+$u'$ has the change of the gap as $w$; its conjugate is $-\sum_i h_i P_i$. An interference of depth
+$\delta$ is the gap $-\delta$. A parabola that rolls, $(x - s)^2 / 2R$, is the initial gap
+$x^2 / 2R$ and the gap $-x / R$ with the factor $s$, but for $s^2 / 2R$, by which the free body
+rises. Where a load drives a contact node of one body, the bodies are condensed and joined for the
+displacement relative to the prescribed one, and $S$ is what it moves.
 """
 
 from __future__ import annotations
@@ -110,61 +112,62 @@ def _without_lengthening(rigid: Array, r_star: Array) -> Array:
 
 
 def shifted(joined: JoinedBodies, S: Array) -> JoinedBodies:
-    """Return joined bodies for u' = u + S^T lambda.
-
-    Args:
-        joined: the bodies with n loads, for u.
-        S: (n + m, 2N) displacements, zero for forces; the last m are of new loads.
-    """
-    new = len(S) - len(joined.r_star)
-    sign = np.append(joined.sign, np.ones(new))
-    r_star = np.pad(joined.r_star, ((0, new), (0, 0)))
-    cross = r_star @ S.T
-    compliance = np.pad(joined.compliance, ((0, new), (0, new)))
-    T, G = joined.factors
-    return replace(
-        joined,
-        r_star=r_star - S @ joined.K,
-        compliance=compliance - sign[:, None] * cross - cross.T + S @ joined.K @ S.T,
-        sign=sign,
-        factors=(np.pad(T, ((0, 0), (0, new))), G),
-        shift=np.pad(joined.shift, ((0, new), (0, 0))) - S,
-    )
+    """Return joined bodies for u' = u + S^T lambda, with S (n_loads, 2N) zero for forces."""
+    if not S.any():
+        return joined
+    cross, stiff = joined.r_star @ S.T, S @ joined.K
+    compliance = joined.compliance - joined.sign[:, None] * cross - cross.T + stiff @ S.T
+    shift = joined.shift - S
+    return replace(joined, r_star=joined.r_star - stiff, compliance=compliance, shift=shift)
 
 
-def interference_depth(scene: Scene, contact: ContactPoints) -> Array:
-    """Return the depth (N,) of the interference at the contact nodes.
+def driven_gaps(scene: Scene, contact: ContactPoints) -> Array:
+    """Return the gap (n_loads, N) at the contact nodes of each load with factor 1.
 
     Raises:
-        InputError: it is negative somewhere, or zero everywhere.
+        InputError: an interference is negative somewhere, or a gap is zero everywhere.
     """
-    depth = np.zeros(len(contact.x))
+    names = scene.load_names
+    gaps = np.zeros((len(names), len(contact.x)))
     for k, part in enumerate(scene.contacts):
         on = contact.edge == k
+        for load in scene.loads:
+            if load.gap is not None and load.edge == part.edge:
+                low, high = load.span or (-np.inf, np.inf)
+                inside = on & (contact.x >= low) & (contact.x <= high)
+                where = f"{load.label} gap"
+                gap = evaluate_checked(load.gap, contact.x[inside], None, where)
+                gaps[names.index(load.name), inside] += gap
         if part.interference is not None:
-            depth[on] = evaluate_checked(part.interference, contact.x[on], None, KEY)
-    if depth.min() < 0.0 or not depth.any():
-        what = "zero everywhere" if not depth.any() else "negative"
-        raise InputError(f"{KEY}: is {what}; give a depth, or remove it")
-    return depth
+            depth = evaluate_checked(part.interference, contact.x[on], None, KEY)
+            if depth.min() < 0.0:
+                raise InputError(f"{KEY}: is negative; give a depth, or remove it")
+            gaps[-1, on] = -depth
+    driven = {load.name: f"{load.label} gap" for load in scene.loads if load.gap is not None}
+    if INTERFERENCE in scene.preloads:
+        driven[INTERFERENCE] = KEY
+    for name, where in driven.items():
+        if not gaps[names.index(name)].any():
+            raise InputError(f"{where}: is zero everywhere; give it a value, or remove it")
+    return gaps
 
 
-def with_interference(joined: JoinedBodies, scene: Scene, contact: ContactPoints) -> JoinedBodies:
-    """Return joined bodies with an interference, if the scene has one, as their last load.
+def with_gaps(joined: JoinedBodies, scene: Scene, contact: ContactPoints) -> JoinedBodies:
+    """Return joined bodies, for prescribed displacements relative to u, with the driven gaps.
 
     Raises:
-        InputError: a free motion opens the whole contact, so that nothing presses.
+        InputError: a free motion opens the whole contact, so that no interference presses.
     """
-    if INTERFERENCE not in scene.preloads:
-        return joined
-    depth, n = interference_depth(scene, contact), len(contact.x)
+    gaps, n = driven_gaps(scene, contact), len(contact.x)
     lift = joined.rigid[n:][~joined.held[n:]]
     # a combination of motions that opens the gap of every node
     bounds = {"b_ub": -np.ones(len(lift)), "bounds": (None, None)}
-    if lift.shape[1] and linprog(np.zeros(lift.shape[1]), -lift, **bounds).status == 0:
-        raise InputError(
-            f"{KEY}: the body is free to move off the contact, so nothing presses; hold it by a "
-            "[[support]], or remove the interference"
-        )
-    overlap = np.where(joined.held, 0.0, np.concatenate([np.zeros(n), depth]))
-    return shifted(joined, np.vstack([np.zeros_like(joined.r_star), -overlap]))
+    if INTERFERENCE in scene.preloads and lift.shape[1]:
+        if linprog(np.zeros(lift.shape[1]), -lift, **bounds).status == 0:
+            raise InputError(
+                f"{KEY}: the body is free to move off the contact, so nothing presses; hold it by "
+                "a [[support]], or remove the interference"
+            )
+    overlap = np.where(joined.held, 0.0, np.hstack([np.zeros_like(gaps), gaps]))
+    sign = np.where(gaps.any(axis=1), 1.0, joined.sign)
+    return shifted(replace(joined, sign=sign), joined.driven + overlap)

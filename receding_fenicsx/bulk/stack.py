@@ -15,12 +15,11 @@ from mpi4py import MPI
 
 import numpy as np
 from dolfinx import fem
-from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.bulk import elasticity
-from receding_fenicsx.bulk.closures import bolt_compliance, closed, shifted, with_interference
+from receding_fenicsx.bulk.closures import bolt_compliance, closed, with_gaps
 from receding_fenicsx.bulk.contact_nodes import ContactNodes
 from receding_fenicsx.bulk.contact_operator import ContactPoints, Relative, relative_of
 from receding_fenicsx.bulk.half_planes.body import HalfPlane, half_plane_of
@@ -134,8 +133,8 @@ class Stack:
 
     @property
     def load_names(self) -> tuple[str, ...]:
-        """Names of the loads on all bodies."""
-        return self.scene.body_names
+        """Names of all loads."""
+        return self.scene.load_names
 
     @property
     def link_names(self) -> tuple[str, ...]:
@@ -179,23 +178,20 @@ class Stack:
             ]
             joined = join(bodies, self.relative, names)
         kept = len(self.load_names)
-        driven = joined.driven[:kept]
         bolts = [bolt.name for bolt in self.scene.bolts]
         at = [names.index(name) for name in (*bolts, *self.link_names)]
         if at:
             soft = block_diag(bolt_compliance(self.scene), self.soft)
             labels = [f"bolt '{name}'" for name in bolts] + ["[[spring]]"] * len(self.soft)
             joined = closed(joined, np.array(at), soft, labels, kept)
-        if driven.any():
-            self._check_driven(driven, joined.held)
-            joined = shifted(joined, driven)
-        return with_interference(joined, self.scene, self.contact)
+        self._check_driven(joined)
+        return with_gaps(joined, self.scene, self.contact)
 
-    def _check_driven(self, driven: Array, held: NDArray[np.bool_]) -> None:
+    def _check_driven(self, joined: JoinedBodies) -> None:
         """Raise where a load prescribes a relative displacement of contact nodes."""
         n = len(self.contact.x)
-        for name, moved in zip(self.load_names, driven, strict=True):
-            for dof in np.flatnonzero(held & (moved != 0.0)):
+        for name, moved in zip(self.load_names, joined.driven, strict=True):
+            for dof in np.flatnonzero(joined.held & (moved != 0.0)):
                 x, y = self.contact.points[dof % n]
                 raise InputError(
                     f"load '{name}': prescribes how the contact node at ({x:.6g}, {y:.6g}) moves "

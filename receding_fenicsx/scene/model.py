@@ -333,8 +333,8 @@ class Scene(Table):
 
     @property
     def edge_loads(self) -> tuple[Load, ...]:
-        """Of these the ones on edges, without those on whole bodies."""
-        return tuple(load for load in self.applied if not load.on_body)
+        """Of these the ones on edges, without those on whole bodies and gaps."""
+        return tuple(part for part in self.applied if not part.on_body and part.gap is None)
 
     @property
     def edge_parts(self) -> tuple[Load | Spring, ...]:
@@ -363,8 +363,8 @@ class Scene(Table):
 
     @property
     def body_names(self) -> tuple[str, ...]:
-        """Names of what acts on the bodies: loads and bolts."""
-        return tuple(name for name in self.load_names if name != INTERFERENCE)
+        """Names of what acts on the bodies: loads, but those of gaps alone, and bolts."""
+        return tuple(dict.fromkeys(part.name for part in self.applied if part.gap is None))
 
     @property
     def bodies(self) -> tuple[Body, ...]:

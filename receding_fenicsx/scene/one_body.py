@@ -45,8 +45,10 @@ def part_of(scene: Scene, body: Body) -> Scene:
         for edge, span in ((own(tie.edge), tie.span), (own(tie.against), None)):
             if edge is not None:
                 contacts.append(Contact(edge, span))
-    # the joined system has the bolts
+    # the joined system has the gaps and bolts
     for load in scene.applied if scene.others else scene.loads:
+        if load.gap is not None:
+            continue
         edge = None if load.on_body else own(load.edge)
         if load.on_body and load.body in (None, body.name):
             loads.append(replace(load, body=None))

@@ -82,7 +82,7 @@ INTERFERENCE = "interference"
 """Name of the load factor that closes the interference of the contacts, from 0 to 1."""
 ON_BODY = ("body_force", "thermal_strain", "mode")
 """Keys of a load on whole bodies."""
-KINDS = ("pressure", "traction", "displacement", "force", "tension", *ON_BODY)
+KINDS = ("pressure", "traction", "displacement", "force", "tension", "gap", *ON_BODY)
 """Keys of a load of which exactly one is given."""
 
 
@@ -107,6 +107,9 @@ class Load(Table):
             the full circle); or on the far field of a half-plane, which without ``platen`` turns
             freely under a force through the middle of the contact.
         tension: stress along the surface of a half-plane far from the contact, on its far field.
+        gap: gap that the contacts on the edge have besides ``initial_gap``, a length, a profile
+            like that one; negative closes. "-x/200" with the factor s on the gap "x^2/400" is a
+            cylinder of radius 200 that rolls by s.
         body: name of the body with a body force or thermal strain, needed when there are several.
         body_force: [x, y]: forces per volume, profiles without tables; ["0.4*x", 0.0] for a
             rotation with rho omega^2 = 0.4.
@@ -125,6 +128,7 @@ class Load(Table):
     platen: bool = False
     force: Pair | None = None
     tension: Number | None = None
+    gap: Profile | None = None
     body: str | None = None
     body_force: tuple[Profile, Profile] | None = None
     thermal_strain: Profile | None = None
@@ -133,7 +137,8 @@ class Load(Table):
     @property
     def is_prescribed(self) -> bool:
         """Whether displacements are given, not forces: tension gives those far from the contact."""
-        return self.displacement is not None or self.tension is not None
+        given = (self.displacement, self.tension, self.gap)
+        return any(part is not None for part in given)
 
     @property
     def label(self) -> str:

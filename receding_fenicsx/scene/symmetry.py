@@ -43,9 +43,9 @@ def is_mirror_symmetric(scene: Scene) -> bool:
             return False
     for contact in scene.contacts:
         x = contact_samples(scene, contact)
-        if not all(
-            _is_even(evaluate(p or 0.0, x)) for p in (contact.initial_gap, contact.interference)
-        ):
+        gaps = [load.gap for load in scene.loads if load.gap and load.edge == contact.edge]
+        profiles = (contact.initial_gap, contact.interference, *gaps)
+        if not all(_is_even(evaluate(p or 0.0, x)) for p in profiles):
             return False
         # the mirror image of forward slip is backward slip
         forward, backward = (evaluate(profile, x) for profile in directions(contact.friction))

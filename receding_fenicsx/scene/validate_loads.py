@@ -7,7 +7,7 @@ from math import hypot
 import numpy as np
 
 from receding_fenicsx.errors import InputError
-from receding_fenicsx.scene.checks import SMALLEST, check_name, check_positive
+from receding_fenicsx.scene.checks import SMALLEST, check_name, check_positive, unknown_name
 from receding_fenicsx.scene.model import (
     FREE,
     INTERFERENCE,
@@ -21,7 +21,9 @@ from receding_fenicsx.scene.model import (
 from receding_fenicsx.scene.options import KINDS, ON_BODY
 from receding_fenicsx.scene.profiles import check_table, evaluate_checked
 from receding_fenicsx.scene.rectangle_edges import (
+    HORIZONTAL,
     body_points,
+    contact_samples,
     edge_points,
     edge_range,
     is_cylinder,
@@ -29,6 +31,7 @@ from receding_fenicsx.scene.rectangle_edges import (
     load_samples,
 )
 from receding_fenicsx.scene.validate_bodies import (
+    FAR,
     LENGTH_TOLERANCE,
     check_edge,
     check_span,
@@ -46,10 +49,14 @@ def check_load(load: Load, scene: Scene) -> None:
         raise InputError(f"{where}: the key 'edge' is missing; add it")
     if load.body is not None:
         raise InputError(f"{where} body: is for body_force and thermal_strain; write BODY.EDGE")
-    check_edge(scene, load.edge, f"{where} edge")
+    on_contact = HORIZONTAL if load.gap is not None else (FAR,)
+    check_edge(scene, load.edge, f"{where} edge", on_contact)
     check_span(scene, load.edge, load.span, f"{where} span")
     _check_kind(scene, load, where)
     kind = _kinds(load)[0]
+    if load.gap is not None:
+        _check_gap(load, scene, where)
+        return
     if scene.find_edge(load.edge)[0].is_half_plane:
         _check_far_load(load, kind, where)
         return
@@ -71,6 +78,19 @@ def check_load(load: Load, scene: Scene) -> None:
             zero = zero and bool(np.all(np.abs(values) < SMALLEST))
     if zero:
         raise InputError(f"{key}: is zero everywhere; give it a value or remove the load")
+
+
+def _check_gap(load: Load, scene: Scene, where: str) -> None:
+    """Check that a gap is on a contact edge, and finite there."""
+    on = [contact for contact in scene.contacts if contact.edge == load.edge]
+    if not on:
+        edges = [contact.edge for contact in scene.contacts]
+        unknown_name(load.edge, edges, f"{where} edge", "edge of a [[contact]]")
+    gap = load.gap or 0.0
+    check_table(gap, f"{where} gap")
+    for contact in on:
+        if not has_mesh_file(scene, load.edge):
+            evaluate_checked(gap, contact_samples(scene, contact), None, f"{where} gap")
 
 
 def _check_off_contact(scene: Scene, load: Load, where: str) -> None:
@@ -131,7 +151,7 @@ def _check_kind(scene: Scene, load: Load, where: str) -> None:
         raise InputError(
             f"{where} force: acts on a platen only; add platen = true, or use traction"
         )
-    if load.platen and kind in ("pressure", "traction"):
+    if load.platen and kind not in ("force", "displacement"):
         raise InputError(
             f"{where} platen: needs force or displacement, not {kind}; give one of them"
         )
@@ -242,7 +262,7 @@ def check_acts(load: Load, scene: Scene) -> None:
     edge, value = scene.find_edge(load.edge), getattr(load, kind)
     on_edge = [s for s in scene.supports if s.edge and scene.find_edge(s.edge) == edge]
     held = {axis for support in on_edge for axis in support.fix}
-    if kind == "tension":
+    if kind in ("tension", "gap"):
         return
     if kind == "pressure":
         # the normal of an edge of a mesh file is not known before meshing

@@ -259,6 +259,40 @@ def test_what_a_half_plane_cannot_be_is_told_in_one_line(change: str, told: str)
     assert "\n" not in str(caught.value)
 
 
+@pytest.mark.one_rank
+@pytest.mark.parametrize("way", [1.0, -1.0])
+def test_rolling_creeps_as_carter_says(way: float) -> None:
+    """Half of the contact sticks, in front; the body creeps by f (a - a') / R of the way."""
+    a, half = HERTZ.a, 0.5 * HERTZ.a
+    scene = rf.from_toml(PAIR, ["mesh.contact_elements=120"])
+    upper, lower = (replace(body, width=6.0 * a) for body in scene.bodies)
+    P, Q = scene.loads
+    shear = replace(Q, force=(way * 0.5 * 0.75, 0.0))  # f P (1 - (a' / a)^2)
+    gap = f"(x + {way * 1.5 * a})**2 / 200"
+    rolling = rf.Load("s", "upper.bottom", gap=f"{-way / 100.0} * x")
+    scene = replace(
+        scene,
+        body=upper,
+        others=(lower,),
+        contacts=(replace(scene.contacts[0], initial_gap=gap),),
+        loads=(P, shear, rolling),
+        history=rf.HistoryOptions(
+            kind="table",
+            columns=("P", "Q", "s"),
+            rows=((1.0, 0.0, 0.0), (1.0, 1.0, 0.0), (1.0, 1.0, 2.8 * a), (1.0, 1.0, 3.0 * a)),
+        ),
+    )
+    record = rf.run(scene)
+    assert record is not None and record.energy_error_max < 1e-10
+    table = record.turning_points
+    # per unit of the force
+    moved = np.diff(table.load_displacement[-2:, 1])[0] / 0.375
+    assert moved == pytest.approx(0.5 * half / 100.0 * 0.2 * a, rel=1e-3)
+    stuck = np.sort(way * record.x[table.state[-1] == rf.State.STICK])
+    spacing = 6.0 * a / 120
+    assert [stuck[0], stuck[-1]] == pytest.approx([1.5 * a, 2.5 * a], abs=1.1 * spacing)
+
+
 def test_both_surfaces_of_a_half_plane_are_refused() -> None:
     scene = rf.from_toml(ONE)
     contacts = tuple(replace(scene.contacts[0], edge=edge) for edge in ("bottom", "top"))

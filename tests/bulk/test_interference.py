@@ -195,6 +195,28 @@ def test_pushing_the_far_side_by_the_depth_gives_the_same(friction: float) -> No
 
 
 @pytest.mark.one_rank
+@pytest.mark.parametrize("shape", [BULGE, "0.01 + 0.002*x"])
+def test_a_gap_that_a_load_closes_is_an_interference(shape: str) -> None:
+    fitted = wedged(contacts=(Contact(friction=0.3, interference=shape),))
+    steps = (0.0, 1.0), (1.0, 1.0)
+    driven = wedged(
+        contacts=(Contact(friction=0.3),),
+        loads=(*fitted.loads, Load("d", "bottom", gap=f"-({shape})")),
+        history=HistoryOptions(
+            kind="table", columns=("P", "d"), rows=steps, cycle_rows=((-1.0, 1.0), steps[1])
+        ),
+    )
+    driven = replace(driven, history=replace(driven.history, cycles=3))
+    assert is_half_meshed(driven) == is_half_meshed(fitted) == (shape == BULGE)
+    a, b = played(fitted), played(from_toml(to_toml(driven)))
+    for name in ("P", "Q", "v", "w", "load_displacement"):
+        one, two = (getattr(r.turning_points, name)[-1] for r in (a, b))
+        np.testing.assert_allclose(one, two, atol=1e-12 * np.abs(two).max())
+    one, two = a.probe("s"), b.probe("s")
+    np.testing.assert_allclose(one.displacement[-1], two.displacement[-1], atol=1e-14)
+
+
+@pytest.mark.one_rank
 def test_work_over_a_cycle_is_its_dissipation() -> None:
     scene = wedged(output=OutputOptions(samples_per_leg=400))
     record = played(scene)
@@ -242,6 +264,10 @@ def test_saved_system_belongs_to_its_interference(shared_tmp_path: Path) -> None
         ({"contacts": (Contact(interference=0.0),)}, "interference: is zero everywhere"),
         ({"contacts": (Contact(interference="1/x"),)}, "interference: .* not a finite number"),
         ({"loads": (Load("interference", "top", pressure=1.0),)}, "name is reserved"),
+        ({"loads": (Load("P", "top", gap=0.1),)}, "load 'P' edge: unknown edge of a"),
+        ({"loads": (Load("P", "bottom", gap=0.0),)}, "load 'P' gap: is zero everywhere"),
+        ({"loads": (Load("P", "bottom", gap="1/x"),)}, "load 'P' gap: .* not a finite number"),
+        ({"loads": (Load("P", "bottom", gap=0.1, platen=True),)}, "platen: needs force or displ"),
     ],
 )
 def test_bad_interference_is_refused(parts: dict[str, Any], words: str) -> None:

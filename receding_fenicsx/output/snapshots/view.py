@@ -310,7 +310,7 @@ def load_arrows(
     found = [
         (load, *_traction(scene, load, 0.22 * size))
         for load in scene.loads
-        if not load.on_body and scene.find_edge(load.edge)[0].is_rectangle
+        if load in scene.edge_loads and scene.find_edge(load.edge)[0].is_rectangle
     ]
     sizes = [largest[load.name] * np.linalg.norm(t, axis=1).max() for load, _, t in found]
     if not any(sizes):
