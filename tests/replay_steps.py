@@ -42,7 +42,9 @@ def step(run: Replay, leg: Leg, totals: Totals) -> None:
         run.steps.append(Step(leg, (load, load_b), (u, u_b), (state.copy(), now), lost))
         if len(rows):
             way = float(np.abs((load_b - load) @ body.r_star @ (u_b - u)))
-            totals.divided += 2.0 * abs(lost) + way
+            # what a node dissipates on a way that is not straight, while its force changes
+            bent = 0.5 * float(np.abs((table.Q[j] - Q) * slip).sum())
+            totals.divided += 2.0 * abs(lost) + way + bent
         if run.record.jumps and np.any(events.s[rows] < table.s[j]):
             # a jump inside the step dissipates nothing, and what it releases is of no node: what
             # does dissipate is between nothing and all the energy that is given up
