@@ -227,7 +227,7 @@ class Loop:
         start, n, samples = problem.start, self.system.n, len(problem.samples)
         a = problem.ends[0]
         if self.last is not None and self.last[0] is start:
-            y = self.last[1]
+            y = self.last[1].copy()  # another walk may begin here too
         else:
             y = self.segments.values(start)
         room, stops = self.room, self.room if samples or traced else 0

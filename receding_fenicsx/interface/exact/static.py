@@ -30,13 +30,6 @@ MAX_STATE_SETS = 30
 PATIENT_STATE_SETS = 3
 """The same per node, where nothing quicker has found an answer."""
 
-FEW_SWEEPS = 400
-MANY_SWEEPS = 20000
-"""Gauss-Seidel sweeps before and after linear complementarity is tried."""
-
-STATIC_RESIDUAL = 1e-13
-"""Residual tolerance of Gauss-Seidel, where round-off allows it."""
-
 
 def solve_static(segments: Segments, start: ContactState, load: Array) -> ContactState | None:
     """Solve the static problem from ``start`` to ``load``; None when no solution was found.
@@ -52,27 +45,31 @@ def solve_static(segments: Segments, start: ContactState, load: Array) -> Contac
             nodes as touching.
         load: (n_loads,) load factors.
     """
-    for attempt in (_guess_states, _few_sweeps, _pivot, _patient_newton, _many_sweeps):
-        end = attempt(segments, start, load)
+    system = segments.system
+    attempts = (
+        lambda: states_by_newton(system, start, load),
+        lambda: _sweep(system, start, load, 400, 1e-13),
+        lambda: _pivot(segments, start, load),
+        lambda: _patient_newton(system, start, load),
+        lambda: _sweep(system, start, load, 20000, ACCEPTED_RESIDUAL),
+    )
+    for attempt in attempts:
+        end = attempt()
         if end is None:
             continue
-        scale = largest_force(segments.system, load, end.r, 0.0)
-        if not is_carried_by_round_off(segments.system, end.u, scale):
+        scale = largest_force(system, load, end.r, 0.0)
+        if not is_carried_by_round_off(system, end.u, scale):
             return end
     return None
 
 
-def _guess_states(segments: Segments, start: ContactState, load: Array) -> ContactState | None:
-    return states_by_newton(segments.system, start, load)
-
-
-def _patient_newton(segments: Segments, start: ContactState, load: Array) -> ContactState | None:
+def _patient_newton(system: ContactSystem, start: ContactState, load: Array) -> ContactState | None:
     """Solve by Newton's method from several starts, each followed until its sets return.
 
     They are: all nodes with friction in one state, and the contact without friction.
     """
     for first in (STICK, FORWARD, BACKWARD, SEPARATION):
-        end = states_by_newton(segments.system, start, load, first, patient=True)
+        end = states_by_newton(system, start, load, first, patient=True)
         if end is not None:
             return end
     return None
@@ -147,22 +144,15 @@ def _accepted(
     return end if residual <= accepted else None
 
 
-def _few_sweeps(segments: Segments, start: ContactState, load: Array) -> ContactState | None:
-    return _sweep(segments, start, load, FEW_SWEEPS)
-
-
-def _many_sweeps(segments: Segments, start: ContactState, load: Array) -> ContactState | None:
-    return _sweep(segments, start, load, MANY_SWEEPS)
-
-
 def _sweep(
-    segments: Segments, start: ContactState, load: Array, sweeps: int
+    system: ContactSystem, start: ContactState, load: Array, sweeps: int, residual: float
 ) -> ContactState | None:
+    """Solve by Gauss-Seidel with polish, in so many sweeps to so small a residual."""
     options = GaussSeidelOptions(
-        max_sweeps=sweeps, stalled_sweeps=sweeps, residual_tolerance=STATIC_RESIDUAL
+        max_sweeps=sweeps, stalled_sweeps=sweeps, residual_tolerance=residual
     )
     try:
-        return solve_step(segments.system, start, load, options).end
+        return solve_step(system, start, load, options).end
     except NotConverged:
         return None
 
