@@ -50,7 +50,8 @@ def follow(run: Replay, leg: Leg, totals: Totals) -> None:
         u_a = here.solve(leg.load(s_a), u[:n], u)
         doubt_a = _reach(leg, here, doubt)
         apart = bool(np.any(np.abs(u_a - u) > doubt + doubt_a))
-        if run.record.jumps and _slips_at(s_a, state, now, between):
+        jumps_before = s_a - s_held > 0.1 * JUMP_STEP or _slips_at(s_a, state, now, between)
+        if run.record.jumps and jumps_before:
             apart = True
         if s_held < s_a and not apart:
             run.object(leg.place(s_a), "an event lies beyond its place", s_a - s_held, PLACE)
@@ -79,8 +80,10 @@ def follow(run: Replay, leg: Leg, totals: Totals) -> None:
             next_ = body.states(following)
             u_next = next_.solve(leg.load(s_b), u_b[:n], u_b)
             off = bool(np.any(np.abs(u_next - u_b) > doubt + _reach(leg, next_, doubt)))
-            if off or (run.record.jumps and _slips_at(s_b, now, following, between)):
-                s_jump = _jump_place(run, leg, (s_a, s_b), now, (u_a, u_b))
+            off = off or (run.record.jumps and _slips_at(s_b, now, following, between))
+            s_jump = _jump_place(run, leg, (s_a, s_b), now, (u_a, u_b))
+            # in a limit of infinitely many cycles a jump may become too small to be seen
+            if off or (run.record.jumps and s_b - s_jump > 0.1 * JUMP_STEP):
                 u_b = u_a + (s_jump - s_a) / max(s_b - s_a, EPS) * (u_b - u_a)
                 s_b = s_jump
         s_held = s_b
