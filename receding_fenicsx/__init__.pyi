@@ -67,7 +67,7 @@ from .interface.branches.critical_friction import (
 # Sweep
 from .studies.runner import StudyOptions as StudyOptions
 from .studies.sweep import sweep as sweep
-from .studies.sweep_table import SweepTable as SweepTable
+from .studies.sweep import SweepTable as SweepTable
 
 # Joints
 from .studies.joint.curve import joint_curve as joint_curve
@@ -94,7 +94,7 @@ from .evolution.moment import recovered_tractions as recovered_tractions
 from .interface.measures.tractions import traction_at as traction_at
 from .measures.fatigue import fatigue as fatigue, fatigue_at as fatigue_at
 from .output.plots.series import loop_of as loop_of
-from .studies.accuracy.numbers import headline as headline, Number as Number
+from .studies.accuracy.estimate import headline as headline, Number as Number
 from .scene.options import HEADLINE_NAMES as HEADLINE_NAMES
 from .studies.accuracy.study import space_errors as space_errors
 from .studies.accuracy.meshes import (
@@ -111,7 +111,7 @@ from .studies.accuracy.estimate import (
 
 # Report and pictures
 from .output.report.summary import summarise as summarise
-from .store.summary_file import read_summary as read_summary
+from .store.run_folder import read_summary as read_summary
 from .output.report.summary import run_table as run_table
 from .output.report.html import write_report as write_report
 from .output.plots import figures as figures, style as style

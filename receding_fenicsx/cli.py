@@ -191,8 +191,7 @@ def run(
         from receding_fenicsx.output.report.run import unmet
         from receding_fenicsx.output.report.summary import run_table
         from receding_fenicsx.scene.validate import validate
-        from receding_fenicsx.store.run_folder import has_run, is_finished
-        from receding_fenicsx.store.summary_file import read_summary
+        from receding_fenicsx.store.run_folder import has_run, is_finished, read_summary
         from receding_fenicsx.studies import run as studies
 
         out, finished = study.out, False
@@ -437,12 +436,12 @@ def export(
         at: end of the load step along the leg, 0 to 1
         since: start of the load step; default: 1 / solver.steps_per_leg before its end
     """
-    from receding_fenicsx.exchange.command import export_matrices, export_reduced
+    from receding_fenicsx.exchange.importing import export_matrices
     from receding_fenicsx.store import fclib
 
     if reduced:
         # PETSc starts on all ranks together
-        import receding_fenicsx.exchange.reduced  # noqa: F401
+        from receding_fenicsx.exchange.reduced import export_reduced
 
     def work() -> None:
         if reduced:
@@ -472,7 +471,7 @@ def import_(
         out: HDF5 file of the system
         overwrite: replace an earlier file
     """
-    from receding_fenicsx.exchange.command import import_file
+    from receding_fenicsx.exchange.importing import import_file
 
     comm = world()
     if comm is None:

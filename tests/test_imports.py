@@ -61,7 +61,6 @@ STUDIES = (
     ("runner",),
     ("accuracy", "starts"),
     ("run",),
-    ("cases", "sweep_table"),
     ("sweep", "shakedown", "wear"),
     ("joint",),
 )

@@ -312,7 +312,7 @@ def test_small_bodies_are_condensed_in_the_same_bits_on_any_number_of_ranks() ->
     assert not is_small(small("mesh.contact_elements=640", "mesh.growth=1"))
 
 
-@pytest.mark.parametrize("place", ["draw_run", "_headlines"])
+@pytest.mark.parametrize("place", ["draw_run", "condense"])
 def test_interrupt_after_the_history_says_how_to_continue(
     place: str, shared_tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -320,7 +320,7 @@ def test_interrupt_after_the_history_says_how_to_continue(
         raise KeyboardInterrupt
 
     out = shared_tmp_path / "out"
-    options = study.RunOptions(pictures=place == "draw_run", error=place == "_headlines")
+    options = study.RunOptions(pictures=place == "draw_run", error=place == "condense")
     with monkeypatch.context() as patch:
         patch.setattr(f"receding_fenicsx.studies.run.{place}", interrupt)
         with pytest.raises(KeyboardInterrupt) as caught:

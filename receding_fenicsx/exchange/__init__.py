@@ -13,5 +13,5 @@ forces $f_k$ of its loads. `receding-fenicsx import FILE.toml` makes a contact s
 4. It refuses matrices that are not symmetric, indefinite or leave other motions free than the
    specification says.
 
-:func:`~receding_fenicsx.exchange.command.export_matrices` writes systems as MatrixMarket.
+:func:`~receding_fenicsx.exchange.importing.export_matrices` writes systems as MatrixMarket.
 """

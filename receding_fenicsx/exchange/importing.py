@@ -9,11 +9,11 @@ from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import sparse
+from scipy import io, sparse
 from scipy.sparse.linalg import splu
 
 from receding_fenicsx.arrays import Array
-from receding_fenicsx.atomic import read_text
+from receding_fenicsx.atomic import check_file, read_text
 from receding_fenicsx.bulk.rigid_motions import motions, scaled
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.exchange.formats import Freedom, read_matrix, read_vector
@@ -23,6 +23,9 @@ from receding_fenicsx.scene.checks import Number, OneOf, Pair, Table
 from receding_fenicsx.scene.column_file import read_columns
 from receding_fenicsx.scene.profiles import FrictionProfile, Profile, directions, evaluate_checked
 from receding_fenicsx.scene.toml_reader import Place, as_list, convert, parse_toml
+from receding_fenicsx.store.hdf5 import read_system, write_system
+from receding_fenicsx.store.run_folder import SYSTEM
+from receding_fenicsx.store.workspace import FolderKind
 
 DIRECTIONS = {"x": (1,), "y": (2,), "xy": (1, 2)}
 """Freedoms that a support holds."""
@@ -335,3 +338,37 @@ def _profiles(edges: tuple[Edge, ...], x: Array, number: Array, held: NDArray[np
             found[row, on] = evaluate_checked(profile, x[on], None, f"contact '{edge.name}'")
     found[:2, held[len(x) :]] = 0.0  # the support carries the normal force there
     return found
+
+
+COLUMNS = ("x", "px", "py", "weight", "f_forward", "f_backward", "gap", "held_v", "held_w")
+"""Columns of ``nodes.csv``; the points are (px, py)."""
+
+
+def import_file(specification: str, out: str, overwrite: bool) -> None:
+    """Import a system, save it and print what it is."""
+    path = Path(out)
+    check_file(path, overwrite)
+    system = import_system(specification)
+    write_system(path, system, overwrite)
+    pressed = system.r_star[:, system.n :].sum(axis=1)
+    loads = zip(system.load_names, pressed, strict=True)
+    told = ", ".join(f"{name} (pressed by {P:.6g})" for name, P in loads)
+    motions = system.rigid.shape[1]
+    print(f"{system.n} contact nodes, {motions} rigid motion(s), {told}, written to {path}")
+
+
+def export_matrices(source: Path, out: Path, overwrite: bool) -> None:
+    """Write K (rows [v; w]), r* (a row a load) and rigid motions as MatrixMarket, nodes as CSV."""
+    kind = FolderKind("set of matrices", ("stiffness.mtx",), resumable=False)
+    kind.check(out, overwrite)
+    system = read_system(source / SYSTEM if source.is_dir() else source)
+    matrices = {"stiffness": system.K, "r_star": system.r_star, "rigid": system.rigid}
+    law = (system.weight, system.friction.forward, system.friction.backward, system.g0)
+    table = np.column_stack([system.x, system.points, *law, system.held.reshape(2, -1).T])
+    with kind.new(out, overwrite) as beside:
+        for name, matrix in matrices.items():
+            symmetry = "symmetric" if name == "stiffness" else "general"
+            text = f"{name} of [v; w]; loads {', '.join(system.load_names)}"
+            io.mmwrite(beside / f"{name}.mtx", matrix, text, precision=17, symmetry=symmetry)
+        np.savetxt(beside / "nodes.csv", table, "%.17g", ",", header=",".join(COLUMNS), comments="")
+    print(f"{system.n} contact nodes, {len(system.load_names)} load(s), written to {out}")

@@ -27,6 +27,7 @@ from scipy import sparse
 from scipy.sparse.linalg import ArpackError, eigsh, splu
 
 from receding_fenicsx.arrays import Array
+from receding_fenicsx.atomic import check_file
 from receding_fenicsx.bulk import stack
 from receding_fenicsx.bulk.from_scene import bulk_of
 from receding_fenicsx.errors import InputError, NotConverged
@@ -35,6 +36,7 @@ from receding_fenicsx.interface.system import ContactSystem
 from receding_fenicsx.modal.modes import Assembled, assembled
 from receding_fenicsx.mpi import given
 from receding_fenicsx.scene.model import Scene
+from receding_fenicsx.scene.toml_file import read_scene
 from receding_fenicsx.scene.validate import validate
 from receding_fenicsx.scene.validate_loads import check_modes
 from receding_fenicsx.store.hdf5 import new_hdf5, write
@@ -172,3 +174,15 @@ def _relative(bulk: Any, whole: Assembled, system: ContactSystem) -> sparse.csr_
     on = sparse.hstack([G[: relative.size] for G in relative.on]).tocoo()
     at = on.row, np.concatenate(whole.contact)[on.col]
     return sparse.csr_matrix((on.data, at), shape=(2 * system.n, whole.A.shape[0]))
+
+
+def export_reduced(source: Path, out: Path, overwrite: bool) -> None:
+    """Write the reduced model of a scene."""
+    check_file(out, overwrite)
+    model = reduced_model(read_scene(source))
+    model.save(out, overwrite)
+    found = ", ".join(f"{omega:.6g}" for omega in model.omega)
+    print(
+        f"{len(model.M)} coordinates, {len(model.points)} contact nodes, modes with the contact "
+        f"held at omega = {found}, written to {out}"
+    )

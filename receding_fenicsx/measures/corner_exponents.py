@@ -16,7 +16,7 @@ from receding_fenicsx.interface.measures.zone_ends import kolosov
 from receding_fenicsx.interface.measures.zones import FRICTIONLESS_CONTACT
 from receding_fenicsx.measures.half_widths import tractions
 from receding_fenicsx.reference.corners import corner_exponent
-from receding_fenicsx.scene.rectangle_edges import edge_range
+from receding_fenicsx.scene.symmetry import edge_range
 
 
 def corners_of(record: Record, row: int) -> dict[str, Any]:

@@ -21,7 +21,7 @@ nothing of finite elements. From a file to a history:
    modelled. :func:`~receding_fenicsx.scene.one_body.part_of` gives each of several bodies its
    own scene.
 6. :func:`~receding_fenicsx.scene.profiles.evaluate` evaluates friction, gap and loads at points;
-   :mod:`~receding_fenicsx.scene.rectangle_edges` knows where the points of a rectangle's edges are.
+   :mod:`~receding_fenicsx.scene.symmetry` knows where the points of a rectangle's edges are.
 7. :func:`~receding_fenicsx.scene.toml_file.to_toml` writes the scene with the results.
    :func:`~receding_fenicsx.scene.identity.difference` compares it with the scene of a later run.
 """

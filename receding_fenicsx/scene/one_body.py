@@ -9,7 +9,7 @@ import numpy as np
 
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.scene.model import Body, Contact, Refinement, Scene
-from receding_fenicsx.scene.rectangle_edges import HORIZONTAL, edge_range, is_horizontal
+from receding_fenicsx.scene.symmetry import HORIZONTAL, edge_range, is_horizontal
 
 COUNT_TOLERANCE = 1e-9
 """Relative distance of a number of elements from an even number that counts as round-off."""

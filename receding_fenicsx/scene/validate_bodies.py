@@ -16,7 +16,7 @@ from receding_fenicsx.scene.model import (
     Scene,
 )
 from receding_fenicsx.scene.profiles import check_table, directions, evaluate_checked
-from receding_fenicsx.scene.rectangle_edges import (
+from receding_fenicsx.scene.symmetry import (
     EDGES,
     FAR,
     HORIZONTAL,

@@ -20,7 +20,7 @@ from receding_fenicsx.scene.model import (
 )
 from receding_fenicsx.scene.options import KINDS, ON_BODY
 from receding_fenicsx.scene.profiles import check_table, evaluate_checked
-from receding_fenicsx.scene.rectangle_edges import (
+from receding_fenicsx.scene.symmetry import (
     HORIZONTAL,
     body_points,
     contact_samples,

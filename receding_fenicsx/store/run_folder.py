@@ -6,18 +6,24 @@ and the record as far as it was written.
 
 from __future__ import annotations
 
+import csv
+import json
+import math
 import os
 import shutil
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from receding_fenicsx.atomic import make_folder, new_file, unwritable
 from receding_fenicsx.errors import InputError, RecedingError
 from receding_fenicsx.evolution.histories import CORNERS
 from receding_fenicsx.evolution.journal import JOURNAL, has_checkpoint
+from receding_fenicsx.evolution.probes import probe_names
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.interface.system import ContactSystem
 from receding_fenicsx.mpi import on_root
@@ -25,13 +31,12 @@ from receding_fenicsx.scene.identity import FREE_WHEN_FINISHED, FREE_WHEN_RESUME
 from receding_fenicsx.scene.model import Scene
 from receding_fenicsx.scene.options import SAMPLES_PER_LEG
 from receding_fenicsx.scene.toml_file import from_toml, to_toml
-from receding_fenicsx.store.case_file import CASES
 from receding_fenicsx.store.hdf5 import read_record, read_system
-from receding_fenicsx.store.summary_file import read_summary
-from receding_fenicsx.store.workspace import FolderKind, locked
+from receding_fenicsx.store.workspace import CASES, FolderKind, locked
 
 if TYPE_CHECKING:
     from mpi4py import MPI
+
 
 SYSTEM, SCENE = "system.h5", "scene.toml"
 """File names of the condensed system and of the scene in a run folder."""
@@ -212,3 +217,59 @@ def _check_same(folder: Path, scene: Scene) -> None:
         stored = replace(stored, output=replace(stored.output, samples_per_leg=None))
         scene = replace(scene, output=replace(scene.output, samples_per_leg=None))
     RUN.check_same(folder, difference(stored, scene, FREE_WHEN_RESUMED))
+
+
+def write_summary(path: Path, summary: Mapping[str, Any], overwrite: bool = False) -> None:
+    """Write a summary as JSON; numbers that are not finite become null."""
+    with new_file(path, overwrite) as beside:
+        text = json.dumps(_finite(summary), indent=2, ensure_ascii=False, allow_nan=False)
+        beside.write_text(text + "\n", encoding="utf-8")
+
+
+def read_summary(path: Path) -> dict[str, Any]:
+    """Read a summary; InputError where there is none."""
+    try:
+        summary = json.loads(Path(path).read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise InputError(f"{path}: no such file; give the folder of a finished run") from None
+    except (OSError, ValueError):
+        raise InputError(f"{path}: is damaged or not a JSON file; run the scene again") from None
+    needed = {"title", "steady", "turning_points", "dissipation_per_cycle"}
+    if not isinstance(summary, dict) or not needed <= summary.keys():
+        raise InputError(f"{path}: is not a summary of a run; run the scene again")
+    return summary
+
+
+def _finite(value: Any) -> Any:
+    """Return a value with every number that is not finite replaced by None."""
+    if isinstance(value, Mapping):
+        return {str(key): _finite(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_finite(item) for item in value]
+    if isinstance(value, np.generic):
+        value = value.item()
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value
+
+
+PROBES = "probes"
+"""Folder of the files in a run's folder."""
+
+
+def write_probes(folder: Path, record: Record) -> list[Path]:
+    """Write ``NAME.csv`` for each probe of a record, with the columns of ``probe.to_table()``.
+
+    The folder is created if there is a probe; the files, which are returned, replace earlier ones.
+    """
+    made = []
+    for name in probe_names(record):
+        make_folder(folder)
+        table = record.probe(name).to_table()
+        path = folder / f"{name}.csv"
+        with new_file(path, overwrite=True) as beside, open(beside, "w", newline="") as file:
+            rows = csv.writer(file, lineterminator="\n")
+            rows.writerow(table)
+            rows.writerows(zip(*(column.tolist() for column in table.values()), strict=True))
+        made.append(path)
+    return made

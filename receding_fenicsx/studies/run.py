@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import sys
 from collections.abc import Callable
 from concurrent.futures import Executor
 from contextlib import suppress
@@ -14,7 +15,7 @@ import numpy as np
 
 from receding_fenicsx import mpi
 from receding_fenicsx.arrays import Array, check_types
-from receding_fenicsx.atomic import new_file
+from receding_fenicsx.atomic import make_folder, new_file
 from receding_fenicsx.bulk.from_scene import condensed, is_small, probes_of
 from receding_fenicsx.errors import InputError, SolveError, ToleranceNotMet
 from receding_fenicsx.evolution.collect import record_of
@@ -23,6 +24,7 @@ from receding_fenicsx.evolution.histories import CORNERS, tightened, with_corner
 from receding_fenicsx.evolution.journal import JOURNAL, Journal, JournalFile
 from receding_fenicsx.evolution.problem import problem_of_scene, system_for, with_profiles
 from receding_fenicsx.evolution.record import Record
+from receding_fenicsx.interface.system import ContactSystem
 from receding_fenicsx.measures.fatigue import fatigue_summary
 from receding_fenicsx.mpi import world
 from receding_fenicsx.output.report import summary
@@ -30,11 +32,15 @@ from receding_fenicsx.pictures import draw_run, drawing_modules
 from receding_fenicsx.scene import history
 from receding_fenicsx.scene.model import Scene
 from receding_fenicsx.scene.validate import validate
-from receding_fenicsx.store import hdf5, summary_file
-from receding_fenicsx.store.case_file import CASES, CaseFile
-from receding_fenicsx.store.run_folder import SYSTEM, shared_folder
-from receding_fenicsx.store.summary_file import PROBES, write_probes
-from receding_fenicsx.store.workspace import interruption, resumable
+from receding_fenicsx.store.hdf5 import read_system, write_record, write_system
+from receding_fenicsx.store.run_folder import (
+    PROBES,
+    SYSTEM,
+    shared_folder,
+    write_probes,
+    write_summary,
+)
+from receding_fenicsx.store.workspace import CASES, CaseFile, interruption, locked, resumable
 from receding_fenicsx.studies.accuracy import meshes, study
 from receding_fenicsx.studies.accuracy.study import Solved
 from receding_fenicsx.studies.runner import Runner, StudyOptions, check_workers, on_ranks
@@ -47,8 +53,6 @@ from receding_fenicsx.timing import Countdown, Say, Timer
 
 if TYPE_CHECKING:
     from mpi4py import MPI
-
-    from receding_fenicsx.interface.system import ContactSystem
 
 
 @dataclass(frozen=True)
@@ -137,8 +141,7 @@ def run(
         record, failure = found.record, found.failure
         if out is not None:
             # written before the pictures too, which may fail
-            mpi.on_root(comm, lambda: _write_record(folder, record))
-            text = mpi.on_root(comm, lambda: summary.summarise(mpi.given(record), found.extra))
+            text = mpi.on_root(comm, lambda: _write_record(folder, record, found.extra))
             _write_summary(comm, folder, text, timer)
             with resumable(folder, "while drawing"), timer("pictures"):
                 if options.pictures and (failure is None or isinstance(failure, ToleranceNotMet)):
@@ -172,7 +175,11 @@ def _found(
         if options.starts:
             with timer("starts"):
                 mpi.on_root(comm, lambda: check_landings(mpi.given(system), meshed, options.starts))
-        record, failure = _evolved(meshed, comm, timer, folder, system)
+        with timer("evolve"):
+            record, failure = mpi.on_root(
+                comm, lambda: run_history(meshed, mpi.given(system), folder, timer.say)
+            ) or (None, None)
+        failure = comm.bcast(failure)
         if meshed.history.kind == "harmonic" or meshed.bolts:
             # with the number of corners and the shortenings that were found
             meshed = comm.bcast(None if record is None else record.scene)
@@ -184,16 +191,17 @@ def _found(
         with resumable(folder, "between meshes", "the meshes that are solved", CASES):
             return study.within_tolerance(scene, comm, folder, solve, timer.say)
     found = solve(scene)
+
+    def on_mesh(coarse: Scene) -> Record | None:
+        system = condense(coarse, comm)
+        return mpi.on_root(comm, lambda: evolve_bare(mpi.given(system), coarse))
+
     if options.error and found.failure is None:
         # bolts have their preloads on coarser meshes too, not the shortenings of this one
         own = replace(found.scene, bolts=scene.bolts)
         with resumable(folder, "on a coarser mesh"), timer("errors"):
-            found.extra |= study.errors_of_run(
-                own,
-                found.record,
-                lambda coarse: _headlines(coarse, comm),
-                study.Meshes(comm, folder),
-            )
+            kept = study.Meshes(comm, folder)
+            found.extra |= study.errors_of_run(own, found.record, on_mesh, kept)
     if found.scene.fatigue is not None and found.failure is None:
         with resumable(folder, "on a coarser mesh"), timer("errors"):
             found.extra |= _fatigue(replace(found.scene, bolts=scene.bolts), found.record, comm)
@@ -227,22 +235,6 @@ def _starts(
         return on_ranks(comm, limits) or {}
 
 
-def _evolved(
-    scene: Scene,
-    comm: MPI.Comm,
-    timer: Timer,
-    folder: Path | None,
-    system: ContactSystem | None,
-) -> tuple[Record | None, SolveError | None]:
-    """Return the record, on rank 0, and why the evolution failed, on all ranks; collective."""
-    with timer("evolve"):
-        evolved = mpi.on_root(
-            comm, lambda: run_history(scene, mpi.given(system), folder, timer.say)
-        )
-    record, failure = evolved or (None, None)
-    return record, comm.bcast(failure)
-
-
 def _system(
     scene: Scene,
     comm: MPI.Comm,
@@ -254,20 +246,20 @@ def _system(
     place = None if folder is None else folder / SYSTEM
 
     def resumed() -> ContactSystem | None:
-        known = place is not None and place.is_file()
-        return hdf5.read_system(mpi.given(place), scene) if known else None
+        return read_system(place, scene) if place is not None and place.is_file() else None
 
     system = mpi.on_root(comm, resumed)
-    if system_file is not None and comm.bcast(system is None):
-        system = _saved_system(scene, comm, timer, place, Path(system_file))
-    if comm.bcast(system is not None):
+    known = comm.bcast(system is not None)
+    if system_file is not None and not known:
+        return _saved_system(scene, comm, timer, place, Path(system_file)), {}
+    if known:
         return system, {}
     bare, dofs = condensed(scene, comm, timer)
 
     def keep() -> ContactSystem:
         whole = with_profiles(scene, mpi.given(bare))
         if place is not None:
-            hdf5.write_system(place, whole)
+            write_system(place, whole)
         return system_for(scene, whole)
 
     return mpi.on_root(comm, keep), {"bulk_dofs": dofs}
@@ -277,11 +269,7 @@ def _saved_system(
     scene: Scene, comm: MPI.Comm, timer: Timer, place: Path | None, file: Path
 ) -> ContactSystem | None:
     """Return a saved system on rank 0, meshed only for probes that it lacks; collective."""
-
-    def read() -> ContactSystem:
-        return hdf5.read_system(file, scene)
-
-    system = mpi.on_root(comm, read)
+    system = mpi.on_root(comm, lambda: read_system(file, scene))
     if comm.bcast(system is not None and system.probes is None and bool(scene.probes)):
         probes = probes_of(scene, comm, timer)
         system = None if system is None else replace(system, probes=probes)
@@ -289,9 +277,9 @@ def _saved_system(
     def keep() -> None:
         if place is None:
             return
-        own, whole = mpi.given(system), hdf5.read_system(file)
+        own, whole = mpi.given(system), read_system(file)
         scenes_own = ("f", "f_backward", "g0", "scene_toml", "probes")
-        hdf5.write_system(place, replace(whole, **{k: getattr(own, k) for k in scenes_own}))
+        write_system(place, replace(whole, **{k: getattr(own, k) for k in scenes_own}))
 
     mpi.on_root(comm, keep)
     return system
@@ -355,16 +343,14 @@ def check(scene: Scene, comm: MPI.Comm | None = None) -> int:
     return int(nodes)
 
 
-def _headlines(scene: Scene, comm: MPI.Comm) -> Record | None:
-    """Return the record of a scene without samples, events and uniqueness; collective."""
-    system = condense(scene, comm)
-    return mpi.on_root(comm, lambda: evolve_bare(mpi.given(system), scene))
-
-
-def _write_record(folder: Path | None, record: Record | None) -> None:
+def _write_record(
+    folder: Path | None, record: Record | None, extra: dict[str, Any]
+) -> dict[str, Any]:
+    """Write the record and the files of its probes; return its summary."""
     place, found = mpi.given(folder), mpi.given(record)
-    hdf5.write_record(place / "record.h5", found, overwrite=True)
+    write_record(place / "record.h5", found, overwrite=True)
     write_probes(place / PROBES, found)
+    return summary.summarise(found, extra)
 
 
 def _write_report(folder: Path | None, record: Record | None) -> None:
@@ -383,7 +369,7 @@ def _write_summary(
 
     def write() -> None:
         file = mpi.given(folder) / "summary.json"
-        summary_file.write_summary(file, mpi.given(text) | costs, overwrite=True)
+        write_summary(file, mpi.given(text) | costs, overwrite=True)
 
     mpi.on_root(comm, write)
 
@@ -431,9 +417,9 @@ def run_history(
         where = f"after cycle {last} of {cycles}"
         journal.write()
         record = record_of(system, scene.solver, journal.cycles)
-        hdf5.write_record(folder / "record.h5", record, overwrite=True)
+        write_record(folder / "record.h5", record, overwrite=True)
         brief = summary.summarise(record, {"failure": f"interrupted {where}"})
-        summary_file.write_summary(folder / "summary.json", brief, overwrite=True)
+        write_summary(folder / "summary.json", brief, overwrite=True)
         raise interruption(signalled, where, folder, "the record up to there") from None
     finally:
         journal.write()
@@ -461,3 +447,52 @@ def _with_corners(
         with new_file(file) as beside:
             np.savetxt(beside, found, header="corners, error estimate of the dissipation")
     return scene, found
+
+
+# -- condensed systems that the cases of a study share -------------------------------------------
+
+_systems: dict[str, ContactSystem] = {}
+"""Last condensed systems of this process, by the digest of their scenes."""
+
+
+def shared_system(scene: Scene, body: str, folder: Path | None = None) -> ContactSystem:
+    """Return the condensed system of a case from memory, from a file, or newly condensed.
+
+    It serves any friction. ``body`` is the scene's
+    :func:`~receding_fenicsx.scene.identity.body_of`. In a folder all processes share their systems:
+    the first that needs one condenses it.
+    """
+    if body not in _systems:
+        found = _from_folder(scene, body, folder) if folder else _condensed(scene)
+        while len(_systems) >= 2:  # a process keeps two
+            del _systems[next(iter(_systems))]
+        _systems[body] = found
+    return _systems[body]
+
+
+def _from_folder(scene: Scene, body: str, folder: Path) -> ContactSystem:
+    """Return a system from a file, which is written first where it is missing or damaged."""
+    path = folder / f"{body}.h5"
+    make_folder(folder)
+    with locked(path.with_suffix(".lock"), wait=True):
+        if path.is_file():
+            with suppress(InputError):
+                return read_system(path)
+        write_system(path, _condensed(scene), overwrite=True)
+    return read_system(path)
+
+
+def _condensed(scene: Scene) -> ContactSystem:
+    """Condense a scene on this process alone."""
+    with suppress(ImportError):
+        import dolfinx_solver  # noqa: F401 - PyPI's stack must be loaded before mpi4py
+    from mpi4py import MPI
+
+    if "petsc4py.PETSc" not in sys.modules:
+        import petsc4py
+
+        # PETSc's start is collective, and the other ranks may be elsewhere
+        petsc4py.init(comm=MPI.COMM_SELF)
+    system = condense(scene, MPI.COMM_SELF, whole=True)
+    assert system is not None
+    return system

@@ -2,7 +2,7 @@
 
 A study is ``cases -> measure -> combine``:
 
-1. cases: a list of :class:`~receding_fenicsx.store.case_file.Case`, each with a digest of all that
+1. cases: a list of :class:`~receding_fenicsx.store.workspace.Case`, each with a digest of all that
    its outcome depends on, and the arguments of ``measure``;
 2. measure: a function of a module, called in any process with the arguments of one case; it
    returns a dictionary of JSON values. An error is the outcome of its case;
@@ -59,9 +59,16 @@ from receding_fenicsx.errors import InputError, RecedingError, SolveError
 from receding_fenicsx.scene.identity import difference, digest
 from receding_fenicsx.scene.model import Scene
 from receding_fenicsx.scene.toml_file import from_toml, to_toml
-from receding_fenicsx.store.case_file import CASES, Case, CaseFile, Outcome
-from receding_fenicsx.store.summary_file import write_summary
-from receding_fenicsx.store.workspace import FolderKind, interruption, locked
+from receding_fenicsx.store.run_folder import write_summary
+from receding_fenicsx.store.workspace import (
+    CASES,
+    Case,
+    CaseFile,
+    FolderKind,
+    Outcome,
+    interruption,
+    locked,
+)
 from receding_fenicsx.timing import Countdown, Say
 
 if TYPE_CHECKING:

@@ -28,18 +28,19 @@ from receding_fenicsx.scene.model import (
 )
 from receding_fenicsx.scene.options import HEADLINE_NAMES
 from receding_fenicsx.scene.toml_file import read_scene
-from receding_fenicsx.store.summary_file import read_summary
+from receding_fenicsx.store.run_folder import read_summary
 from receding_fenicsx.studies import run as study
 from receding_fenicsx.studies.accuracy import estimate
 from receding_fenicsx.studies.accuracy import study as space_errors
 from receding_fenicsx.studies.accuracy.estimate import (
     Level,
+    Number,
     estimated_error,
     estimates_of,
+    headline,
     observed_order,
 )
 from receding_fenicsx.studies.accuracy.meshes import scaled_mesh, to_limit
-from receding_fenicsx.studies.accuracy.numbers import Number, headline
 
 DEMOS = Path(__file__).parents[2] / "demos"
 

@@ -20,7 +20,7 @@ from receding_fenicsx.bulk.mesh import meshing
 from receding_fenicsx.evolution.problem import with_profiles
 from receding_fenicsx.scene.toml_file import read_scene
 from receding_fenicsx.store.hdf5 import read_record, read_system, write_system
-from receding_fenicsx.store.summary_file import read_summary
+from receding_fenicsx.store.run_folder import read_summary
 
 BLOCK = str(Path(__file__).parents[2] / "demos" / "block.toml")
 SMALL = ["--set", "mesh.contact_elements=24", "--set", "history.cycles=2"]

@@ -21,7 +21,7 @@ from receding_fenicsx.evolution.evolve import continue_history
 from receding_fenicsx.evolution.journal import Journal, JournalFile
 from receding_fenicsx.evolution.probes import probe_names
 from receding_fenicsx.evolution.problem import problem_of_scene
-from receding_fenicsx.store.summary_file import write_probes
+from receding_fenicsx.store.run_folder import write_probes
 from receding_fenicsx.timing import Timer
 
 comm = MPI.COMM_WORLD

@@ -40,7 +40,7 @@ from receding_fenicsx.store.hdf5 import (
     write_record,
     write_system,
 )
-from receding_fenicsx.store.summary_file import read_summary, write_summary
+from receding_fenicsx.store.run_folder import read_summary, write_summary
 
 pytestmark = pytest.mark.one_rank
 

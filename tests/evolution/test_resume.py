@@ -22,8 +22,7 @@ from receding_fenicsx.evolution import journal
 from receding_fenicsx.scene.model import Scene
 from receding_fenicsx.scene.toml_file import read_scene
 from receding_fenicsx.store.hdf5 import read_record
-from receding_fenicsx.store.run_folder import is_finished
-from receding_fenicsx.store.summary_file import read_summary
+from receding_fenicsx.store.run_folder import is_finished, read_summary
 from receding_fenicsx.studies import run as study
 
 BLOCK = Path(__file__).parents[2] / "demos" / "block.toml"

@@ -20,7 +20,7 @@ from receding_fenicsx.output.report.turning_points import TURNING_POINTS
 from receding_fenicsx.reference import closed_forms
 from receding_fenicsx.scene.model import Contact, HistoryOptions, Load, SolverOptions
 from receding_fenicsx.scene.toml_file import read_scene, to_toml
-from receding_fenicsx.store.summary_file import write_summary
+from receding_fenicsx.store.run_folder import write_summary
 from receding_fenicsx.studies import run as study
 
 pytestmark = pytest.mark.one_rank

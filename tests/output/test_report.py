@@ -24,7 +24,7 @@ from receding_fenicsx.output.report.checks import uniqueness_rows
 from receding_fenicsx.output.report.html import report_html
 from receding_fenicsx.output.report.run import loose_warnings
 from receding_fenicsx.output.report.turning_points import extremes_of
-from receding_fenicsx.store.summary_file import write_summary
+from receding_fenicsx.store.run_folder import write_summary
 
 pytestmark = pytest.mark.one_rank
 

@@ -31,8 +31,7 @@ from receding_fenicsx.scene.model import (
     Tie,
 )
 from receding_fenicsx.scene.options import Units
-from receding_fenicsx.store.run_folder import SYSTEM, is_finished, run_folder
-from receding_fenicsx.store.summary_file import write_summary
+from receding_fenicsx.store.run_folder import SYSTEM, is_finished, run_folder, write_summary
 
 pytestmark = pytest.mark.one_rank
 

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from receding_fenicsx.errors import InputError
-from receding_fenicsx.scene.rectangle_edges import edge_points, edge_range
+from receding_fenicsx.scene.symmetry import edge_points, edge_range
 from receding_fenicsx.scene.toml_file import read_scene
 
 pytestmark = pytest.mark.one_rank

@@ -18,7 +18,7 @@ import receding_fenicsx as rf
 from receding_fenicsx import cli
 from receding_fenicsx.studies.joint.backbone import Backbone, first_loading
 from receding_fenicsx.studies.joint.curve import joint_figure
-from receding_fenicsx.studies.sweep_table import SweepTable
+from receding_fenicsx.studies.sweep import SweepTable
 
 ROOT = Path(__file__).parents[2]
 CYLINDERS = ROOT / "demos" / "half_planes.toml"

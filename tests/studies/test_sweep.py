@@ -22,7 +22,7 @@ import sweep_measures
 
 import receding_fenicsx as rf
 from receding_fenicsx import cli
-from receding_fenicsx.studies import cases, runner
+from receding_fenicsx.studies import run, runner
 from receding_fenicsx.studies.sweep import read_over
 
 BLOCK = str(Path(__file__).parents[2] / "demos" / "block.toml")
@@ -86,8 +86,8 @@ def test_a_body_is_condensed_once(monkeypatch: pytest.MonkeyPatch) -> None:
         condensed.append(case.mesh.contact_elements)
         return rf.condense(case, *rest, **options)
 
-    monkeypatch.setattr(cases, "condense", counted)
-    monkeypatch.setattr(cases, "_systems", {})
+    monkeypatch.setattr(run, "condense", counted)
+    monkeypatch.setattr(run, "_systems", {})
     over = {
         "contact.friction": [0.0, 0.3],
         "contact.initial_gap": [0.0, "0.001*x**2"],

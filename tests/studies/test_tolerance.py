@@ -19,12 +19,12 @@ from receding_fenicsx.output.report.summary import run_table
 from receding_fenicsx.reference.closed_forms import BLOCK
 from receding_fenicsx.scene.model import Scene
 from receding_fenicsx.scene.toml_file import from_toml, read_scene, to_toml
-from receding_fenicsx.store.case_file import CASES
 from receding_fenicsx.store.hdf5 import read_record
-from receding_fenicsx.store.summary_file import read_summary
+from receding_fenicsx.store.run_folder import read_summary
+from receding_fenicsx.store.workspace import CASES
 from receding_fenicsx.studies import run as study
+from receding_fenicsx.studies.accuracy.estimate import headline
 from receding_fenicsx.studies.accuracy.meshes import is_refined, scaled_mesh
-from receding_fenicsx.studies.accuracy.numbers import headline
 from receding_fenicsx.studies.sweep import sweep
 
 DEMOS = Path(__file__).parents[2] / "demos"
@@ -228,7 +228,7 @@ def test_an_interrupted_search_is_resumed_where_it_was(
 ) -> None:
     scene = searching(block(), 2e-2)
     whole = study.run(scene, shared_tmp_path / "whole", PLAIN, COMM)
-    evolved, calls = study._evolved, []
+    evolved, calls = study._system, []
 
     def stop_third(*arguments: Any) -> Any:
         calls.append(1)
@@ -236,7 +236,7 @@ def test_an_interrupted_search_is_resumed_where_it_was(
             raise Interrupted("enough", 143)
         return evolved(*arguments)
 
-    monkeypatch.setattr(study, "_evolved", stop_third)
+    monkeypatch.setattr(study, "_system", stop_third)
     out = shared_tmp_path / "run"
     with pytest.raises(Interrupted, match="enough") as caught:
         study.run(scene, out, PLAIN, COMM)
@@ -262,7 +262,7 @@ def test_errors_that_are_interrupted_continue_with_the_meshes_that_are_solved(
 ) -> None:
     scene, errors = block("mesh.contact_elements=32"), replace(PLAIN, error=True)
     study.run(scene, shared_tmp_path / "whole", errors, COMM)
-    solve, calls = study._headlines, []
+    solve, calls = study.condense, []
 
     def stop_second(*arguments: Any) -> Any:
         calls.append(1)
@@ -270,7 +270,7 @@ def test_errors_that_are_interrupted_continue_with_the_meshes_that_are_solved(
             raise Interrupted("enough", 143)
         return solve(*arguments)
 
-    monkeypatch.setattr(study, "_headlines", stop_second)
+    monkeypatch.setattr(study, "condense", stop_second)
     with pytest.raises(Interrupted, match="enough"):
         study.run(scene, shared_tmp_path / "run", errors, COMM)
     study.run(scene, shared_tmp_path / "run", replace(errors, resume=True), COMM)

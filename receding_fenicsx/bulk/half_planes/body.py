@@ -32,7 +32,7 @@ from receding_fenicsx.half_plane.stiffness import (
 from receding_fenicsx.mpi import given, on_root
 from receding_fenicsx.scene.model import FREE, Contact, Refinement, Scene
 from receding_fenicsx.scene.one_body import part_of
-from receding_fenicsx.scene.rectangle_edges import contact_samples
+from receding_fenicsx.scene.symmetry import contact_samples
 
 STRAIGHT = 1e-9
 """Distance of a contact node from the half-plane's surface, over its length, that is round-off."""

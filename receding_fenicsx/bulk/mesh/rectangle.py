@@ -16,7 +16,7 @@ from receding_fenicsx.bulk.mesh.raw_mesh import RawMesh
 from receding_fenicsx.errors import InputError, MeshMisfit, SolveError
 from receding_fenicsx.scene.model import Body, Refinement, Scene
 from receding_fenicsx.scene.one_body import part_of
-from receding_fenicsx.scene.rectangle_edges import (
+from receding_fenicsx.scene.symmetry import (
     EDGES,
     edge_points,
     edge_range,

@@ -17,7 +17,7 @@ from receding_fenicsx.output.report.run import model_line
 from receding_fenicsx.output.report.section import Summary, shown
 from receding_fenicsx.output.report.summary import SECTIONS
 from receding_fenicsx.output.report.turning_points import TURNING_POINTS
-from receding_fenicsx.store.summary_file import read_summary
+from receding_fenicsx.store.run_folder import read_summary
 
 
 def write_report(folder: Path, scene_toml: str) -> Path:

@@ -30,7 +30,7 @@ from receding_fenicsx.scene.model import Load, Scene
 from receding_fenicsx.scene.one_body import in_order
 from receding_fenicsx.scene.options import Units as SceneUnits
 from receding_fenicsx.scene.profiles import directions, evaluate
-from receding_fenicsx.scene.rectangle_edges import HORIZONTAL, edge_points, edge_range
+from receding_fenicsx.scene.symmetry import HORIZONTAL, edge_points, edge_range
 
 if TYPE_CHECKING:
     from receding_fenicsx.bulk.stack import Stack

@@ -20,12 +20,13 @@ from receding_fenicsx.output.report.run import unmet
 from receding_fenicsx.pictures import drawing_modules
 from receding_fenicsx.scene.identity import identity_of
 from receding_fenicsx.scene.model import Scene
-from receding_fenicsx.store.case_file import Case, CaseFile, Outcome
 from receding_fenicsx.store.hdf5 import read_system
 from receding_fenicsx.store.run_folder import SYSTEM, forget_system
+from receding_fenicsx.store.workspace import Case, CaseFile, Outcome
 from receding_fenicsx.studies.accuracy.estimate import (
     Estimate,
     Level,
+    Number,
     estimates_of,
     level_of,
     shown,
@@ -41,7 +42,6 @@ from receding_fenicsx.studies.accuracy.meshes import (
     scaled_mesh,
     to_limit,
 )
-from receding_fenicsx.studies.accuracy.numbers import Number
 from receding_fenicsx.studies.accuracy.search import search
 from receding_fenicsx.timing import Say
 

@@ -39,11 +39,10 @@ from receding_fenicsx.scene.model import (
 )
 from receding_fenicsx.scene.toml_file import from_toml
 from receding_fenicsx.scene.validate import validate
-from receding_fenicsx.store.case_file import Case
-from receding_fenicsx.store.summary_file import write_summary
+from receding_fenicsx.store.run_folder import write_summary
+from receding_fenicsx.store.workspace import Case
 from receding_fenicsx.studies import run as study
 from receding_fenicsx.studies.accuracy.meshes import coarser
-from receding_fenicsx.studies.cases import Cell
 from receding_fenicsx.studies.joint.backbone import NO_DISSIPATION, Backbone, first_loading
 from receding_fenicsx.studies.runner import (
     Runner,
@@ -53,8 +52,7 @@ from receding_fenicsx.studies.runner import (
     digest_of,
     run_study,
 )
-from receding_fenicsx.studies.sweep import Grid, grid_of, play_scene
-from receding_fenicsx.studies.sweep_table import ERROR, SweepTable
+from receding_fenicsx.studies.sweep import ERROR, Cell, Grid, SweepTable, grid_of, play_scene
 
 
 @dataclass(frozen=True, repr=False)

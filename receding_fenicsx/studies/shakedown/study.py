@@ -39,11 +39,11 @@ from receding_fenicsx.output.plots.style import save
 from receding_fenicsx.scene.identity import body_of, identity_of
 from receding_fenicsx.scene.model import Scene
 from receding_fenicsx.scene.toml_file import to_toml
-from receding_fenicsx.store.case_file import Case, Outcome
-from receding_fenicsx.store.summary_file import write_summary
+from receding_fenicsx.store.run_folder import write_summary
+from receding_fenicsx.store.workspace import Case, Outcome
 from receding_fenicsx.studies import run as study
 from receding_fenicsx.studies.accuracy.meshes import coarser
-from receding_fenicsx.studies.cases import shared_system
+from receding_fenicsx.studies.run import shared_system
 from receding_fenicsx.studies.runner import (
     Runner,
     Study,

@@ -20,7 +20,7 @@ from receding_fenicsx.interface.law import State
 from receding_fenicsx.interface.system import ContactSystem
 from receding_fenicsx.output.plots.style import save
 from receding_fenicsx.scene.model import Scene, WearOptions
-from receding_fenicsx.store.summary_file import write_summary
+from receding_fenicsx.store.run_folder import write_summary
 from receding_fenicsx.store.workspace import interruption
 from receding_fenicsx.studies import run as study
 from receding_fenicsx.studies.runner import Runner, Study, StudyOptions, run_study
