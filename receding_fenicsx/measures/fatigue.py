@@ -25,6 +25,7 @@ import numpy as np
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.evolution.probes import ProbeHistory, probe_names
 from receding_fenicsx.evolution.record import Record
+from receding_fenicsx.measures.cracks import EdgeCrack, edge_crack
 from receding_fenicsx.scene.model import FatigueOptions, Material, Scene
 
 PLANES = 90
@@ -152,19 +153,34 @@ def fatigue(record: Record) -> dict[str, dict[str, Parameter]]:
     if scene is None or scene.fatigue is None or not len(record.cycles.dissipation):
         return {}
     found = {}
-    last = len(record.cycles.dissipation)
     for name in probe_names(record):
         probe = record.probe(name)
-        rows = probe.cycle == last
-        jumped = record.limit is not None and record.limit.jumped
-        if not jumped:  # the cycle begins where the one before ends
-            rows[max(int(np.argmax(rows)) - 1, 0)] = True
-        stress = probe.stress[rows]
+        stress = _cycle_stress(record, probe)
         parameters = fatigue_at(stress, _material_of(scene, name), scene.fatigue)
         if next(p for p in scene.probes if p.name == name).edge is not None:
-            parameters |= _ruiz(record, probe, last)
+            parameters |= _ruiz(record, probe, len(record.cycles.dissipation))
         found[name] = parameters
     return found
+
+
+def short_cracks(record: Record) -> dict[str, EdgeCrack]:
+    """Return the cracks along the segments of the record's probes, each from its first point."""
+    scene = record.scene
+    if scene is None or scene.fatigue is None or not len(record.cycles.dissipation):
+        return {}
+    probes = [record.probe(p.name) for p in scene.probes if p.segment and len(p.coordinates) > 2]
+    return {
+        probe.name: edge_crack(_cycle_stress(record, probe), probe.points, scene.fatigue)
+        for probe in probes
+    }
+
+
+def _cycle_stress(record: Record, probe: ProbeHistory) -> Array:
+    """Return the stresses (n, m, 4) over the last cycle."""
+    rows = probe.cycle == len(record.cycles.dissipation)
+    if record.limit is None or not record.limit.jumped:
+        rows[max(int(np.argmax(rows)) - 1, 0)] = True  # it begins where the one before ends
+    return probe.stress[rows]
 
 
 def _material_of(scene: Scene, name: str) -> Material:
@@ -288,4 +304,15 @@ def fatigue_summary(record: Record, coarse: Record | None = None) -> dict[str, A
             young = _material_of(scene, probe).young
             row["life"] = life(row.get("averaged", row["max"]), young, scene.fatigue)
         found[name] = row
-    return {"fatigue": {"parameters": found}}
+    summary = {"parameters": found}
+    if scene.fatigue.threshold is not None:
+        summary["cracks"] = {
+            name: {
+                "arrest": crack.arrest,
+                "depth": crack.depth.tolist(),
+                "delta_k_i": crack.delta_k.tolist(),
+                "delta_k_ii": np.ptp(crack.k_ii, axis=0).tolist(),
+            }
+            for name, crack in short_cracks(record).items()
+        }
+    return {"fatigue": summary}

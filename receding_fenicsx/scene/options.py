@@ -527,6 +527,9 @@ class FatigueOptions(Table):
         strength_exponent: its exponent, below 0.
         ductility: coefficient of Coffin's and Manson's line.
         ductility_exponent: its exponent, below 0.
+        threshold: range of the stress intensity below which long cracks do not grow; with it
+            cracks along the segments of probes are followed, each from its first point.
+        fatigue_limit: range of the stress below which no crack begins, given with ``threshold``.
     """
 
     average: Positive | None = None
@@ -538,6 +541,8 @@ class FatigueOptions(Table):
     strength_exponent: Annotated[float, Gt(-1.0), Lt(0.0)] = -0.09
     ductility: NotNegative = 0.0
     ductility_exponent: Annotated[float, Gt(-2.0), Lt(0.0)] = -0.6
+    threshold: Positive | None = None
+    fatigue_limit: Positive | None = None
 
 
 @dataclass(frozen=True, repr=False)

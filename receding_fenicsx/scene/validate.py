@@ -146,6 +146,15 @@ def check_fatigue(scene: Scene) -> None:
             "[fatigue]: needs a history with cycles, this one is monotonic; use "
             'kind = "cyclic", "table" or "harmonic"'
         )
+    if (scene.fatigue.threshold is None) != (scene.fatigue.fatigue_limit is None):
+        raise InputError("[fatigue] threshold and fatigue_limit: give both, or none")
+    if scene.fatigue.threshold is not None and not any(
+        probe.segment and len(probe.coordinates) > 2 for probe in scene.probes
+    ):
+        raise InputError(
+            "[fatigue] threshold: needs a [[probe]] with a segment, and a count of 3 or more, "
+            "along which a crack grows"
+        )
 
 
 def check_shakedown(scene: Scene) -> None:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy.optimize import minimize
+from scipy.optimize import brentq, minimize
 
 import receding_fenicsx as rf
 from receding_fenicsx.measures.fatigue import averaged, fatigue_summary, life, smallest_sphere
@@ -167,11 +167,49 @@ def test_means_and_lives_are_those_of_known_functions() -> None:
     assert life(0.0, 2e5, options) == np.inf and life(swt, 2e5, rf.FatigueOptions()) is None
 
 
+@pytest.mark.one_rank
+def test_edge_cracks_have_the_tabulated_stress_intensities() -> None:
+    # Tada, Paris and Irwin: 1.1215 in uniform stress, 0.683 in one that grows from 0 at the mouth
+    x = np.linspace(0.0, 2.0, 31)
+    t = np.array([np.cos(1.1), -np.sin(1.1)])  # a slanted line in stresses turned with it
+    n = np.array([-t[1], t[0]])
+    for profile, factor in ((0.0 * x + 1.0, 1.1215), (x, 0.683 * x)):
+        tensor = np.outer(n, n) + np.outer(t, n) + np.outer(n, t)
+        stress = np.zeros((2, 31, 4))
+        stress[1] = np.outer(profile, [tensor[0, 0], tensor[1, 1], 0.0, tensor[0, 1]])
+        crack = rf.edge_crack(stress, np.outer(x, t), rf.FatigueOptions())
+        known = factor * np.sqrt(np.pi * x)
+        for found in (crack.k_i[1], crack.k_ii[1], crack.delta_k):
+            assert found == pytest.approx(known, rel=1e-3)
+
+
+@pytest.mark.one_rank
+def test_cracks_arrest_where_the_threshold_is_not_met() -> None:
+    x = np.linspace(0.0, 1.6, 400)
+    options = rf.FatigueOptions(threshold=1.0, fatigue_limit=1.0)
+    short = 1.0 / (np.pi * 1.1215**2)
+
+    def arrest(profile: np.ndarray) -> float:
+        stress = np.zeros((2, len(x), 4))
+        stress[0, :, 0], stress[1, :, 0] = profile, -5.0 * profile  # closed at the other end
+        return rf.edge_crack(stress, np.column_stack([0.0 * x, -x]), options).arrest
+
+    assert arrest(0.0 * x + 1.01) == np.inf and arrest(0.0 * x + 0.99) == 0.0
+
+    def lack(a: float) -> float:
+        K = 1.5 * (1.1215 - 0.683 * a) * np.sqrt(np.pi * a)
+        return float(K - np.sqrt(a / (a + short)))
+
+    assert arrest(1.5 * (1.0 - x)) == pytest.approx(brentq(lack, 0.8, 1.6), rel=2e-3)
+
+
 @pytest.mark.parametrize(
     ("text", "changes", "message"),
     [
         ("[fatigue]", [], r"\[fatigue\]: needs points"),
         (PROBES, ["history.cycle_rows=[]"], r"\[fatigue\]: needs a history with cycles"),
+        (PROBES, ["fatigue.threshold=1.0"], "threshold and fatigue_limit: give both"),
+        (PROBES, ["fatigue.threshold=1", "fatigue.fatigue_limit=1"], "with a segment"),
         (PROBES, ["probe.edge.edge=lower.far"], "unknown contact edge"),
         (PROBES, ["probe.edge.body=lower"], "the edge names the body"),
     ],

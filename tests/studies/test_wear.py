@@ -35,6 +35,12 @@ def cylinders(elements: int, *changes: str) -> rf.Scene:
     return rf.read_scene(CYLINDERS, [*width, *steps, *changes])
 
 
+def partial(elements: int, Q: float, *changes: str) -> rf.Scene:
+    """Return the cylinders sheared by +-Q."""
+    rows = [f"rows=[[1.0, 0.0], [1.0, {Q}]]", f"cycle_rows=[[1.0, {-Q}], [1.0, {Q}]]"]
+    return cylinders(elements, *(f"history.{row}" for row in rows), *changes)
+
+
 def worn(
     scene: rf.Scene, out: Path | None = None, options: StudyOptions = StudyOptions()
 ) -> rf.WearStudy:
@@ -109,6 +115,33 @@ def test_estimates_hold_against_smaller_steps() -> None:
 
 
 @pytest.mark.one_rank
+def test_estimates_hold_against_smaller_elements_and_know_corners() -> None:
+    coarse, fine = (worn(partial(n, 0.1, "wear.cycles=500")) for n in (30, 120))
+    off = abs(coarse.volume[-1] - fine.volume[-1])
+    # the steps know much less of it
+    assert 2.0 * coarse.rows["estimate"][-1] @ coarse.system.weight < off
+    assert off <= 2.0 * coarse.volume_estimate[-1]
+    assert abs(coarse.depth_max[-1] - fine.depth_max[-1]) <= 2.0 * coarse.depth_estimate[-1]
+    # cut within the contact: a punch, deepest at its corners
+    soft = ["wear.cycles=10", "material.lower.young=50.0"]
+    punch = worn(partial(30, 0.2, *soft))
+    assert punch.depth_estimate[-1] == np.inf and np.isfinite(punch.volume_estimate[-1])
+
+
+@pytest.mark.one_rank
+def test_the_stick_zone_is_worn_through_where_wear_takes_the_normal_force() -> None:
+    # pressed by a displacement: all nodes slide when f P has fallen to Q
+    Q = 0.54
+    scene = partial(40, Q)
+    press, shear = scene.loads
+    held = replace(press, force=None, platen=False, displacement=("free", -0.025))
+    study = worn(replace(scene, loads=(held, shear)))
+    assert study.end == "stick zone worn through"
+    force = study.rows["P"].sum(axis=1)
+    assert np.all(np.diff(force) < 0.0) and Q < F * force[-1] < Q * (1.0 + 1e-3)
+
+
+@pytest.mark.one_rank
 def test_gross_slip_wears_as_archard_says_explicitly_and_implicitly() -> None:
     # a stroke of one per cent of the contact, far beyond the slip before all nodes slide
     scene = sliding(30, 0.05, "contact.friction=0.002", "wear.cycles=1600")
@@ -119,6 +152,10 @@ def test_gross_slip_wears_as_archard_says_explicitly_and_implicitly() -> None:
     for _ in range(40):
         row = pairs.settled(row, 40.0 * pairs.rate * row["energy"])
     assert np.abs(study.depth[-1] - row["depth"]).max() < 0.01 * row["depth"].max()
+    # Archard: friction times pressure times sliding distance at every node, to round-off
+    archard = 0.002 * study.rows["P"] * study.rows["path"]
+    assert study.rows["energy"] == pytest.approx(archard, rel=1e-9, abs=1e-12 * archard.max())
+    assert study.volume[-1] == pytest.approx(C * study.dissipation[-1], rel=1e-14)
     path = study.slip[0][study.pressure[0] > 0.0].max()
     assert study.volume[-1] == pytest.approx(1600 * C * 0.002 * P * path, rel=2e-3)
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
+
 from receding_fenicsx.measures.fatigue import fatigue_summary
 from receding_fenicsx.output.report.section import Section, Summary
 
@@ -54,7 +56,15 @@ def _lines(summary: Summary) -> list[str]:
     life = "" if row["life"] is None else f", {row['life']:.3g} cycles"
     error = "" if row["estimate"] is None else f" +- {row['estimate']:.1g}"
     place = f"x = {row['x']:.4g} of probe '{row['probe']}', plane at {row['angle']:.0f} degrees"
-    return [f"fatigue: Smith, Watson and Topper {row['max']:.4g}{error} at {place}{life}"]
+    lines = [f"fatigue: Smith, Watson and Topper {row['max']:.4g}{error} at {place}{life}"]
+    for name, crack in summary["fatigue"].get("cracks", {}).items():
+        depth = crack["arrest"]
+        if depth is None or depth == np.inf:  # a file has no infinite numbers
+            ends = f"grows beyond {crack['depth'][-1]:.4g}"
+        else:
+            ends = f"arrests at a depth of {depth:.4g}" if depth else "does not begin to grow"
+        lines.append(f"crack along '{name}': {ends}")
+    return lines
 
 
 FATIGUE = Section(

@@ -35,6 +35,7 @@ class WearStudy:
         share: part of the wear that the first body takes.
         end: why the last row is the last one.
         carried: whether the profiles are carried along by the stroke.
+        coarse: ratio of element sizes, and the study, of a coarser mesh at the same cycles.
     """
 
     system: ContactSystem
@@ -42,6 +43,7 @@ class WearStudy:
     share: float
     end: str
     carried: bool = False
+    coarse: tuple[float, WearStudy] | None = None
 
     @property
     def mirror(self) -> Mirror:
@@ -104,13 +106,40 @@ class WearStudy:
 
     @property
     def volume_estimate(self) -> Array:
-        """(n,) estimated error of the volume by the steps."""
-        return np.asarray(self.mirror.factor * (self.rows["estimate"] @ self.system.weight))
+        """(n,) estimated error of the volume by the steps and the mesh."""
+        steps = self.mirror.factor * (self.rows["estimate"] @ self.system.weight)
+        return steps + self.mesh_error * self.volume
+
+    @property
+    def depth_max(self) -> Array:
+        """(n,) largest depth."""
+        return np.asarray(self.rows["depth"].max(axis=1))
 
     @property
     def depth_estimate(self) -> Array:
-        """(n,) estimated error of the depth by the steps, the largest of the nodes."""
-        return np.asarray(self.rows["estimate"].max(axis=1))
+        """(n,) estimated error of the largest depth by the steps and the mesh.
+
+        Infinite at an end of a contact edge, whose corner makes it grow with every finer mesh.
+        """
+        error = self.rows["estimate"].max(axis=1) + self.mesh_error * self.depth_max
+        at_corner = ends_of_edges(self.system)[self.rows["depth"].argmax(axis=1)]
+        return np.where(at_corner & (self.depth_max > 0.0), np.inf, error)
+
+    @property
+    def mesh_error(self) -> Array:
+        """(n,) estimated relative error by the mesh: errors are of first order at zone ends.
+
+        It is the largest change of depth and volume, as a single one may be small by chance.
+        """
+        if self.coarse is None or len(self.rows) < 2:
+            return np.zeros(len(self.rows))
+        ratio, coarse = self.coarse
+        same = np.searchsorted(coarse.cycles, self.cycles, side="right") - 1
+        changes = [
+            np.abs(1.0 - other[same[1:]] / own[1:])
+            for own, other in ((self.volume, coarse.volume), (self.depth_max, coarse.depth_max))
+        ]
+        return np.append(0.0, np.max(changes, axis=0) / (ratio - 1.0))
 
     @property
     def width(self) -> Array:
@@ -138,9 +167,7 @@ class WearStudy:
 
     def table(self) -> list[dict[str, float]]:
         """Return the rows of ``wear.csv``."""
-        names = (*COLUMNS[:1], *COLUMNS[2:])
-        columns = {name: getattr(self, name).tolist() for name in names}
-        columns["depth_max"] = self.depth.max(axis=1).tolist()
+        columns = {name: getattr(self, name).tolist() for name in COLUMNS}
         return [{name: columns[name][k] for name in COLUMNS} for k in range(len(self.rows))]
 
     def summary(self) -> dict[str, Any]:
@@ -180,12 +207,22 @@ class WearStudy:
         """Return the last row, its estimates, and the end."""
         last = self.table()[-1]
         half = [f"{last[name]:.6g}" for name in COLUMNS[5:]]
+        by = " (steps)" if self.coarse is None else " (steps, mesh)"
         rows = [
             ("end", self.end),
-            ("depth", f"{last['depth_max']:.6g} +- {self.depth_estimate[-1]:.1g} (steps)"),
-            ("volume", f"{last['volume']:.6g} +- {self.volume_estimate[-1]:.1g} (steps)"),
+            ("depth", f"{last['depth_max']:.6g} +- {self.depth_estimate[-1]:.1g}{by}"),
+            ("volume", f"{last['volume']:.6g} +- {self.volume_estimate[-1]:.1g}{by}"),
             ("scar", f"{last['width']:.6g} wide"),
             ("half widths", f"contact {half[0]}, stick {half[1]}"),
             ("dissipation", f"{last['dissipation']:.6g}"),
         ]
         return described(f"Wear: {last['cycles']:.6g} cycles in {len(self.rows) - 1} steps", rows)
+
+
+def ends_of_edges(system: ContactSystem) -> NDArray[np.bool_]:
+    """Return which nodes are ends of contact edges, (N,), but not on an axis of symmetry."""
+    apart = np.diff(system.edges, prepend=-1, append=-1) != 0
+    found = apart[:-1] | apart[1:]
+    if system.half or system.axisymmetric:
+        found &= np.abs(system.points[:, 0]) > 1e-9 * np.abs(system.points).max()
+    return found

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -23,10 +24,11 @@ from receding_fenicsx.scene.model import Scene, WearOptions
 from receding_fenicsx.store.run_folder import write_summary
 from receding_fenicsx.store.workspace import interruption
 from receding_fenicsx.studies import run as study
+from receding_fenicsx.studies.accuracy.meshes import coarser
 from receding_fenicsx.studies.runner import Runner, Study, StudyOptions, run_study
 from receding_fenicsx.studies.wear.convected import Convected
 from receding_fenicsx.studies.wear.figure import profiles_figure, zones_figure
-from receding_fenicsx.studies.wear.result import WearStudy
+from receding_fenicsx.studies.wear.result import WearStudy, ends_of_edges
 from receding_fenicsx.studies.wear.steps import NodePairs, Row, advance, row_type
 from receding_fenicsx.timing import Countdown, Timer
 
@@ -37,9 +39,9 @@ LARGEST_STROKE = 0.05
 """Stroke over the width of the contact up to which node pairs stay opposite each other."""
 NO_MORE = 1e-6
 """Dissipation of a cycle over that of the first one below which nothing more wears."""
-ROWS = "steps.bin"
-"""File of the rows so far, from which a study is continued."""
-RESULTS = (ROWS, "wear.csv", "wear.json", "wear.npz", "profiles.png", "zones.png")
+ROWS, COARSE = "steps.bin", "coarser.bin"
+"""Files of the rows so far on both meshes, from which a study is continued."""
+RESULTS = (ROWS, COARSE, "wear.csv", "wear.json", "wear.npz", "profiles.png", "zones.png")
 
 
 def wear(
@@ -65,27 +67,42 @@ def wear(
     if scene.wear.coefficient is None and scene.wear.archard is None:
         raise InputError("[wear] coefficient: is missing; give it, or archard")
     timer = Timer(options.progress if comm.rank == 0 else None)
-    system = study.condense(scene, comm, timer.say)
+    system, partner, coarse = study.condense(scene, comm, timer.say), None, None
+    with suppress(InputError):  # no coarser mesh fits
+        partner = comm.bcast(mpi.on_root(comm, lambda: coarser(scene)))
+        coarse = None if partner is None else study.condense(partner, comm)
 
     def begin() -> Study[WearStudy]:
         own, _ = with_corners(mpi.given(system), scene)
-        problem = problem_of_scene(mpi.given(system), own)
-        if not len(problem.history.loop):
-            raise InputError(
-                "[wear]: needs a history with cycles, this one is monotonic; use "
-                'kind = "cyclic", "table" or "harmonic"'
-            )
-        model, first = _model(scene, problem, _coefficient(problem.system, scene.wear))
+        begun = _begin(own, mpi.given(system))
         # a study for more cycles continues one for fewer
         same = replace(scene, wear=replace(scene.wear, cycles=WearOptions.cycles))
 
         def combine(runner: Runner) -> WearStudy:
+            other = None
+            if partner is not None and coarse is not None:
+                other = replace(partner, history=own.history), coarse
             with timer("wear"):
-                return _wear(scene, problem.system, (model, first), runner, timer)
+                return _wear(own, begun, other, runner, timer)
 
         return Study("wear study", "wear_of.json", same, combine, results=RESULTS)
 
     return run_study(begin, out, options=options)
+
+
+def _begin(scene: Scene, system: ContactSystem) -> tuple[NodePairs, Row]:
+    """Return the mechanics of a scene and its first row.
+
+    Raises:
+        InputError: the scene cannot wear.
+    """
+    problem = problem_of_scene(system, scene)
+    if not len(problem.history.loop):
+        raise InputError(
+            "[wear]: needs a history with cycles, this one is monotonic; use "
+            'kind = "cyclic", "table" or "harmonic"'
+        )
+    return _model(scene, problem, _coefficient(problem.system, scene.wear))
 
 
 def _coefficient(system: ContactSystem, options: WearOptions) -> Array:
@@ -101,55 +118,73 @@ def _coefficient(system: ContactSystem, options: WearOptions) -> Array:
 
 
 def _wear(
-    scene: Scene, system: ContactSystem, begun: tuple[NodePairs, Row], runner: Runner, timer: Timer
+    scene: Scene,
+    begun: tuple[NodePairs, Row],
+    other: tuple[Scene, ContactSystem] | None,
+    runner: Runner,
+    timer: Timer,
 ) -> WearStudy:
-    """Take step after step; write what there is, also where a step fails."""
-    options, folder, (model, first) = scene.wear, runner.folder, begun
-    file = None if folder is None else folder / ROWS
-    carried = isinstance(model, Convected)
-    rows = [first]
-    if file is not None:
-        if file.exists():
-            with open(file, "r+b") as opened:
-                opened.truncate(file.stat().st_size // first.nbytes * first.nbytes)
-            rows = list(np.fromfile(file, first.dtype)) or rows
-        else:
-            _append(file, first)
-    rows = [row for row in rows if row["cycles"] <= options.cycles]
+    """Take step after step on both meshes; write what there is, also where a step fails."""
+    options, folder, failure = scene.wear, runner.folder, None
     tell = Countdown(timer.say, "wear: cycle", "at most")
 
-    def result(end: str) -> WearStudy:
-        found = WearStudy(system, _as_array(rows), options.share, end, carried)
-        if folder is not None:
-            failure = {} if end in (CYCLES, THROUGH, SHAKEDOWN, EDGE) else {"failure": end}
-            head = {"title": scene.title, **found.summary(), **failure}
-            costs = {"timings": dict(timer.seconds), "versions": versions()}
-            found.write(folder)
-            write_summary(folder / "wear.json", head | costs, overwrite=True)
-            save(profiles_figure(found), folder / "profiles.png")
-            save(zones_figure(found), folder / "zones.png")
-        return found
+    def rows_of(first: Row, name: str) -> list[Row]:
+        found = [first]
+        if folder is not None and (file := folder / name).exists():
+            with open(file, "r+b") as opened:
+                opened.truncate(file.stat().st_size // first.nbytes * first.nbytes)
+            found = list(np.fromfile(file, first.dtype)) or found
+        elif folder is not None:
+            _append(file, first)
+        return [row for row in found if row["cycles"] <= options.cycles]
 
+    def steps(model: NodePairs, rows: list[Row], last: float, name: str) -> str:
+        while not (end := _end(model.problem.system, rows, last)):
+            rows.append(advance(model, rows[-1], options.tolerance, last))
+            if folder is not None:
+                _append(folder / name, rows[-1])
+            text = f"depth {rows[-1]['depth'].max():.4g}"
+            tell(int(rows[-1]["cycles"]), options.cycles, text + (name == COARSE) * ", coarser")
+        return end
+
+    def study_of(model: NodePairs, rows: list[Row], end: str) -> WearStudy:
+        carried = isinstance(model, Convected)
+        return WearStudy(model.problem.system, _as_array(rows), options.share, end, carried)
+
+    rows = rows_of(begun[1], ROWS)
     try:
-        while not (end := _end(system, rows, options.cycles)):
-            rows.append(advance(model, rows[-1], options.tolerance, float(options.cycles)))
-            if file is not None:
-                _append(file, rows[-1])
-            done = int(rows[-1]["cycles"])
-            tell(done, options.cycles, f"depth {rows[-1]['depth'].max():.4g}")
-    except NoEquilibrium:
-        if not np.any(rows[0]["zone"] == State.STICK):
-            raise
-        end = THROUGH
-    except SolveError as error:
-        result(str(error))
-        raise
+        try:
+            end = steps(begun[0], rows, float(options.cycles), ROWS)
+        except SolveError as error:
+            through = isinstance(error, NoEquilibrium) and np.any(rows[0]["zone"] == State.STICK)
+            end, failure = (THROUGH, None) if through else (str(error), error)
+        found = study_of(begun[0], rows, end)
+        if other is not None and failure is None:
+            # the same numbers of cycles, as far as the coarser mesh goes
+            with suppress(SolveError, InputError):
+                model, first = _begin(*other)
+                coarse = rows_of(first, COARSE)
+                with suppress(SolveError):
+                    for cycles in found.cycles:
+                        end = steps(model, coarse, float(cycles), COARSE)
+                ratio = scene.mesh.contact_elements / other[0].mesh.contact_elements
+                found = replace(found, coarse=(ratio, study_of(model, coarse, end)))
     except (KeyboardInterrupt, SystemExit) as signalled:
         if folder is None:
             raise
         where = f"after {rows[-1]['cycles']:.0f} of {options.cycles} cycles"
         raise interruption(signalled, where, folder, "the steps up to there") from None
-    return result(end)
+    if folder is not None:
+        head = {"title": scene.title, **found.summary()}
+        head |= {"failure": end} if failure else {}
+        costs = {"timings": dict(timer.seconds), "versions": versions()}
+        found.write(folder)
+        write_summary(folder / "wear.json", head | costs, overwrite=True)
+        save(profiles_figure(found), folder / "profiles.png")
+        save(zones_figure(found), folder / "zones.png")
+    if failure is not None:
+        raise failure
+    return found
 
 
 def _model(scene: Scene, problem: Problem, coefficient: Array) -> tuple[NodePairs, Row]:
@@ -179,7 +214,7 @@ def _model(scene: Scene, problem: Problem, coefficient: Array) -> tuple[NodePair
     return found, found.settled(first, np.zeros(2 * n))
 
 
-def _end(system: ContactSystem, rows: list[Row], cycles: int) -> str:
+def _end(system: ContactSystem, rows: list[Row], cycles: float) -> str:
     """Return why a study ends with its last row, "" where it goes on."""
     first, last = rows[0], rows[-1]
     energy, before = last["energy"].sum(), first["energy"].sum()
@@ -189,14 +224,10 @@ def _end(system: ContactSystem, rows: list[Row], cycles: int) -> str:
         if not np.any(last["zone"] == State.STICK):
             return THROUGH
     begun, touches = (row["zone"] != State.SEPARATION for row in (first, last))
-    ends = np.diff(system.edges, prepend=-1, append=-1) != 0
-    at_end = ends[:-1] | ends[1:]
-    if system.half or system.axisymmetric:
-        at_end[0] = False
     apart = np.where(np.diff(system.edges) == 0, np.diff(system.x), 0.0)
     spacing = np.maximum(np.append(apart, 0.0), np.append(0.0, apart))
     coarse = spacing > 2.0 * spacing[begun].max(initial=0.0)
-    if np.any(touches & ~begun & (at_end | coarse)):
+    if np.any(touches & ~begun & (ends_of_edges(system) | coarse)):
         return EDGE
     return CYCLES if last["cycles"] >= cycles else ""
 
