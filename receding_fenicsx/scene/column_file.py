@@ -23,19 +23,6 @@ from receding_fenicsx.scene.checks import suggestion
 from receding_fenicsx.scene.profiles import DIRECTIONS
 from receding_fenicsx.scene.toml_reader import as_list
 
-PROFILE_KEYS = (
-    "friction",
-    "initial_gap",
-    "interference",
-    "pressure",
-    "traction",
-    "displacement",
-    "initial_slip",
-)
-"""Keys whose profiles may be read from a file."""
-SIGNAL_KEYS = ("rows", "cycle_rows")
-"""Keys of [history] whose rows may be read from a file."""
-
 
 @dataclass(frozen=True)
 class Columns:
@@ -80,11 +67,24 @@ def read_columns(
         raise InputError(f"{label}: has no row of numbers; write one row a line")
     rows, head = filled[first:], filled[first][0] - 1
     mark = _separator(rows[0][1])
-    values = [_row(line, mark, f"{label}: line {i}") for i, line in rows]
-    for (i, _), row in zip(rows, values, strict=True):
-        if len(row) != len(values[0]):
+    values: list[list[float]] = []
+    for i, line in rows:
+        values.append([])
+        for count, cell in enumerate(_cells(line, mark), 1):
+            where = f"{label}: line {i}: column {count} is"
+            if not cell:
+                raise InputError(f"{where} empty; every row needs every value")
+            if not _is_number(cell):
+                begin = "mend it, or begin the line with #"
+                raise InputError(f'{where} "{cell[:40]}", not a number; {begin}')
+            if "," in cell:
+                raise InputError(f'{where} "{cell[:40]}", with a decimal comma; write points')
+            if not math.isfinite(float(cell)):
+                raise InputError(f'{where} "{cell}", not a finite number; mend it')
+            values[-1].append(float(cell))
+        if len(values[-1]) != len(values[0]):
             raise InputError(
-                f"{label}: line {i}: has {len(row)} column(s), line {rows[0][0]} has "
+                f"{label}: line {i}: has {len(values[-1])} column(s), line {rows[0][0]} has "
                 f"{len(values[0])}; all rows need the same"
             )
 
@@ -122,26 +122,6 @@ def _is_number(cell: str) -> bool:
     return bool(re.fullmatch(rf"[+-]?(({number})(e[+-]?\d+)?|inf|infinity|nan)", cell, re.I))
 
 
-def _row(line: str, separator: str | None, where: str) -> list[float]:
-    """Return the finite numbers of a line."""
-    numbers = []
-    for count, cell in enumerate(_cells(line, separator), 1):
-        if not cell:
-            raise InputError(f"{where}: column {count} is empty; every row needs every value")
-        if not _is_number(cell):
-            raise InputError(
-                f'{where}: column {count} is "{cell[:40]}", not a number; mend it, or begin the '
-                "line with #"
-            )
-        if "," in cell:
-            raise InputError(f'{where}: "{cell[:40]}" has a decimal comma; write decimal points')
-        number = float(cell)
-        if not math.isfinite(number):
-            raise InputError(f'{where}: column {count} is "{cell}", not a finite number; mend it')
-        numbers.append(number)
-    return numbers
-
-
 def with_files(raw: dict[str, Any], folder: Path) -> dict[str, Any]:
     """Replace every ``{file = "..."}`` of a parsed scene by the values in that file.
 
@@ -160,7 +140,8 @@ def _with_profiles(raw: Any, folder: Path, keys: tuple[str, ...]) -> Any:
     if not isinstance(raw, dict):
         return raw
     key = next((key for key in reversed(keys) if key not in DIRECTIONS), "")
-    if set(raw) != {"file"} or key not in PROFILE_KEYS:
+    profiles = ("friction", "initial_gap", "interference", "pressure", "traction", "displacement")
+    if set(raw) != {"file"} or key not in (*profiles, "initial_slip"):
         return {name: _with_profiles(item, folder, (*keys, name)) for name, item in raw.items()}
     columns = read_columns(raw["file"], folder, " ".join(keys), ("x", "value"), ("x", "value"))
     names = [name.lower() for name in columns.names]
@@ -183,11 +164,12 @@ def _with_profiles(raw: Any, folder: Path, keys: tuple[str, ...]) -> Any:
 
 def _with_signals(history: dict[str, Any], loads: Any, folder: Path) -> dict[str, Any]:
     """Return [history] with ``columns`` and rows of load factors in place of files."""
-    files = [key for key in SIGNAL_KEYS if isinstance(history.get(key), dict)]
+    given = [key for key in ("rows", "cycle_rows") if key in history]
+    files = [key for key in given if isinstance(history[key], dict)]
     wanted = history.get("columns")
     if not files:
         return history
-    if wanted is None and any(key in history and key not in files for key in SIGNAL_KEYS):
+    if wanted is None and given != files:
         raise InputError(
             "[history] columns: is missing; name the load of each column, as one of rows and "
             "cycle_rows is no file"

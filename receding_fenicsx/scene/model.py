@@ -43,9 +43,8 @@ from receding_fenicsx.scene.options import Units
 from receding_fenicsx.scene.options import WearOptions as WearOptions
 from receding_fenicsx.scene.profiles import FrictionProfile, Profile
 
-MIN_CONTACT_ELEMENTS, MAX_CONTACT_ELEMENTS = 4, 20000
-"""Numbers of elements on a contact edge: fewer cannot show stick, slip and separation side by
-side; the condensed stiffness of more needs tens of gigabytes."""
+MAX_CONTACT_ELEMENTS = 20000
+"""Most elements on a contact edge: the condensed stiffness of more needs tens of gigabytes."""
 MOST_REFINEMENTS = 6
 """Largest number of uniform refinements of a mesh file: 4096 times the cells."""
 MIN_REFINED_GROWTH = 1.01
@@ -110,7 +109,6 @@ class Body(Table):
     @property
     def is_half_plane(self) -> bool:
         """Whether the body is a half-plane without a mesh."""
-        # shape of a body without a mesh
         return self.mesh is None and self.shape == "half-plane"
 
     @property
@@ -202,7 +200,8 @@ class MeshOptions(Table):
             size of all its elements.
     """
 
-    contact_elements: Annotated[int, Ge(MIN_CONTACT_ELEMENTS), Le(MAX_CONTACT_ELEMENTS)] = 160
+    # fewer than 4 cannot show stick, slip and separation side by side
+    contact_elements: Annotated[int, Ge(4), Le(MAX_CONTACT_ELEMENTS)] = 160
     cell: Annotated[str, OneOf("triangle", "quadrilateral")] = "triangle"
     degree: Annotated[int, OneOf(1, 2)] = 2
     growth: Growth = 1.25

@@ -13,8 +13,6 @@ from receding_fenicsx.scene.symmetry import HORIZONTAL, edge_range, is_horizonta
 
 COUNT_TOLERANCE = 1e-9
 """Relative distance of a number of elements from an even number that counts as round-off."""
-MOST_PLACES = 200
-"""Largest number of places and breaks on a contact edge."""
 
 
 def part_of(scene: Scene, body: Body) -> Scene:
@@ -152,7 +150,14 @@ def _on_rectangle(
     """Return the places on a rectangle; for a pair with mirror images and breaks."""
     edges = [edge for edge in (contact.edge, contact.against) if edge is not None]
     radial = scene.axisymmetric and is_horizontal(scene, contact.edge)
-    zeros = [_zero(scene, edge) for edge in edges]
+
+    def zero(body: Body, name: str) -> float:
+        """Return the coordinate, along a rectangle's edge, from which positions on it count."""
+        if name in HORIZONTAL:
+            return 0.0 if scene.axisymmetric else body.position[0]
+        return body.position[1] + 0.5 * body.height
+
+    zeros = [zero(*scene.find_edge(edge)) for edge in edges]
     ranges = [
         [zero + s for s in edge_range(scene, e)] for zero, e in zip(zeros, edges, strict=True)
     ]
@@ -178,10 +183,10 @@ def _on_rectangle(
         if any(np.allclose(p.span, place.span, rtol=0.0, atol=near) for p in alike):
             continue
         found.append(place)
-        if len(found) > MOST_PLACES:
+        if len(found) > 200:
             raise InputError(
                 "[mesh] refine: the middles of the bodies lie so close that a place has more than "
-                f"{MOST_PLACES} mirror images; align them"
+                "200 mirror images; align them"
             )
         assert place.growth is not None
         for middle, half in zip(middles, halves, strict=True):
@@ -190,14 +195,6 @@ def _on_rectangle(
                 todo.append(_moved(place, -1.0, 2.0 * middle))
     mine = next(i for i, edge in enumerate(edges) if scene.find_edge(edge)[0] == body)
     return [_moved(place, 1.0, -zeros[mine]) for place in found]
-
-
-def _zero(scene: Scene, edge: str) -> float:
-    """Return the coordinate, along a rectangle's edge, from which positions on it count."""
-    body, name = scene.find_edge(edge)
-    if name in HORIZONTAL:
-        return 0.0 if scene.axisymmetric else body.position[0]
-    return body.position[1] + 0.5 * body.height
 
 
 def contact_elements(scene: Scene, body: Body) -> int:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import ast
 from collections.abc import Callable
+from functools import reduce
 from typing import Annotated, cast
 
 import numpy as np
@@ -96,20 +97,6 @@ def evaluate_checked(profile: Profile, x: Array, y: Array | None, where: str) ->
 
 # -- expressions
 
-MAX_LENGTH = 1000
-"""Longest expression in characters; longer ones may exceed the recursion limit of the parser."""
-
-
-def _fold(pairwise: np.ufunc) -> Callable[..., Array]:
-    def folded(*values: Array) -> Array:
-        result = values[0]
-        for value in values[1:]:
-            result = pairwise(result, value)
-        return result
-
-    return folded
-
-
 FUNCTIONS: dict[str, tuple[Callable[..., Array], int, int]] = {
     "sqrt": (np.sqrt, 1, 1),
     "sin": (np.sin, 1, 1),
@@ -118,8 +105,8 @@ FUNCTIONS: dict[str, tuple[Callable[..., Array], int, int]] = {
     "log": (np.log, 1, 1),
     "tanh": (np.tanh, 1, 1),
     "abs": (np.abs, 1, 1),
-    "min": (_fold(np.minimum), 2, 20),
-    "max": (_fold(np.maximum), 2, 20),
+    "min": (lambda *values: reduce(np.minimum, values), 2, 20),
+    "max": (lambda *values: reduce(np.maximum, values), 2, 20),
     "where": (lambda test, yes, no: np.where(test != 0, yes, no), 3, 3),
 }
 """Functions in expressions: implementation, smallest and largest number of arguments."""
@@ -148,8 +135,8 @@ def evaluate_expression(text: str, x: Array, y: Array | None = None) -> Array:
     It may use numbers, ``x``, ``y``, ``pi``, ``+ - * / **``, comparisons (1 if true, else 0) and
     ``min max abs sqrt sin cos exp log tanh where(test, yes, no)``.
     """
-    if len(text) > MAX_LENGTH:
-        raise InputError(f"expression of {len(text)} characters: at most {MAX_LENGTH} are allowed")
+    if len(text) > 1000:  # longer ones may exceed the recursion limit of the parser
+        raise InputError(f"expression of {len(text)} characters: at most 1000 are allowed")
     try:
         tree = ast.parse(text.strip(), mode="eval")
     except (SyntaxError, ValueError, MemoryError, RecursionError):

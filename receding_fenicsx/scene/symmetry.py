@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.scene.model import FREE, Body, Contact, Load, Scene, Spring, Support
+from receding_fenicsx.scene.options import KINDS
 from receding_fenicsx.scene.profiles import directions, evaluate
 
 EDGES = ("bottom", "top", "left", "right")
@@ -18,8 +19,6 @@ FAR = "far"
 """The far field of a half-plane, on which loads and supports act."""
 HORIZONTAL = ("bottom", "top")
 """Edges along x."""
-BODY_SAMPLES = 41
-"""Points along each side of a rectangle at which loads on bodies are checked."""
 
 
 def is_cylinder(scene: Scene, body: Body) -> bool:
@@ -75,7 +74,7 @@ def body_points(scene: Scene, body: Body) -> tuple[Array, Array]:
 
     None lies on an edge, where an expression such as 1/x may end.
     """
-    s = (np.arange(BODY_SAMPLES) + 0.5) / BODY_SAMPLES - 0.5
+    s = (np.arange(41) + 0.5) / 41 - 0.5
     x, y = body.position[0] + body.width * s, body.position[1] + body.height * (s + 0.5)
     x, y = np.meshgrid(0.5 * body.width * (s + 0.5) if is_cylinder(scene, body) else x, y)
     return x, y
@@ -125,33 +124,25 @@ def is_mirror_symmetric(scene: Scene) -> bool:
         slip = scene.history.initial_slip
         if slip is not None and not _is_even(evaluate(slip, x), sign=-1.0):
             return False
-    if not all(_body_load_is_even(scene, load) for load in scene.loads if load.on_body):
-        return False
-    for load in scene.edge_loads:
-        if not is_horizontal(scene, load.edge) or not _span_is_even(scene, load.edge, load.span):
+    for load in scene.loads:
+        if load.on_body:
+            body = next(body for body in scene.bodies if load.body in (None, body.name))
+            # from left to right along the first axis
+            x, y = (part.T for part in body_points(scene, body))
+        elif is_horizontal(scene, load.edge) and _span_is_even(scene, load.edge, load.span):
+            x, y = edge_points(scene, load.edge, load_samples(scene, load))
+        else:
             return False
-        x, y = edge_points(scene, load.edge, load_samples(scene, load))
-        if load.pressure is not None and not _is_even(evaluate(load.pressure, x, y)):
+        value = next(getattr(load, kind) for kind in KINDS if getattr(load, kind) is not None)
+        # the first of two components is odd
+        parts = zip((-1.0, 1.0), value, strict=True) if isinstance(value, tuple) else [(1.0, value)]
+        found = [(sign, evaluate(part, x, y)) for sign, part in parts if part != FREE]
+        scale = max(float(np.abs(values).max()) for _, values in found)
+        if not all(_is_even(values, sign, scale) for sign, values in found):
             return False
-        if load.traction is not None:
-            tx, ty = (evaluate(part, x, y) for part in load.traction)
-            scale = max(np.abs(tx).max(), np.abs(ty).max())
-            if not (_is_even(tx, -1.0, scale) and _is_even(ty, 1.0, scale)):
-                return False
-        if load.force is not None and load.force[0] != 0.0:
-            return False
-        if load.displacement is not None:
-            given = zip((-1.0, 1.0), load.displacement, strict=True)
-            parts = [(sign, evaluate(part, x, y)) for sign, part in given if part != FREE]
-            scale = max(np.abs(values).max() for _, values in parts)
-            if not all(_is_even(values, sign, scale) for sign, values in parts):
-                return False
-    springs = [Counter(_spring_key(scene, s, m) for s in scene.springs) for m in (False, True)]
-    if springs[0] != springs[1]:
-        return False
-    return Counter(_support_key(scene, s) for s in scene.supports) == Counter(
-        _support_key(scene, s, mirrored=True) for s in scene.supports
-    )
+    held: list[Spring | Support] = [*scene.springs, *scene.supports]
+    own, mirrored = (Counter(_key(scene, part, m) for part in held) for m in (False, True))
+    return own == mirrored
 
 
 def is_half_meshed(scene: Scene) -> bool:
@@ -172,34 +163,18 @@ def _span_is_even(scene: Scene, edge: str, span: tuple[float, float] | None) -> 
     return span is None or abs(span[0] + span[1]) <= SYMMETRY_TOLERANCE * (high - low)
 
 
-def _body_load_is_even(scene: Scene, load: Load) -> bool:
-    """Return whether a body force or thermal strain is mirror-symmetric about x = 0."""
-    body = next(body for body in scene.bodies if load.body in (None, body.name))
-    x, y = body_points(scene, body)
-    # from left to right along the first axis
-    if load.thermal_strain is not None:
-        return _is_even(evaluate(load.thermal_strain, x, y).T)
-    assert load.body_force is not None
-    fx, fy = (evaluate(part, x, y).T for part in load.body_force)
-    scale = max(np.abs(fx).max(), np.abs(fy).max())
-    return _is_even(fx, -1.0, scale) and _is_even(fy, 1.0, scale)
-
-
-def _spring_key(scene: Scene, spring: Spring, mirrored: bool) -> tuple[object, ...]:
-    body, edge = scene.find_edge(spring.edge)
-    span = spring.span or edge_range(scene, spring.edge)
-    if mirrored and is_horizontal(scene, spring.edge):
-        span = (0.0 - span[1], 0.0 - span[0])
+def _key(scene: Scene, part: Spring | Support, mirrored: bool) -> tuple[object, ...]:
+    """Return what a spring or support, or its mirror image, is and does."""
     swap = {"left": "right", "right": "left"} if mirrored else {}
-    return body.name, swap.get(edge, edge), span, spring.normal, spring.tangential
-
-
-def _support_key(scene: Scene, support: Support, mirrored: bool = False) -> tuple[object, ...]:
-    swap = {"left": "right", "right": "left"} if mirrored else {}
-    body, edge, point = support.body, "", support.point
-    if support.edge is not None:
-        held, edge = scene.find_edge(support.edge)
+    body, edge, at = part.body, "", part.point
+    if part.edge:
+        held, edge = scene.find_edge(part.edge)
         body, edge = held.name, swap.get(edge, edge)
-    if mirrored and isinstance(point, tuple):
-        point = (0.0 - point[0], point[1])
-    return body, edge, point, "".join(sorted(support.fix))
+    if mirrored and isinstance(at, tuple):
+        at = (0.0 - at[0], at[1])
+    if isinstance(part, Support):
+        return body, edge, at, "".join(sorted(part.fix))
+    low, high = part.span or edge_range(scene, part.edge)
+    if mirrored and is_horizontal(scene, part.edge):
+        low, high = 0.0 - high, 0.0 - low
+    return body, edge, low, high, part.normal, part.tangential

@@ -17,7 +17,7 @@ from receding_fenicsx.atomic import read_text
 from receding_fenicsx.errors import InputError, InputErrors
 from receding_fenicsx.scene.checks import unknown_name
 from receding_fenicsx.scene.column_file import with_files
-from receding_fenicsx.scene.model import TABLE_OF, Body, Contact, Scene
+from receding_fenicsx.scene.model import TABLE_OF, Contact, Scene
 from receding_fenicsx.scene.profiles import DIRECTIONS
 from receding_fenicsx.scene.toml_reader import (
     ARRAYS,
@@ -30,14 +30,6 @@ from receding_fenicsx.scene.toml_reader import (
     scene_of,
 )
 from receding_fenicsx.scene.validate import check_rules
-
-PARTS = {
-    "contact": ("friction",),
-    "body": ("parameters",),
-    "history": ("constant", "harmonic"),
-    "shakedown": ("mean",),
-}
-"""Keys of tables whose value may have parts of its own, as ``contact.friction.forward``."""
 
 
 def read_scene(path: str | Path, overrides: Iterable[str] = ()) -> Scene:
@@ -87,20 +79,15 @@ def from_raw(raw: dict[str, Any], folder: Path | None = None) -> Scene:
     """Convert parsed TOML into a scene and validate it; see :func:`from_toml`."""
     scene = scene_of(with_files(raw, folder or Path()))
     if folder is not None:
-        found = [_with_path(body, folder) for body in scene.bodies]
-        scene = replace(scene, body=found[0], others=tuple(found[1:]))
+        bodies = []
+        for body in scene.bodies:
+            path = (folder / (body.mesh or "")).resolve()
+            if body.mesh is not None and not path.is_file():
+                raise InputError(f'[body] mesh: "{body.mesh}": no such file; check the path')
+            bodies.append(replace(body, mesh=body.mesh and str(path)))
+        scene = replace(scene, body=bodies[0], others=tuple(bodies[1:]))
     check_rules(scene)
     return scene
-
-
-def _with_path(body: Body, folder: Path) -> Body:
-    """Return the body with the absolute path of its mesh file; raise if there is no such file."""
-    if body.mesh is None:
-        return body
-    path = (folder / body.mesh).resolve()
-    if not path.is_file():
-        raise InputError(f'[body] mesh: "{body.mesh}": no such file; check the path')
-    return replace(body, mesh=str(path))
 
 
 def to_toml(scene: Scene) -> str:
@@ -182,7 +169,8 @@ def set_value(raw: dict[str, Any], key: str, value: Any, where: str) -> None:
     if kind == "title" or not names:
         raise InputError(f"{where}: write {kind}.key=value")
     table, (name, *parts) = _table_to_set(raw, kind, names, where)
-    if parts and name not in PARTS.get(kind, ()):
+    of_parts = ("friction", "parameters", "constant", "harmonic", "mean")
+    if parts and name not in of_parts:
         raise InputError(f"{where}: write {kind}.key=value")
     if parts and name == "friction":
         if parts[0] not in DIRECTIONS:

@@ -23,10 +23,6 @@ T = TypeVar("T")
 Place = tuple[str | int, ...]
 """Keys and numbers of list entries that lead to a value."""
 
-PART = r"""(?:[\w-]++|"(?:[^"\\\n]|\\.)*+"|'[^'\n]*+')"""
-DEEP_KEY = re.compile(rf"""(?<![\w"'\\-])(?:{PART}[ \t]*+\.[ \t]*+){{50}}""")
-"""A dotted key of more than 50 parts: the parser's memory grows with the square of their number."""
-
 ATTRIBUTE = {table: attribute for attribute, table in TABLE_OF.items() if table != "material"}
 """Attribute of a scene for each table that may occur several times."""
 ARRAYS = tuple(table for table in ATTRIBUTE if table != "body")
@@ -63,7 +59,9 @@ LIMITS = {
 
 def parse_toml(text: str) -> dict[str, Any]:
     """Return the content of a TOML text."""
-    if DEEP_KEY.search(text):
+    part = r"""(?:[\w-]++|"(?:[^"\\\n]|\\.)*+"|'[^'\n]*+')"""
+    # the parser's memory grows with the square of the number of parts
+    if re.search(rf"""(?<![\w"'\\-])(?:{part}[ \t]*+\.[ \t]*+){{50}}""", text):
         raise InputError("not valid TOML: a key has more than 50 parts")
     try:
         return tomllib.loads(text)
