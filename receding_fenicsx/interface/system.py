@@ -329,10 +329,11 @@ def softest_motion(K: Array, held: NDArray[np.bool_], rigid: Array) -> float:
     """Return the stiffness of the softest motion that is not free, over that of the stiffest.
 
     Args:
-        K: (2N, 2N) stiffness.
+        K: (2N, 2N) stiffness, or (N, N) without tangential freedoms.
         held: (2N,) freedoms that supports hold.
         rigid: (2N, n) rigid motions that supports leave.
     """
-    stiffness = np.linalg.eigvalsh(K[np.ix_(~held, ~held)])[rigid.shape[1] :]
+    held, rigid = held[-len(K) :], rigid[-len(K) :]
+    stiffness = np.linalg.eigvalsh(K[np.ix_(~held, ~held)])[np.linalg.matrix_rank(rigid) :]
     largest = float(stiffness.max(initial=0.0))
     return float(stiffness[0]) / largest if largest > 0.0 else 1.0

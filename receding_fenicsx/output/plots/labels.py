@@ -37,7 +37,8 @@ def shown_name(name: str) -> str:
 
 
 def _shortened(name: str) -> str:
-    return name if len(name) <= 10 else f"{name[:5]}…{name[-4:]}"
+    # "interference" is whole
+    return name if len(name) <= 12 else f"{name[:5]}…{name[-4:]}"
 
 
 def load_symbol(name: str) -> str:
@@ -337,13 +338,23 @@ def pressure_of(scene: Scene | None, load_names: tuple[str, ...]) -> tuple[float
 def load_pieces(record: Record, moment: Moment, scales: Scales) -> tuple[str, list[str]]:
     """Return the name of the leg of an instant, and a text for each load there."""
     found = []
+    told = told_loads(record.scene, tuple(moment.load), np.array([*moment.load.values()]))
     for k, (name, value) in enumerate(moment.load.items()):
+        if k not in told:
+            continue
         if unit := scales.load_unit(k):
             shown = three_digits(value / scales.load_axis(k, name)[0])
             found.append(f"{load_text(name)} ${shown}$ {unit}")
         else:
             found.append(describe_factors((name,), np.array([value / scales.load_max[k]])))
     return _place(record, moment.cycle, moment.leg, moment.s), found
+
+
+def told_loads(scene: Scene | None, names: tuple[str, ...], load: Array) -> list[int]:
+    """Return the numbers of the loads that describe an instant: no preloads once applied."""
+    whole = {} if scene is None else scene.preloads
+    told = [k for k, name in enumerate(names) if name not in whole or load[k] != whole[name]]
+    return told or list(range(len(names)))
 
 
 def leg_pieces(record: Record, cycle: int, leg: int, scales: Scales) -> list[str]:

@@ -18,6 +18,7 @@ from receding_fenicsx.output.plots.labels import (
     name_leg,
     pressure_of,
     shown_unit,
+    told_loads,
 )
 from receding_fenicsx.output.snapshots.whole_body import (
     edge_values,
@@ -273,9 +274,7 @@ def _caption(scene: Scene, names: tuple[str, ...], instant: Instant) -> str:
     first = falling[:1] == [(instant.cycle, instant.leg)]
     way = name_leg(instant.cycle, instant.leg, falls, first, plain)
     parts = instant.load / largest_factors(scene)
-    # preloads stay what they are once they are applied
-    told = [k for k, name in enumerate(names) if name not in scene.preloads or parts[k] != 1.0]
-    told = told or list(range(len(names)))
+    told = told_loads(scene, names, instant.load)
     return f"{way}, {describe_factors(tuple(names[k] for k in told), parts[told])}"
 
 

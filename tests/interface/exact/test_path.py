@@ -20,6 +20,7 @@ from receding_fenicsx.interface.exact.rolling import at_rest
 from receding_fenicsx.interface.exact.segments import Segments
 from receding_fenicsx.interface.exact.tableau import Tableau
 from receding_fenicsx.interface.law import State
+from receding_fenicsx.interface.normal_form import eliminate_tangential
 from receding_fenicsx.interface.residual import law_residual, local_stiffness, round_off
 from receding_fenicsx.interface.system import ContactState, ContactSystem, reactions
 from receding_fenicsx.scene.history import History
@@ -500,6 +501,8 @@ def test_a_load_range_lost_in_round_off_is_refused() -> None:
     assert fine == pytest.approx(1e-2 * coarse, rel=1e-3)
     with pytest.raises(SolveError, match="enlarge the load range"):
         evolve(SMALL, cyclic(3, 1.0 - 1e-8))
+    with pytest.raises(SolveError, match="enlarge the load range"):
+        evolve(eliminate_tangential(replace(SMALL, f=np.zeros(SMALL.n))), cyclic(3, 1.0 - 1e-8))
 
 
 # -- random systems -------------------------------------------------------------------------------
