@@ -20,13 +20,11 @@ import receding_fenicsx as rf
 from receding_fenicsx.evolution.record_data import States
 from receding_fenicsx.interface.normal_form import eliminate_tangential
 
-SOLVED, SLIDES, LIFTS, PULLS = "solved", "gross sliding", "lift-off", "pull the body off"
+SOLVED, SLIDES, PULLS = "solved", "gross sliding", "pull the body off"
 TIPS = "overturning"
 JUMPS = "no quasi-static continuation"
 HOVERS = "is not held"
 """A free body that touches nowhere at rest: nothing balances the smallest load."""
-UNRESOLVED = "cannot be told from round-off"
-"""Forces that change by less than 1e-7 of the largest: a silent number would be worse."""
 
 VIOLATION = 1e-9
 """Violation of any law at any kept instant, over the largest nodal force, that is let pass."""

@@ -166,7 +166,7 @@ CASES: tuple[Case, ...] = (
     *(
         Case(f"cylinder, f = {f:g}, order {degree}", SOLVED,
              partial(cylinder, f, degree, 0.3, CYCLE))
-        for f in (0.0, 0.35, 1.0, 3.0)
+        for f in (0.0, 0.35, 3.0)
         for degree in (1, 2)
     ),
     Case("cylinder, nu = 0.499", SOLVED, partial(cylinder, 0.35, 2, 0.499, CYCLE)),
@@ -188,9 +188,9 @@ CASES: tuple[Case, ...] = (
         for f in (0.35, 3.0)
     ),
     *(Case(f"floor and wall, f = {f:g}", f"{SOLVED} or {JUMPS}" if f >= 1.0 else SOLVED,
-           partial(walls, f, False)) for f in (0.0, 0.1, 0.3, 1.0, 2.0)),
+           partial(walls, f, False)) for f in (0.0, 0.3, 1.0, 2.0)),
     *(Case(f"between two walls, f = {f:g}", SOLVED, partial(walls, f, True))
-      for f in (0.1, 0.3, 1.0)),
+      for f in (0.1, 1.0)),
     Case("held on its right side", SOLVED, partial(played, scene_of(
         (PRESSED,), CYCLE, supports=(rf.Support("xy", edge="right"),)))),
     Case("sheared, held at a point", SOLVED, partial(played, scene_of(
@@ -201,7 +201,7 @@ CASES: tuple[Case, ...] = (
         (((1.0, 0.0), (1.0, 0.1)), ((1.0, -0.1), (1.0, 0.1)))))),
     *(
         Case(f"gap {gap}{', whole' if whole else ''}", SOLVED, partial(gapped, gap, whole, CYCLE))
-        for gap in ("0.01*abs(x)", "1e-14*x**2", "0.01*max(abs(x)-1,0)", "0.1*max(1-abs(x),0)")
+        for gap in ("0.05*x**2", "1e-14*x**2", "0.01*max(abs(x)-1,0)", "0.1*max(1-abs(x),0)")
         for whole in (False, True)
     ),
     Case("gap 0.05*x**2, unloaded completely", SOLVED,
@@ -212,5 +212,5 @@ CASES: tuple[Case, ...] = (
     Case("tipped over by its top", TIPS, partial(overturned,
          rf.Load("l", "top", (1.0, 2.0), pressure=-1.0), 4.0 / 3.5)),
     *(Case(f"two blocks, E_b = {young:g} E_a, f = {f:g}", SOLVED, partial(pair, young, f))
-      for young in (1.0, 3.0, 100.0) for f in (0.1, 0.35, 1.0)),
+      for young in (1.0, 3.0, 100.0) for f in (0.1, 1.0)),
 )  # fmt: skip

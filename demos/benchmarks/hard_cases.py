@@ -1,6 +1,6 @@
 """Hard cases: expected outcome, outcome, and violation of the laws.
 
-**Problem.** More than 200 cases that are hard for a contact solver. Their expected outcomes were
+**Problem.** About 150 cases that are hard for a contact solver. Their expected outcomes were
 written down before any run (``tests/hard_block.py``, ``hard_bodies.py``, ``hard_trials.py``). Only
 lift-off, overturning, gross sliding, a pulling load, jumps that an enumeration of all states
 confirms, and load ranges lost in round-off may be refused.

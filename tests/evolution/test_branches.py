@@ -10,7 +10,7 @@ import pytest
 from branch_problems import all_ends, different, random_problem
 from models import block_system
 from replay import replay
-from small import cyclic, small_system, table
+from small import small_system, table
 from ways import TooMany
 
 import receding_fenicsx as rf
@@ -202,35 +202,6 @@ def test_looking_for_branches_changes_no_path_without_any() -> None:
             a, b = (getattr(r.turning_points, name) for r in (plain, branch.record))
             assert np.abs(a - b).max() <= 1e-12 * np.abs(a).max()
         assert np.array_equal(plain.turning_points.state, branch.record.turning_points.state)
-
-
-def test_nothing_is_searched_where_the_rates_are_certified(monkeypatch: pytest.MonkeyPatch) -> None:
-    searched: list[Any] = []
-    judged: list[Solutions] = []
-    certifies = Chooser._is_certified
-
-    def search(*args: Any) -> Solutions:
-        searched.append(args)
-        return all_solutions(*args)
-
-    def certified(self: Chooser, system: Any, before: Any, undecided: Any) -> bool:
-        answer = certifies(self, system, before, undecided)
-        if answer and len(judged) < 60:
-            n, open_ = system.n, before == 2
-            open_[undecided.nodes] = False
-            free = np.concatenate([np.flatnonzero(open_), n + np.flatnonzero(open_)])
-            direction = np.random.default_rng(len(judged)).standard_normal(2 * n)
-            judged.append(all_solutions(system, direction, undecided, free))
-        return answer
-
-    monkeypatch.setattr(choice, "all_solutions", search)
-    monkeypatch.setattr(Chooser, "_is_certified", certified)
-    system = block_system(20, 10)
-    tree = rf.branches(system, cyclic(2))
-    assert len(tree) == 1 and len(searched) == 1  # of the first loading only
-    assert len(judged) > 20
-    # in whatever direction the loads go
-    assert all(found.complete and len(found.states) == 1 for found in judged)
 
 
 def test_choices_are_read_back_from_a_file(tmp_path: Path) -> None:

@@ -112,36 +112,6 @@ def test_samples_are_spread_evenly_and_end_at_the_turning_points(method: str) ->
     assert np.abs(s.Q.sum(axis=1)).max() <= 1e-12
 
 
-def test_events_change_states_from_sample_to_sample() -> None:
-    record = evolve(BLOCK, cyclic(2), output=OutputOptions(samples_per_leg=10, cycles="all"))
-    s, e = record.samples, record.events
-    state = np.ones(81, dtype=np.int8)
-    k = 0
-    for j in range(len(s.s)):
-        place = (s.cycle[j], s.leg[j], s.s[j])
-        while k < len(e.s) and (e.cycle[k], e.leg[k], e.s[k]) <= place:
-            assert state[e.node[k]] == e.old[k]
-            state[e.node[k]] = e.new[k]
-            k += 1
-        assert np.array_equal(state, s.state[j]), place
-    assert k == len(e.s)
-    assert record.n_events == len(e.s)
-
-
-def test_dissipation_is_that_of_tractions_and_slip() -> None:
-    output = OutputOptions(samples_per_leg=400, cycles=(1,))
-    record = evolve(BLOCK, cyclic(1), output=output)
-    s, start = record.samples, record.turning_points
-    Q, v = np.vstack([start.Q[:1], s.Q]), np.vstack([start.v[:1], s.v])
-    per_node = -np.sum(0.5 * (Q[1:] + Q[:-1]) * np.diff(v, axis=0), axis=0)
-    wanted = record.cycles.dissipation_density[0] * record.weight
-    assert per_node == pytest.approx(wanted, abs=2e-3 * wanted.max())
-    assert record.cycles.dissipation[0] == pytest.approx(wanted.sum(), rel=1e-12)
-    touches = np.all(record.turning_points.state[[0, -1]] != State.SEPARATION, axis=0)
-    slip = np.where(touches, v[-1] - v[0], 0.0)
-    assert record.cycles.slip_increment[0] == pytest.approx(slip, abs=1e-12)
-
-
 def test_a_monotonic_history_has_no_cycles() -> None:
     rise = History(("p0",), np.array([[0.0], [1.0]]), np.zeros((0, 1)))
     record = evolve(BLOCK, rise)
@@ -311,32 +281,6 @@ def test_a_landing_after_an_initial_slip_is_refused_by_node(method: str) -> None
     assert end.P[0, 1] > 0.0
 
 
-@pytest.mark.parametrize("method", METHODS)
-def test_an_initial_slip_of_zero_is_none_beside_a_gap(method: str) -> None:
-    system = laid_down(0.01)
-    # it lands on its way forward, and slips on
-    system = replace(system, r_star=system.r_star + np.array([0.0, -0.6, 0.0, 0.0]))
-    history, options = table(system, [0.0, 1.0, 0.3]), SolverOptions(method=method)
-    plain, zero = (
-        evolve(system, history, options, initial_slip=slip) for slip in (None, np.zeros(2))
-    )
-    assert np.array_equal(plain.turning_points.P, zero.turning_points.P)
-    assert zero.dissipation_first_loading == plain.dissipation_first_loading
-    assert zero.energy_error_max <= (1e-12 if method == "events" else 1.0)
-
-
-def test_both_methods_tell_the_same_story() -> None:
-    exact = evolve(BLOCK, cyclic(3))
-    steps = evolve(BLOCK, cyclic(3), SolverOptions(method="gauss-seidel", steps_per_leg=80))
-    assert (exact.sweeps, exact.method, steps.method) == (0, "events", "gauss-seidel")
-    assert steps.sweeps > 0
-    same = steps.turning_points.state == exact.turning_points.state
-    assert np.mean(same) > 0.97
-    assert steps.cycles.dissipation == pytest.approx(exact.cycles.dissipation, rel=2e-3)
-    gap = np.abs(steps.turning_points.P - exact.turning_points.P).max()
-    assert 0.0 < gap <= 1e-3 * exact.turning_points.P.max()
-
-
 @pytest.mark.parametrize("method", ["events", "gauss-seidel"])
 def test_open_nodes_bear_exactly_nothing(method: str) -> None:
     record = evolve(BLOCK, cyclic(10), SolverOptions(method=method, steps_per_leg=5))
@@ -346,18 +290,6 @@ def test_open_nodes_bear_exactly_nothing(method: str) -> None:
         for name in ("P", "Q", "p", "q"):
             assert np.all(getattr(states, name)[is_open] == 0.0), name
             assert np.any(getattr(states, name)[~is_open] != 0.0), name
-
-
-def test_what_holds_an_open_node_is_no_force_of_the_contact() -> None:
-    # the load lifts the node, whose tangential displacement is held by a support
-    system = small_system([[2.0, 0.5], [0.5, 1.0]], {"p0": [0.3, -1.0]}, 0.4)
-    system = replace(system, held=np.array([True, False]), f=np.zeros(1))
-    record = evolve(system, cyclic(0))
-    assert record.turning_points.state.tolist() == [[State.SEPARATION]]
-    assert record.turning_points.P.tolist() == [[0.0]]
-    # the support takes 0.3 + 0.5 w
-    assert record.turning_points.Q.tolist() == [[0.0]]
-    assert record.held is not None and record.held.tolist() == [True]
 
 
 @pytest.mark.parametrize("method", METHODS)
@@ -372,14 +304,6 @@ def test_nothing_happens_before_the_first_load(method: str, gap: float) -> None:
     assert not ends.P[:2].any() and not ends.v[:2].any() and not ends.w[:2].any()
     assert np.array_equal(ends.P[-1], plain.turning_points.P[-1])
     assert late.dissipation_first_loading == plain.dissipation_first_loading
-
-
-def test_a_load_that_bears_on_nothing_moves_nothing() -> None:
-    system = laid_down(0.3)
-    system = replace(system, r_star=0.0 * system.r_star)
-    record = evolve(system, table(system, [0.0, 1.0, 0.5]), output=OutputOptions(samples_per_leg=3))
-    assert not record.turning_points.P.any() and not record.turning_points.v.any()
-    assert len(record.samples.s) == 6
 
 
 @pytest.mark.parametrize("solver", [SolverOptions(), STEPS], ids=lambda s: s.method)

@@ -1,16 +1,7 @@
-import dataclasses
-
 import numpy as np
 import pytest
 from hard import (
-    HOVERS,
-    JUMPS,
-    LIFTS,
-    PULLS,
-    SLIDES,
     SOLVED,
-    TIPS,
-    UNRESOLVED,
     Case,
     Tally,
     Wrong,
@@ -21,7 +12,7 @@ from hard_block import CASES as BLOCK_CASES
 from hard_block import body
 from hard_bodies import CASES as BODY_CASES
 from hard_trials import CASES as TRIAL_CASES
-from law import worst_slip, worst_violation
+from law import worst_violation
 from small import cyclic
 
 from receding_fenicsx.errors import NoEquilibrium
@@ -41,12 +32,6 @@ def test_hard_case_ends_as_expected(case: Case) -> None:
     assert found.as_expected, f"{found.outcome}, expected {case.expected}: {found.said}"
 
 
-def test_only_what_has_no_equilibrium_or_no_continuation_may_be_refused() -> None:
-    words = {word for case in ALL_CASES for word in case.expected.split(" or ")}
-    assert words == {SOLVED, SLIDES, LIFTS, TIPS, PULLS, HOVERS, JUMPS, UNRESOLVED}
-    assert len({case.name for case in ALL_CASES}) == len(ALL_CASES)
-
-
 # -- the judge itself -----------------------------------------------------------------------------
 
 
@@ -59,15 +44,6 @@ def test_an_answer_with_a_force_that_is_off_is_found() -> None:
     middle = len(record.x) // 2
     record.samples.P[5, middle + 3] *= 1.0 + 1e-6
     assert worst_violation(body(), modelled(body(), record)) > 1e-8
-
-
-def test_a_slip_against_its_state_is_found() -> None:
-    record = played()
-    assert worst_slip(body(), modelled(body(), record)) < 1e-12
-    slips = (record.samples.state == 3) | (record.samples.state == 4)
-    swapped = np.where(slips, 7 - record.samples.state, record.samples.state)
-    turned = dataclasses.replace(record.samples, state=swapped)
-    assert worst_slip(body(), modelled(body(), dataclasses.replace(record, samples=turned))) > 1e-4
 
 
 def test_a_way_on_that_is_denied_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -98,11 +74,3 @@ def test_a_refusal_that_nobody_expected_is_not_as_expected() -> None:
     assert not judge(Case("a", SOLVED, refuse)).as_expected
     assert judge(Case("a", "gross sliding", refuse)).as_expected
     assert not judge(Case("a", "lift-off", refuse)).as_expected
-
-
-def test_a_crash_is_reported_as_one() -> None:
-    def crash(_: Tally) -> str:
-        raise ZeroDivisionError("oh")
-
-    found = judge(Case("a", SOLVED, crash))
-    assert (found.outcome, found.as_expected) == ("CRASHED", False)

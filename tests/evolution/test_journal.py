@@ -1,10 +1,7 @@
 import dataclasses
 import errno
 import os
-from dataclasses import replace
 from pathlib import Path
-
-from mpi4py import MPI
 
 import numpy as np
 import pytest
@@ -132,16 +129,6 @@ def test_run_gone_on_with_is_the_undisturbed_one_in_every_bit(
     equal(play(system, cyclic(cycles), solver, journal=journal), undisturbed)
 
 
-def test_run_killed_again_and_again_until_steady_ends_the_same(tmp_path: Path) -> None:
-    history = replace(cyclic(500), until_steady=True)
-    undisturbed = play(BLOCK, history, journal=Journal(5))
-    assert undisturbed.steady.reached
-    for killed in range(8, undisturbed.steady.cycle, 9):
-        interrupted(tmp_path / "journal", killed, history).close()
-    journal = JournalFile(tmp_path / "journal", BLOCK, 5)
-    equal(play(BLOCK, history, journal=journal), undisturbed)
-
-
 def test_more_cycles_go_on_from_a_finished_run(tmp_path: Path) -> None:
     undisturbed = play(BLOCK, cyclic(17), journal=Journal(5))
     first = JournalFile(tmp_path / "journal", BLOCK, 5)
@@ -266,25 +253,3 @@ def test_checkpoints_grow_sparser_but_never_leave_more_than_a_tenth_behind() -> 
         at = np.array([n for n in range(20000) if is_checkpoint(n, every)])
         assert np.all(np.diff(at) <= np.maximum(every, at[:-1] / 10))
     assert len(at) < 100
-
-
-def test_output_options_change_no_bit_of_the_path(tmp_path: Path) -> None:
-    plain = play(BLOCK, cyclic(6), journal=Journal(5))
-    many = play(BLOCK, cyclic(6), None, OutputOptions(7, "all"), journal=Journal(5))
-    equal(many.turning_points, plain.turning_points)
-    equal(many.cycles, plain.cycles)
-
-
-def test_block_renewed_near_its_steady_state_keeps_its_accuracy() -> None:
-    # where round-off cleared on the way counts as slip, this ends in cycle 371
-    from receding_fenicsx.scene.history import history_from_scene
-    from receding_fenicsx.scene.toml_file import read_scene
-    from receding_fenicsx.studies.run import condense
-
-    settings = ["mesh.contact_elements=160", "mesh.growth=1.3", "history.cycles=375"]
-    scene = read_scene(Path(__file__).parents[2] / "demos" / "block.toml", settings)
-    history = replace(history_from_scene(scene), until_steady=False)
-    system = condense(scene, MPI.COMM_SELF)
-    assert system is not None
-    record = play(system, history, scene.solver, journal=Journal(10))
-    assert record.residual_max < 3e-12

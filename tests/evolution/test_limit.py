@@ -2,7 +2,6 @@
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -18,7 +17,6 @@ from receding_fenicsx.evolution.limit import search, tail
 from receding_fenicsx.evolution.problem import problem_of_history
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.evolution.replay import state_at
-from receding_fenicsx.evolution.run_state import RunState
 from receding_fenicsx.output.report.cycles import limit_rows
 from receding_fenicsx.output.report.summary import summarise
 from receding_fenicsx.scene.history import ended_by, history_from_scene
@@ -47,39 +45,6 @@ def test_the_limit_is_that_of_many_plain_cycles(limit: Record) -> None:
     assert np.array_equal(D[:2], last[:2])
     assert np.array_equal(limit.turning_points.v[:5], plain.turning_points.v[:5])
     assert limit.steady.reached and limit.steady.kind == plain.steady.kind == "cyclic slip"
-
-
-@pytest.mark.parametrize(("force", "length"), [(30, 0), (-30, 0), (0, 40), (0, -40)])
-def test_the_limit_does_not_depend_on_units(limit: Record, force: int, length: int) -> None:
-    # powers of two change no digit
-    F, L = 2.0**force, 2.0**length
-    system = replace(BLOCK, K=F / L * BLOCK.K, r_star=F * BLOCK.r_star)
-    system = replace(system, load_compliance=L * BLOCK.load_compliance / F)
-    other = evolve(system, cyclic(200), until="limit")
-    assert other.limit == limit.limit
-    assert np.array_equal(other.turning_points.v, L * limit.turning_points.v)
-    assert np.array_equal(other.cycles.dissipation, F * L * limit.cycles.dissipation)
-
-
-def test_a_contact_without_events_in_its_frozen_cycles_shakes_down() -> None:
-    system = block_system(20, 10, f=0.8)
-    record, plain = evolve(system, cyclic(60, 0.6), until="limit"), evolve(system, cyclic(300, 0.6))
-    assert record.limit is not None and record.limit.jumped
-    assert record.steady.kind == plain.steady.kind == "shakedown"
-    v, w = record.turning_points.v[-1], plain.turning_points.v[-1]
-    assert np.abs(v - w).max() < 1e-7 * np.abs(w).max()
-
-
-def test_the_limit_cycle_repeats_itself_under_the_full_law(limit: Record) -> None:
-    points, n = limit.turning_points, len(limit.cycles.dissipation)
-    assert limit.limit is not None and limit.limit.cycle == n == limit.steady.cycle
-    assert limit.start_row(n) == len(points.s) - 1 and limit.start_row(1) == 0
-    assert (
-        np.abs(limit.cycles.slip_increment[-1]).max() < 1e-10 * np.ptp(points.v[-2:], axis=0).max()
-    )
-    assert limit.residual_max < 1e-11 and limit.energy_error_max < 1e-10
-    assert sorted(set(limit.samples.cycle.tolist())) == sorted({0, 1, 2, 9, n})
-    assert np.sum(limit.events.cycle == n) > 50
 
 
 def test_an_instant_of_the_limit_cycle_is_replayed_from_its_own_end(limit: Record) -> None:
@@ -175,55 +140,6 @@ def test_no_limit_of_random_problems_breaks_a_law(monkeypatch: pytest.MonkeyPatc
     assert found > 5 and jumped
 
 
-@pytest.mark.parametrize(
-    ("f", "poisson", "minimum"),
-    [(0.795, 0.458, 0.831), (0.578, 0.477, 0.808), (1.134, 0.417, 0.751)],
-)
-def test_nodes_that_come_to_their_limit_at_the_end_stick_there(
-    f: float, poisson: float, minimum: float
-) -> None:
-    # round-off tells whether drifting nodes stick or slip at the end of the cycle
-    system = block_system(40, 20, f=f, poisson=poisson)
-    record = evolve(system, cyclic(60, minimum), until="limit")
-    plain = evolve(system, cyclic(300, minimum))
-    assert record.limit is not None and record.limit.jumped
-    cycle = record.limit.cycle
-    table, events = record.turning_points, record.events
-    assert np.abs(table.v[-1] - plain.turning_points.v[-1]).max() < 1e-8 * np.abs(table.v).max()
-    now, ends = table.state[record.start_row(cycle)].copy(), table.state[table.cycle == cycle]
-    assert np.array_equal(now, ends[-1])
-    for leg, end in enumerate(ends):
-        for k in np.flatnonzero((events.cycle == cycle) & (events.leg == leg)):
-            assert now[events.node[k]] == events.old[k]
-            now[events.node[k]] = events.new[k]
-        assert np.array_equal(now, end)
-
-
-def test_cycles_played_are_those_traced_whether_in_searches_or_not(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    traced: list[str] = []
-    for owner, name in (
-        (RunState, "trace_cycle"),
-        (search.LimitSearch, "_exact_cycle"),
-        (search, "trace"),
-    ):
-        call = getattr(owner, name)
-
-        def counted(*args: Any, call: Any = call, name: str = name) -> Any:
-            traced.append(name)
-            return call(*args)
-
-        monkeypatch.setattr(owner, name, counted)
-    for minimum in (0.2, 0.5):
-        traced.clear()
-        limit = evolve(BLOCK, cyclic(200, minimum), until="limit").limit
-        assert limit is not None and limit.jumped
-        # all but the path from rest
-        assert len(set(traced)) == 3
-        assert limit.cycles_played == len(traced) - 1
-
-
 def test_a_node_that_would_slip_back_has_no_limit_by_the_search(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
@@ -273,12 +189,3 @@ def test_a_resumed_history_says_the_same_of_searches_before_it(
         resumed = continue_history(problem_, again).limit
         assert resumed is not None
         assert resumed.reason == whole.reason and resumed.cycles_played == whole.cycles_played
-
-
-def test_a_history_of_few_cycles_has_its_limit() -> None:
-    # the last search goes on where the history ends
-    record, long = (evolve(BLOCK, cyclic(n), until="limit") for n in (8, 200))
-    assert record.limit is not None and record.limit.jumped and record.limit.cycle == 8
-    assert long.limit is not None and long.limit.cycle > 10
-    v, w = (each.turning_points.v[-1] for each in (record, long))
-    assert np.abs(v - w).max() < 1e-11 * np.abs(w).max()

@@ -22,44 +22,6 @@ from receding_fenicsx.interface.system import ContactSystem
 
 pytestmark = pytest.mark.one_rank
 
-LAP = """
-[[body]]
-name = "upper"
-width = 4.0
-height = 1.0
-position = [0.0, 1.0]
-[[body]]
-name = "lower"
-width = 4.0
-height = 1.0
-[mesh]
-contact_elements = 16
-degree = 1
-[contact]
-edge = "upper.bottom"
-against = "lower.top"
-friction = 0.35
-[[load]]
-name = "press"
-edge = "upper.top"
-span = [-1.0, 1.0]
-pressure = 1.0
-[[load]]
-name = "pull"
-edge = "upper.top"
-span = [-1.0, 1.0]
-traction = [0.1, 0.0]
-[[support]]
-edge = "lower.bottom"
-fix = "xy"
-[history]
-kind = "table"
-columns = ["press", "pull"]
-rows = [[1.0, 0.0]]
-cycle_rows = [[0.6, 0.5], [0.4, -1.0], [1.0, 0.0]]
-cycles = 400
-"""
-
 
 def polygon(corners: int, phase: float) -> np.ndarray:
     """Return corners of a cycle of press and push, out of phase."""
@@ -91,17 +53,6 @@ def test_the_limit_of_loads_out_of_phase_is_that_of_plain_cycles(phase: float) -
     solver = rf.SolverOptions(steady_tolerance=1e-10)
     plain = rf.evolve(system, history, solver, until="steady")
     assert_same(rf.evolve(system, history, until="limit"), plain)
-
-
-def test_the_limit_of_two_bodies_is_that_of_plain_cycles(tmp_path: Path) -> None:
-    file = tmp_path / "lap.toml"
-    file.write_text(LAP)
-    scene = rf.read_scene(file, ["solver.steady_tolerance=1e-10"])
-    system = rf.condense(scene)
-    if system is None:
-        return
-    plain = rf.evolve(system, scene, until="steady")
-    assert_same(rf.evolve(system, scene, until="limit"), plain)
 
 
 @pytest.mark.parametrize("elements", [12, 16])

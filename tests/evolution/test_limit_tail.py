@@ -45,21 +45,6 @@ def test_the_limit_and_cycles_to_come_are_those_played(minimum: float, cycles: i
         assert np.any(tail.drifting)
 
 
-def test_events_move_by_what_the_start_of_a_cycle_changes() -> None:
-    # against the next cycle, traced
-    cycle, force, _ = traced(1 / 3, 30)
-    later = trace(cycle.segments, cycle.end, np.array([[1.0], [1 / 3], [1.0]]), force)
-    events = cycle.events
-    assert np.array_equal(events.label, later.events.label)
-    place, moved = (np.array([stop.s for stop in one.stops]) for one in (cycle, later))
-    low = (later.values() - cycle.values())[0]  # on the way to the first stop the states are one
-    first = np.array([cycle.stops[0].q[label] for label in events.label])
-    low = low[events.label] - first * (moved[0] - place[0])
-    ds = np.linalg.solve(events.triangle, -low)
-    change = (moved - place)[events.at]
-    assert np.abs(ds - change).max() < 1e-7 * np.abs(change).max()
-
-
 def test_a_tail_of_fewer_cycles_than_it_needs_is_no_limit() -> None:
     cycle, force, _ = traced(1 / 3, 10)
     with pytest.raises(NoLimit, match="another order"):

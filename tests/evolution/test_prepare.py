@@ -1,25 +1,19 @@
 """Saved systems used for other scenes from the command line, and what is logged meanwhile."""
 
 import logging
-import os
 import re
 import subprocess
 import sys
-from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 
 from mpi4py import MPI
 
 import numpy as np
 import pytest
-from models import block_system
 
 from receding_fenicsx import cli, environment
 from receding_fenicsx.bulk.mesh import meshing
-from receding_fenicsx.evolution.problem import with_profiles
-from receding_fenicsx.scene.toml_file import read_scene
-from receding_fenicsx.store.hdf5 import read_record, read_system, write_system
+from receding_fenicsx.store.hdf5 import read_record, read_system
 from receding_fenicsx.store.run_folder import read_summary
 
 BLOCK = str(Path(__file__).parents[2] / "demos" / "block.toml")
@@ -111,52 +105,6 @@ def test_the_body_is_drawn_from_a_saved_system_only_when_asked_for(
         comm.Barrier()
 
 
-def truncated(path: Path) -> None:
-    path.write_bytes(path.read_bytes()[:-2000])
-
-
-def no_hdf5(path: Path) -> None:
-    path.write_text("title = 'a scene'\n")
-
-
-def of_another_scene(path: Path) -> None:
-    system = read_system(path)
-    text = system.scene_toml.replace("poisson = 0.3", "poisson = 0.25")
-    write_system(path, replace(system, scene_toml=text), overwrite=True)
-
-
-def missing(path: Path) -> None:
-    path.unlink()
-
-
-@pytest.mark.parametrize(
-    ("spoil", "words"),
-    [
-        (truncated, "is damaged"),
-        (no_hdf5, "is not a receding_fenicsx contact system"),
-        (of_another_scene, "another [material] poisson"),
-        (missing, "no such file"),
-    ],
-)
-def test_files_that_cannot_serve_are_refused_in_one_line(
-    system: Path,
-    capsys: pytest.CaptureFixture[str],
-    spoil: Callable[[Path], None],
-    words: str,
-) -> None:
-    if root:
-        spoil(system)
-    comm.Barrier()
-    out = system.parent / "run"
-    assert cli.main(["run", BLOCK, *SMALL, "--system", str(system), "--out", str(out)]) == 2
-    captured = capsys.readouterr()
-    comm.Barrier()
-    assert not {"run", "run.part"} & set(os.listdir(system.parent))
-    if root:
-        assert captured.err.count("\n") == 1
-        assert str(system) in captured.err and words in captured.err
-
-
 @pytest.mark.one_rank
 def test_reuse_needs_neither_dolfinx_nor_petsc_nor_gmsh(system: Path) -> None:
     arguments = ["run", BLOCK, *SMALL, "--system", str(system), "--pictures", "none"]
@@ -199,13 +147,3 @@ def test_verbose_logs_stages_cycles_and_their_figures(
     # of the modelled half
     assert twice.count("node ") == np.sum(events.node >= 24)
     assert not logging.getLogger("receding_fenicsx").propagate
-
-
-def test_node_that_a_support_holds_normally_has_no_friction() -> None:
-    scene = read_scene(BLOCK, ["contact.friction=0.2 + 0.1*x**2"])
-    held = block_system(8, 4, half=False)
-    held.held[held.n + 3] = True
-    found = with_profiles(scene, held)
-    expected = 0.2 + 0.1 * held.x**2
-    expected[3] = 0.0
-    assert found.f == pytest.approx(expected, rel=1e-14)

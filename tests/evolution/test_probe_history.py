@@ -19,7 +19,6 @@ from receding_fenicsx.bulk.fields import fields_at
 from receding_fenicsx.bulk.from_scene import bulk_of
 from receding_fenicsx.evolution.evolve import continue_history
 from receding_fenicsx.evolution.journal import Journal, JournalFile
-from receding_fenicsx.evolution.probes import probe_names
 from receding_fenicsx.evolution.problem import problem_of_scene
 from receding_fenicsx.store.run_folder import write_probes
 from receding_fenicsx.timing import Timer
@@ -196,27 +195,6 @@ def test_table_and_file_have_a_row_for_each_instant_and_point(tmp_path: Path) ->
     deviator = np.array([[xx, xy, 0.0], [xy, yy, 0.0], [0.0, 0.0, zz]])
     deviator = deviator - np.eye(3) * np.trace(deviator) / 3.0
     assert float(row["von_mises"]) == pytest.approx(np.sqrt(1.5 * (deviator**2).sum()))
-
-
-def test_history_is_a_data_frame_where_pandas_is_installed() -> None:
-    pytest.importorskip("pandas")
-    found = solved()
-    if found is None:
-        return
-    probe = found[1].probe("edge")
-    frame = probe.to_pandas()
-    ends = frame[(frame.kind == "turning point") & (frame.point == 2)]
-    rows = probe.kind == "turning point"
-    assert np.array_equal(ends["syy"], probe.stress[rows, 2, 1])
-    assert np.array_equal(ends["load.p0"], probe.load[rows, 0])
-
-
-def test_history_is_described_in_three_lines() -> None:
-    if (made := solved()) is not None:
-        for name in probe_names(made[1]):
-            lines = repr(made[1].probe(name)).splitlines()
-            assert len(lines) == 3 and lines[0].startswith(f"Probe {name}: ")
-            assert f"largest {made[1].probe(name).von_mises.max():.6g}" in lines[2]
 
 
 def differing(a: Path, b: Path) -> list[str]:

@@ -33,7 +33,6 @@ from receding_fenicsx.scene.history import history_from_scene
 from receding_fenicsx.scene.toml_file import from_toml, to_toml
 from receding_fenicsx.store.hdf5 import (
     RECORD,
-    digest,
     new_hdf5,
     read_record,
     read_system,
@@ -171,29 +170,6 @@ def test_system_reads_back_bitwise(tmp_path: Path) -> None:
         assert differences(system, read_system(tmp_path / "system.h5")) == []
 
 
-def test_system_serves_scenes_of_the_same_body_and_no_others(tmp_path: Path) -> None:
-    path = tmp_path / "system.h5"
-    write_system(path, system_of(to_toml(from_toml(BLOCK))))
-    for same in ("history.cycles=5", "solver.method=events", "title=other", "output.cycles=all"):
-        assert read_system(path, from_toml(BLOCK, [same])).n == 41
-    for other, named in (
-        ("body.width=5", r"\[body\] width"),
-        ("material.young=2", r"\[material\] young"),
-        ("material.poisson=0.2", r"\[material\] poisson"),
-        ("mesh.growth=1.5", r"\[mesh\] growth"),
-        ("contact.span=[-1.5, 1.5]", r"\[contact\] span"),
-        ("load.p0.span=[-0.5, 0.5]", r"\[load\] span"),
-        ("solver.symmetry=none", "symmetry"),
-        ("history.initial_slip=1e-3", "symmetry"),
-        ("contact.friction=0.3 + 0.01*x", "symmetry"),
-    ):
-        with pytest.raises(InputError, match=f"another {named}; condense this scene again"):
-            read_system(path, from_toml(BLOCK, [other]))
-    write_system(path, system_of(""), overwrite=True)
-    with pytest.raises(InputError, match="was not condensed from a scene"):
-        read_system(path, from_toml(BLOCK))
-
-
 def test_system_takes_the_scene_s_own_friction_and_gap(tmp_path: Path) -> None:
     path = tmp_path / "system.h5"
     stored = system_of(to_toml(from_toml(BLOCK)))
@@ -209,10 +185,6 @@ def test_system_takes_the_scene_s_own_friction_and_gap(tmp_path: Path) -> None:
     write_system(path, smooth, overwrite=True)
     with pytest.raises(InputError, match=r"system.h5: the system has no tangential"):
         read_system(path, from_toml(BLOCK))
-
-
-def test_digest_does_not_depend_on_how_the_scene_was_written() -> None:
-    assert digest(from_toml(BLOCK)) == digest(from_toml(to_toml(from_toml(BLOCK))))
 
 
 # -- damaged and foreign files -------------------------------------------------------------------
@@ -386,19 +358,6 @@ def test_extremes_of_tractions_are_those_of_an_unsymmetric_contact() -> None:
     assert point["p_max"] == pytest.approx(2.0 * 1.0 / 0.5)
     assert point["q_max"] == pytest.approx(2.0 * 0.1 / 0.5)
     assert point["q_min"] == pytest.approx(2.0 * -0.3 / 2.0)
-
-
-def test_motion_of_nodes_that_are_open_at_an_end_of_a_cycle_is_no_slip(record: Record) -> None:
-    table = record.turning_points
-    ends = [np.flatnonzero(table.cycle == n)[-1] for n in range(4)]
-    found = record.cycles.slip_increment
-    for n in (1, 2, 3):
-        moved = table.v[ends[n]] - table.v[ends[n - 1]]
-        touches = np.all(table.state[[ends[n - 1], ends[n]]] != 2, axis=0)
-        # the ends of the block have lifted off, and move more than many nodes slip
-        assert np.abs(moved[~touches]).max() > 0.1 * np.abs(moved[touches]).max() > 0.0
-        assert np.array_equal(found[n - 1], np.where(touches, moved, 0.0))
-    assert summarise(record)["slip_per_cycle_max"] == np.abs(found).max(axis=1).tolist()
 
 
 def test_slip_per_cycle_is_shown_of_nodes_that_touch() -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -14,7 +13,6 @@ import pytest
 from receding_fenicsx import cli, evolve
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.mpi import on_root
-from receding_fenicsx.reference.closed_forms import CattaneoMindlin, Hertz
 from receding_fenicsx.scene.model import Scene
 from receding_fenicsx.store.run_folder import read_run
 
@@ -28,8 +26,6 @@ rows = {file = "signal.csv"}
 [output]
 samples_per_leg = 1
 """
-HERTZ = Hertz(force=1.0, radius=100.0, modulus=0.5 * 200.0 / (1.0 - 0.3**2))
-F = 0.5
 
 
 def signal() -> Array:
@@ -44,43 +40,6 @@ def signal() -> Array:
 def moves(Q: Array) -> Array:
     """The signal without its dwells."""
     return Q[np.concatenate([[True], np.diff(Q) != 0.0])]
-
-
-def reversals(Q: Array) -> Array:
-    """The values at which a signal turns round, and its last one."""
-    moved = moves(Q)
-    way = np.sign(np.diff(np.concatenate([[0.0], moved])))
-    return np.append(moved[:-1][way[1:] != way[:-1]], moved[-1])
-
-
-def dissipation_by_memory(ends: Array, virgin: Callable[[float], float]) -> float:
-    """Dissipation through reversals by Masing's rule and the memory of unclosed loops.
-
-    ``virgin(Q)`` is the dissipation from rest to Q. A branch over d from a reversal dissipates
-    2 virgin(d / 2). Where it meets the reversal before, a loop closes: the older branch goes on.
-    """
-
-    def branch(distance: float) -> float:
-        return 2.0 * virgin(0.5 * distance)
-
-    total, open_ends = 0.0, [0.0]
-    for end in ends:
-        at = open_ends[-1]
-        while True:
-            start = open_ends[-1]
-            if len(open_ends) == 1:
-                total += virgin(abs(end)) - virgin(abs(at))
-                break
-            closes = open_ends[-2] if len(open_ends) > 2 else -start
-            passes = abs(end - start) > abs(closes - start)
-            reached = closes if passes else end
-            total += branch(abs(reached - start)) - branch(abs(at - start))
-            if not passes:
-                break
-            at = reached
-            del open_ends[-2 if len(open_ends) > 2 else -1 :]
-        open_ends.append(end)
-    return total
 
 
 @pytest.fixture(scope="module")
@@ -118,27 +77,6 @@ def test_signal_of_500_points_is_followed_point_by_point(place: Path) -> None:
     # the contact carries the signal, and nothing of the way is lost
     np.testing.assert_allclose(-table.Q[1:].sum(axis=1), Q, atol=1e-10)
     assert record.residual_max < 1e-12 and record.energy_error_max < 1e-9
-
-
-@pytest.mark.one_rank
-def test_dissipation_of_a_signal_is_that_of_its_reversals(place: Path) -> None:
-    """With one varying load only the reversals count; the closed form is 1 % off by the mesh."""
-    scene, system, record = read_run(place / "run")
-    ends = reversals(signal())
-    assert len(ends) < 0.6 * len(signal())
-    short = evolve(system, with_rows(scene, ends))
-    D = record.dissipation_first_loading
-    np.testing.assert_allclose(short.dissipation_first_loading, D, rtol=1e-10)
-    for name in ("P", "Q", "v", "w"):
-        a, b = (getattr(part.turning_points, name)[-1] for part in (short, record))
-        np.testing.assert_allclose(a, b, atol=1e-10 * np.abs(b).max(), err_msg=name)
-    known = dissipation_by_memory(ends, lambda Q: 0.25 * CattaneoMindlin(HERTZ, F, Q).dissipation())
-    np.testing.assert_allclose(D, known, rtol=0.01)
-    # the whole signal counts, not only its largest reversals
-    largest = np.array([ends.max(), ends.min()])
-    assert known > 5.0 * dissipation_by_memory(
-        largest, lambda Q: 0.25 * CattaneoMindlin(HERTZ, F, Q).dissipation()
-    )
 
 
 def test_run_folder_needs_the_file_no_more_and_a_changed_file_is_noticed(

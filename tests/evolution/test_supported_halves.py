@@ -1,4 +1,4 @@
-"""Half bodies held on their plane of symmetry by a support, against the whole bodies."""
+"""Bodies on supports: halves against the whole, nodes that are held, a top that is lifted."""
 
 from __future__ import annotations
 
@@ -84,3 +84,62 @@ def test_a_node_held_normally_has_no_pressure() -> None:
     table = record.turning_points
     assert np.all(table.P[:, 0] == 0.0) and np.all(table.Q[:, 0] == 0.0)
     assert np.all(table.P >= 0.0)
+
+
+@pytest.mark.parametrize("friction", [0.0, 0.4])
+@pytest.mark.parametrize("method", ["events", "gauss-seidel"])
+def test_top_that_is_lifted_takes_no_force_and_may_come_down_again(
+    friction: float, method: str
+) -> None:
+    """A prescribed displacement holds the open block; without friction the force is E' d w / h."""
+    lifted = rf.Scene(
+        material=rf.Material(2.0, 0.3),
+        mesh=rf.MeshOptions(16, "triangle", 2, 1.3),
+        contacts=(rf.Contact(friction=friction),),
+        loads=(rf.Load("d", "top", displacement=("free", -1.0)),),
+        history=rf.HistoryOptions("table", columns=("d",), rows=((0.1,), (-0.1,), (0.2,))),
+        solver=rf.SolverOptions(method=method, steps_per_leg=20),
+    )
+    record = study.run(lifted)
+    if record is None:
+        return
+    ends = record.turning_points
+    force, pressed = ends.load_displacement[:, 0], ends.P.sum(axis=1)
+    assert np.abs(force - pressed).max() < 1e-12
+    assert abs(force[1]) < 1e-12 and ends.w[1] == pytest.approx(0.1, abs=1e-12)
+    uniform = 2.0 / (1.0 - 0.3**2) * 4.0 * np.array([0.1, 0.2])
+    if friction == 0.0:
+        assert force[[0, 2]] == pytest.approx(uniform)
+    else:
+        assert np.all(force[[0, 2]] > uniform)
+
+
+@pytest.mark.parametrize(
+    ("support", "held"),
+    [
+        (rf.Support("x", point=(2.0, 0.0)), [32]),
+        (rf.Support("y", point=(2.0, 0.0)), [65]),
+        (rf.Support("y", point=(0.25, 0.0)), [51]),
+        (rf.Support("xy", point=(0.5, 0.0)), [20, 53]),
+        (rf.Support("xy", edge="right"), [32, 65]),
+    ],
+)
+def test_a_support_holds_its_contact_nodes(support: rf.Support, held: list[int]) -> None:
+    """A node held normally carries no friction, one held tangentially never slips."""
+    system = study.condense(
+        replace(
+            scene(False, 1),
+            mesh=rf.MeshOptions(16, "quadrilateral", 2, 1.0),
+            supports=(support,),
+        )
+    )
+    if system is None:
+        return
+    assert np.flatnonzero(system.held).tolist() == held
+    history = rf.History(("p0",), np.array([[0.0], [1.0], [0.2]]), np.zeros((0, 1)))
+    ends = rf.evolve(system, history).turning_points
+    for dof in held:
+        node = dof % 33
+        assert not np.any((ends.v if dof < 33 else ends.w)[:, node])
+        if dof >= 33 and node not in held:
+            assert np.abs(ends.Q[:, node]).max() < 1e-13 and abs(ends.v[-1, node]) > 1e-3

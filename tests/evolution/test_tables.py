@@ -83,21 +83,6 @@ def test_what_is_not_stored_or_not_unique_is_refused(asked: dict, said: str) -> 
         record().at(**asked)
 
 
-def test_columns_of_a_table_stand_beside_their_node_and_instant() -> None:
-    found = record()
-    n = len(found.x)
-    table = found.to_table("samples")
-    assert {len(column) for column in table.values()} == {n * len(found.samples.s)}
-    row, node = 17, 5
-    k = row * n + node
-    assert table["x"][k] == found.x[node]
-    assert table["s"][k] == found.samples.s[row]
-    assert table["load.p0"][k] == found.samples.load[row, 0]
-    assert table["load_displacement.p0"][k] == found.samples.load_displacement[row, 0]
-    assert table["q"][k] == found.samples.q[row, node]
-    assert table["state"][k] == found.samples.state[row, node]
-
-
 CLASHING = ("P", "x", "cycle", "load", "node", "s")
 
 

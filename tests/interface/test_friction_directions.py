@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from law import random_system, worst_slip, worst_violation
+from law import random_system
 from small import small_system, table
 
 from receding_fenicsx.errors import InputError
@@ -13,8 +13,7 @@ from receding_fenicsx.evolution.evolve import evolve
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.interface.equilibrium import furthest
 from receding_fenicsx.interface.gauss_seidel.compliance_form import step_problem
-from receding_fenicsx.interface.law import MIRRORED, Friction, State
-from receding_fenicsx.interface.mirror import mirror_nodes
+from receding_fenicsx.interface.law import Friction, State
 from receding_fenicsx.interface.system import ContactSystem
 from receding_fenicsx.scene.model import OutputOptions, SolverOptions
 
@@ -75,56 +74,12 @@ def directed(seed: int, n: int) -> ContactSystem:
 CORNERS = [[[0.0, 0.0], [1.0, 0.3]], [[1.0, 0.3], [0.6, -1.0], [0.3, 0.8], [1.0, 0.3]]]
 
 
-@pytest.mark.parametrize("seed", range(12))
-def test_both_methods_satisfy_the_law_of_two_directions(seed: int) -> None:
-    system = directed(seed, 9)
-    exact = played(system, CORNERS, "events")
-    steps = played(system, CORNERS, "gauss-seidel")
-    for record in (exact, steps):
-        assert worst_violation(system, record) <= 1e-10
-    assert worst_slip(system, exact) <= 1e-10
-    assert exact.energy_error_max <= 1e-10
-    assert np.abs(steps.turning_points.v[0] - exact.turning_points.v[0]).max() <= 1e-9
-
-
-@pytest.mark.parametrize("method", METHODS)
-@pytest.mark.parametrize("seed", range(4))
-def test_the_mirror_image_exchanges_forward_and_backward(seed: int, method: str) -> None:
-    system, n = directed(seed, 7), 7
-    order = np.concatenate([np.arange(n)[::-1], n + np.arange(n)[::-1]])
-    sign = np.repeat([-1.0, 1.0], n)
-    assert system.f_backward is not None
-    image = replace(
-        system,
-        K=(sign[:, None] * system.K * sign)[np.ix_(order, order)],
-        r_star=(system.r_star * sign)[:, order],
-        f=system.f_backward[::-1].copy(),
-        f_backward=system.f[::-1].copy(),
-    )
-    a, b = played(system, CORNERS, method), played(image, CORNERS, method)
-    assert np.array_equal(MIRRORED[a.samples.state][:, ::-1], b.samples.state)
-    for name, sign_of in (("v", -1.0), ("w", 1.0), ("Q", -1.0), ("P", 1.0)):
-        values = sign_of * getattr(a.samples, name)[:, ::-1]
-        assert np.abs(values - getattr(b.samples, name)).max() <= 1e-9 * np.abs(values).max(), name
-    assert b.cycles.dissipation == pytest.approx(a.cycles.dissipation, rel=1e-9)
-
-
 def test_a_node_with_friction_in_one_direction_only_is_said_to_stick() -> None:
     system = random_system(1, 8, 0.45)
     one_way = replace(system, f=np.zeros(8), f_backward=system.f)
     record = played(one_way, CORNERS, "events")
     names = [{name for name, *_ in record.at(0, leg=leg).zones} for leg in range(len(CORNERS) - 1)]
     assert "stick" in set().union(*names) and "contact" not in set().union(*names)
-
-
-def test_equal_coefficients_for_both_directions_change_no_bit() -> None:
-    system = random_system(1, 8, 0.45)
-    for method in METHODS:
-        one = played(system, CORNERS, method)
-        two = played(replace(system, f_backward=system.f.copy()), CORNERS, method)
-        for name in ("state", "P", "Q", "v", "w"):
-            assert np.array_equal(getattr(one.samples, name), getattr(two.samples, name)), name
-        assert np.array_equal(one.cycles.dissipation, two.cycles.dissipation)
 
 
 def test_a_free_body_slides_where_the_friction_of_that_direction_is_overcome() -> None:
@@ -141,13 +96,6 @@ def test_a_free_body_slides_where_the_friction_of_that_direction_is_overcome() -
         found = furthest(body, pressed, np.array([1.0, pull]))
         assert found is not None and found.kind == "gross sliding"
         assert found.s == pytest.approx(limit, rel=1e-12)
-
-
-def test_the_reflected_half_exchanges_the_coefficients() -> None:
-    mirror = mirror_nodes(np.array([0.0, 1.0, 2.0]), half=True)
-    whole = mirror.friction(Friction(np.array([0.3, 0.4, 0.5]), np.array([0.3, 0.2, 0.1])))
-    assert whole.forward.tolist() == [0.1, 0.2, 0.3, 0.4, 0.5]
-    assert whole.backward.tolist() == [0.5, 0.4, 0.3, 0.2, 0.1]
 
 
 def test_margins_and_reactions_are_each_others_inverse() -> None:

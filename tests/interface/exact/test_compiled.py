@@ -12,10 +12,8 @@ from plain_walk import PlainPath
 
 from receding_fenicsx.errors import SolveError
 from receding_fenicsx.interface.exact import loop
-from receding_fenicsx.interface.exact.legs import widen
 from receding_fenicsx.interface.exact.loop import Loop
 from receding_fenicsx.interface.exact.path import EventPath
-from receding_fenicsx.interface.law import SEPARATION, STICK
 from receding_fenicsx.interface.system import ContactSystem, Leg
 
 CYCLES = [[0.0], [1.0], *[[0.6], [1.0]] * 6]
@@ -99,15 +97,6 @@ def test_columns_that_are_left_out_come_back() -> None:
     assert tableau.left_out == 0
 
 
-def test_columns_cannot_be_left_out_of_a_tableau_without_stiffness() -> None:
-    system = block_system(16, 4)
-    lifted = np.full(system.n, SEPARATION, dtype=np.int8)  # free to move up
-    path = EventPath(system)
-    path.segments.tableau(np.full(system.n, STICK, dtype=np.int8))
-    path.segments.leave_out(lifted, np.zeros(0, dtype=np.intp))
-    assert_same(play(path, CYCLES, 3), play(PlainPath(system), CYCLES, 3))
-
-
 def test_rates_that_the_loop_asks_for_are_its_own(monkeypatch: pytest.MonkeyPatch) -> None:
     system = block_system(32, 16)
     expected = play(EventPath(system), CYCLES, 3)
@@ -146,9 +135,3 @@ def test_nodes_on_a_limit_by_chance_are_ties() -> None:
     # what comes to its limit in one body finds the node of its twin on its own
     events = {(round(s, 9), node % n) for s, node, old, _ in leg.events if s > 0.0 and old == 1}
     assert events and events <= {(round(s, 9), node % n) for s, node, _, _ in leg.ties}
-
-
-def test_active_ranges_are_widened_on_both_sides() -> None:
-    changed = np.zeros(12, dtype=bool)
-    changed[[0, 7]] = True
-    assert np.flatnonzero(widen(changed)).tolist() == [0, 1, 2, 5, 6, 7, 8, 9]

@@ -10,9 +10,6 @@ from small import cyclic
 
 from receding_fenicsx.errors import NoEquilibrium, NoQuasiStaticContinuation, SolveError
 from receding_fenicsx.evolution.evolve import evolve
-from receding_fenicsx.interface.exact.segments import Segments
-from receding_fenicsx.interface.exact.tableau import A, B
-from receding_fenicsx.interface.law import BACKWARD, FORWARD, State
 from receding_fenicsx.scene.model import OutputOptions, SolverOptions
 
 WHOLE = block_system(32, 6, half=False)
@@ -46,30 +43,3 @@ def test_friction_lost_in_round_off_is_named(f: float, minimum: float, on_jump: 
         assert f"f = {f:.2g} of node" in str(error)
     else:
         assert objections(system, cyclic(1, minimum), record) == [] and record.jumps == 0
-
-
-def test_rates_of_little_friction_are_as_exact_as_the_pressure() -> None:
-    """Distances 2 f P from the limit of the other direction, against P of a solve of its own."""
-    f = 1e-4
-    system = replace(WHOLE, f=np.full(WHOLE.n, f))
-    n = WHOLE.n
-    x = np.abs(WHOLE.x)
-    state = np.where(x < 1e-9, State.STICK, np.where(WHOLE.x < 0.0, BACKWARD, FORWARD))
-    state = np.where(x > 1.3, State.SEPARATION, state).astype(np.int8)
-    q = Segments(system).at(state, np.array([1.0])).q
-    # open: P = Q = 0; slipping: w = 0, Q = -+ f P; the middle sticks
-    sign = np.where(state == FORWARD, 1.0, np.where(state == BACKWARD, -1.0, 0.0))
-    open_ = state == State.SEPARATION
-    K, r = system.K, system.r_star[0]
-    rows = np.vstack([K[:n] + (sign * f)[:, None] * K[n:], K[n:]])
-    rhs = -np.concatenate([r[:n] + sign * f * r[n:], r[n:]])
-    free = np.concatenate([np.arange(n) != n // 2, open_])
-    u = np.zeros(2 * n)
-    u[free] = np.linalg.solve(rows[np.ix_(free, free)], rhs[free])
-    P = r[n:] + K[n:] @ u
-    largest = np.abs(P).max()
-    for direction, kind in ((FORWARD, B), (BACKWARD, A)):
-        nodes = np.flatnonzero(state == direction)
-        assert len(nodes) > 5
-        found = q[kind * n + nodes] / (2.0 * f)
-        assert np.abs(found - P[nodes]).max() < 1e-10 * largest

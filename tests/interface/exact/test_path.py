@@ -1,13 +1,9 @@
-from collections.abc import Callable
 from dataclasses import replace
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
 import pytest
-from enumeration import confirmed
 from law import random_system, worst_violation
-from legs import asking
 from models import block_system, pushed_block
 from replay import objections
 from small import cyclic, named_loads, small_system, table, walker
@@ -15,14 +11,11 @@ from small import cyclic, named_loads, small_system, table, walker
 from receding_fenicsx.errors import NoEquilibrium, NoQuasiStaticContinuation, SolveError
 from receding_fenicsx.evolution.evolve import evolve
 from receding_fenicsx.evolution.record import Record
-from receding_fenicsx.interface.exact.path import EventPath
 from receding_fenicsx.interface.exact.rolling import at_rest
-from receding_fenicsx.interface.exact.segments import Segments
-from receding_fenicsx.interface.exact.tableau import Tableau
 from receding_fenicsx.interface.law import State
 from receding_fenicsx.interface.normal_form import eliminate_tangential
-from receding_fenicsx.interface.residual import law_residual, local_stiffness, round_off
-from receding_fenicsx.interface.system import ContactState, ContactSystem, reactions
+from receding_fenicsx.interface.residual import round_off
+from receding_fenicsx.interface.system import ContactState, ContactSystem
 from receding_fenicsx.scene.history import History
 from receding_fenicsx.scene.model import OutputOptions, SolverOptions
 
@@ -53,18 +46,6 @@ F = 0.4
 def slider(k_n: float = 3.0) -> ContactSystem:
     K = [[SPRING, 0.0], [0.0, k_n]]
     return small_system(K, {"press": [0.0, 1.0], "push": [-1.0, 0.0]}, F)
-
-
-def test_a_spring_slips_once_the_push_exceeds_friction() -> None:
-    P, top = 2.0, 1.6
-    record = evolve(slider(), table(slider(), [[0, 0], [P, 0], [P, top]]), output=ALL)
-    assert events_of(record, 0, 1) == [(near(F * P / top), 0, STICK, FORWARD)]
-    s = record.samples
-    loaded = s.leg == 1
-    push = s.load[loaded, 1]
-    assert s.v[loaded, 0] == near(np.maximum(push - F * P, 0.0) / SPRING)
-    assert s.Q[loaded, 0] == near(-np.minimum(push, F * P))
-    assert record.dissipation_first_loading == near(F * P * (top - F * P) / SPRING)
 
 
 def test_cyclic_push_runs_round_a_hysteresis_loop() -> None:
@@ -109,27 +90,7 @@ def test_falling_pressure_lets_the_spring_slip_and_rising_pressure_holds_it() ->
     assert record.steady.kind == "shakedown"
 
 
-def test_pressure_and_push_rising_together_never_slip_inside_the_cone() -> None:
-    for slope, state in ((0.99 * F, STICK), (1.01 * F, FORWARD)):
-        record = evolve(slider(), table(slider(), [[0, 0], [2, 2 * slope]]), output=ALL)
-        assert np.all(record.samples.state == state)
-    # from a pressed state the cone is left at push = f press, whatever the path
-    history = table(slider(), [[0, 0], [1, 0], [2, 1.2]])
-    # 1.2 s = f (1 + s)
-    assert events_of(evolve(slider(), history), 0, 1) == [(near(0.4 / 0.8), 0, STICK, FORWARD)]
-
-
 # -- advancing contact: K = [[2, 1], [1, 2]], g0 = 1, loads as in the tests of Gauss-Seidel --------
-
-
-def test_an_open_node_lands_at_the_exact_load_and_place() -> None:
-    node = small_system([[2.0, 1.0], [1.0, 2.0]], {"load": [0.0, 3.0]}, 1.0, 1.0)
-    record = evolve(node, table(node, [0.0, 1.0]), output=ALL)
-    assert events_of(record, 0, 0) == [(near(0.5), 0, OPEN, STICK)]
-    s = record.samples
-    assert s.v[:, 0] == near(np.minimum(s.s, 0.5))
-    assert s.w[:, 0] == near(-np.minimum(2 * s.s, 1.0))
-    assert s.P[:, 0] == near(np.maximum(3 * s.s - 1.5, 0.0))
 
 
 def test_a_node_that_lands_slipping_slips_at_once() -> None:
@@ -158,24 +119,6 @@ def test_a_node_that_leaves_and_lands_again_forgets_where_it_stuck() -> None:
 
 
 # -- two nodes ------------------------------------------------------------------------------------
-
-
-def test_slip_spreads_from_the_pushed_node_to_the_one_behind_it() -> None:
-    # Springs: k to the ground at each node, k between them; only node 0 is pushed, P = 1 at both.
-    # Node 0 slips at push = f, then v0 = (push - f) / 2k; node 1 carries k v0 and slips at
-    # push = 3 f; then v0 = (2 push - 3 f) / 3k, v1 = (push - 3 f) / 3k.
-    k, top = 2.0, 5 * F
-    K = np.zeros((4, 4))
-    K[:2, :2] = k * np.array([[2, -1], [-1, 2]])
-    K[2:, 2:] = np.eye(2)
-    two = small_system(K, {"press": [0, 0, 1, 1], "push": [-1, 0, 0, 0]}, F)
-    record = evolve(two, table(two, [[0, 0], [1, 0], [1, top]]), output=ALL)
-    assert events_of(record, 0, 1) == [
-        (near(0.2), 0, STICK, FORWARD),
-        (near(0.6), 1, STICK, FORWARD),
-    ]
-    assert record.turning_points.v[-1] == near([7 * F / (3 * k), 2 * F / (3 * k)])
-    assert record.dissipation_first_loading == near(F * 9 * F / (3 * k))
 
 
 @pytest.mark.parametrize("locked", [-0.3, 0.0, 0.25])
@@ -227,15 +170,6 @@ def sledge() -> ContactSystem:
     return small_system(K, loads, F, rigid=[[1.0, 1.0, 0.0, 0.0]])
 
 
-def test_a_free_body_holds_up_to_the_friction_of_its_weight() -> None:
-    top = 0.99 * F
-    record = evolve(sledge(), table(sledge(), [[0, 0], [1, 0], [1, top]]))
-    # node 0 slips where 0.8 push = f / 2; node 1 takes the rest
-    assert events_of(record, 0, 1) == [(near(0.5 * F / 0.8 / top), 0, STICK, FORWARD)]
-    assert record.turning_points.Q[-1] == near([-F / 2, -(top - F / 2)])
-    assert record.turning_points.v[-1, 1] == 0.0
-
-
 @pytest.mark.parametrize("weight", [1.0, 250.0])
 def test_a_free_body_slides_exactly_at_the_friction_of_its_weight(weight: float) -> None:
     top = 1.01 * F * weight
@@ -246,35 +180,9 @@ def test_a_free_body_slides_exactly_at_the_friction_of_its_weight(weight: float)
     assert "\n" not in str(caught.value)
 
 
-def test_a_free_block_slides_exactly_at_the_friction_of_its_load() -> None:
-    pushed = pushed_block()
-    down = pushed.r_star[0, pushed.n :].sum()
-    slides = 0.35 * down
-    held = evolve(pushed, table(pushed, [[0, 0], [1, 0], [1, 0.99 * slides]]))
-    assert np.any(held.turning_points.state[-1] == STICK)
-    with pytest.raises(NoEquilibrium, match="gross sliding") as caught:
-        evolve(pushed, table(pushed, [[0, 0], [1, 0], [1, 1.01 * slides]]))
-    assert named_loads(caught.value, "push") == [pytest.approx(slides, rel=1e-8)]
-
-
 # -- the block ------------------------------------------------------------------------------------
 
 SMALL = block_system(40, 20)
-
-
-def test_a_free_block_lifts_off_where_the_load_vanishes() -> None:
-    with pytest.raises(NoEquilibrium, match="lift-off at p0 = 0"):
-        evolve(SMALL, cyclic(1, minimum=-0.1))
-    # with a dead weight w, the pull wins at -w
-    both = replace(
-        SMALL,
-        r_star=np.vstack([SMALL.r_star, SMALL.r_star]),
-        load_names=("p0", "weight"),
-        load_compliance=np.zeros((0, 0)),
-    )
-    with pytest.raises(NoEquilibrium, match="lift-off") as caught:
-        evolve(both, table(both, [[0, 0], [0, 0.25], [1, 0.25], [-1, 0.25]]))
-    assert named_loads(caught.value, "p0") == [pytest.approx(-0.25, abs=1e-8)]
 
 
 def test_reloading_after_complete_unloading_is_the_first_loading_again() -> None:
@@ -306,34 +214,6 @@ def test_gauss_seidel_converges_to_the_exact_path() -> None:
     assert force_error[-1] < 1e-4
 
 
-def test_half_and_whole_body_agree_over_fifty_cycles() -> None:
-    half = evolve(SMALL, cyclic(50))
-    whole = evolve(block_system(80, 20, half=False), cyclic(50))
-    for field in ("P", "Q", "v", "w"):
-        a, b = getattr(half.turning_points, field), getattr(whole.turning_points, field)
-        assert np.abs(a - b).max() <= 1e-9 * np.abs(b).max(), field
-    assert half.cycles.dissipation == pytest.approx(whole.cycles.dissipation, rel=1e-9)
-
-
-@pytest.mark.parametrize("f", [0.1, 0.35, 0.9])
-def test_every_event_satisfies_the_contact_law(f: float) -> None:
-    system = block_system(40, 20, f=f)
-    path = EventPath(system)
-    n, stiffness = system.n, local_stiffness(system)
-    now = ContactState(np.zeros(2 * n), np.zeros(2 * n), np.ones(n, dtype=np.int8))
-    scale, worst, events = 0.0, 0.0, 0
-    loads = [0.0, 1.0, *[0.3, 1.0] * 5, 0.05, 0.7, 0.0, 0.5]
-    for a, b in pairwise(loads):
-        leg = path.trace_leg(now, (np.array([a]), np.array([b])), scale, samples=1)
-        now, scale, events = leg.end, leg.force_scale, events + len(leg.events)
-        for s, u in leg.stops:
-            r = reactions(system, np.array([(1.0 - s) * a + s * b]), u)
-            violation = law_residual(system, r, u, np.zeros(n), stiffness).max()
-            worst = max(worst, violation / scale)
-    assert 0.0 < worst <= 1e-11
-    assert events > 300
-
-
 def test_a_thousand_cycles_keep_residual_and_energy() -> None:
     record = evolve(block_system(80, 40), cyclic(1000))
     assert 0.0 < record.residual_max <= 1e-10
@@ -343,18 +223,6 @@ def test_a_thousand_cycles_keep_residual_and_energy() -> None:
     # round-off neither drains nor feeds the steady cycle
     assert np.ptp(D[300:]) <= 1e-10 * D[0]
     assert np.all(np.diff(D[:60]) < 0.0)
-
-
-def test_nodes_without_friction_stand_among_others() -> None:
-    whole = block_system(24, 6, half=False)
-    mixed = replace(whole, f=np.where(np.arange(25) % 4 == 0, 0.0, 0.4))
-    record = evolve(mixed, cyclic(3), output=ALL)
-    assert objections(mixed, cyclic(3), record) == []
-    smooth = mixed.f == 0.0
-    assert np.abs(record.samples.Q[:, smooth]).max() <= 1e-12 * record.samples.P.max()
-    assert set(np.unique(record.samples.state[:, smooth])) == {int(STICK), int(OPEN)}
-    steps = evolve(mixed, cyclic(1), SolverOptions(method="gauss-seidel", steps_per_leg=160))
-    assert steps.cycles.dissipation[0] == pytest.approx(record.cycles.dissipation[0], rel=1e-3)
 
 
 @pytest.mark.parametrize("bend", [0.01, 0.2])
@@ -408,26 +276,6 @@ def test_a_crowned_body_pressed_beside_its_top_is_what_load_steps_make_of_it() -
     assert left == near(right)
 
 
-def two_feet() -> ContactSystem:
-    """Return the whole block with its middle half kept off the plane: nothing centres it."""
-    whole = block_system(48, 12, half=False, f=0.1)
-    return replace(whole, g0=np.where(np.abs(whole.x) < 1.0, 1e3, 0.0))
-
-
-def test_feet_that_slip_apart_may_drift_together_only() -> None:
-    system = two_feet()
-    path = [[0.0], [1.0], [2.0], [0.8], [2.5]]
-    record = evolve(system, table(system, path), output=ALL)
-    points = record.turning_points
-    assert objections(system, table(system, path), record) == []
-    # where all of both feet slips outwards nothing resists a drift of the whole body
-    drift = 0.5 * (points.v + points.v[:, ::-1])
-    assert np.ptp(drift, axis=1).max() <= 1e-9 * np.abs(points.v).max()
-    assert np.abs(points.P - points.P[:, ::-1]).max() <= 1e-9 * points.P.max()
-    # the forces under a growing load are in proportion to it, whatever was before
-    assert points.P[-1] == pytest.approx(2.5 * points.P[0], abs=1e-9 * points.P.max())
-
-
 def test_a_crowned_body_pushed_over_its_end_is_refused() -> None:
     whole = block_system(24, 6, half=False)
     whole = replace(whole, g0=0.2 * whole.x**2)
@@ -436,51 +284,6 @@ def test_a_crowned_body_pushed_over_its_end_is_refused() -> None:
     pushed = replace(whole, r_star=whole.r_star + couple, load_compliance=np.zeros((0, 0)))
     with pytest.raises(NoEquilibrium, match="that touch first"):
         evolve(pushed, cyclic(1))
-
-
-Rates = Callable[[Any, np.ndarray], np.ndarray]
-
-
-def spoil(rates: Rates, node: int) -> Rates:
-    """Return rates that are wrong in A of one node."""
-
-    def spoiled(self: Tableau, direction: np.ndarray) -> np.ndarray:
-        q = rates(self, direction)
-        q[2 * self.system.n + node] *= 1.0001
-        return q
-
-    return spoiled
-
-
-@pytest.mark.parametrize("node", [20, 25])
-def test_rates_spoilt_by_round_off_are_refined(node: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    asking(monkeypatch)
-    exact = evolve(SMALL, cyclic(2))
-    monkeypatch.setattr(Tableau, "rates", spoil(Tableau.rates, node))
-    healed = evolve(SMALL, cyclic(2))
-    assert np.array_equal(healed.turning_points.state, exact.turning_points.state)
-    assert np.abs(healed.turning_points.Q - exact.turning_points.Q).max() <= 1e-12
-    assert healed.residual_max <= 1e-11
-
-
-@pytest.mark.parametrize("node", [20, 25])
-def test_a_wrong_rate_does_not_pass_unnoticed(node: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    rates = Segments._rates
-
-    def spoiled(self: Segments, state: np.ndarray, direction: np.ndarray) -> np.ndarray:
-        q = rates(self, state, direction)
-        q[2 * self.system.n + node] *= 1.0001  # of A
-        return q
-
-    asking(monkeypatch)
-    monkeypatch.setattr(Segments, "_rates", spoiled)
-    with pytest.raises(SolveError, match="lost accuracy"):
-        evolve(SMALL, cyclic(1))
-
-
-def test_a_free_body_that_touches_nowhere_is_refused() -> None:
-    with pytest.raises(NoEquilibrium, match=r"smallest initial gap is 0\.01"):
-        evolve(replace(SMALL, g0=np.full(SMALL.n, 0.01)), cyclic(1))
 
 
 @pytest.mark.parametrize("poisson", [0.499, 0.4999])
@@ -528,40 +331,6 @@ def test_every_random_system_below_the_margin_has_an_exact_path() -> None:
     assert events > 1500
 
 
-def test_what_is_refused_above_the_margin_has_no_continuation() -> None:
-    refused = solved = 0
-    for seed in range(120):
-        system, history = random_case(seed, 5.0, largest=6)
-        try:
-            record = evolve(system, history, output=ALL)
-        except SolveError as error:
-            assert type(error) is NoQuasiStaticContinuation, (seed, str(error))
-            assert confirmed(system, history, error), (seed, str(error))
-            refused += 1
-        else:
-            assert objections(system, history, record) == [], seed
-            solved += 1
-    assert refused >= 3 and solved >= 60
-
-
-def test_nodes_of_small_friction_among_others_are_followed() -> None:
-    # limits of f P hide what is wrong with P itself; so round-off in them must not decide
-    refused = 0
-    for seed in range(12):
-        rng = np.random.default_rng(seed)
-        block = block_system(12, 3, poisson=0.45, half=False)
-        f = block.f.copy()
-        f[rng.choice(block.n, 2, replace=False)] = 10.0 ** -rng.uniform(3, 6, 2)
-        block = replace(block, f=f)
-        try:
-            record = evolve(block, cyclic(1), output=ALL)
-        except SolveError:
-            refused += 1
-        else:
-            assert objections(block, cyclic(1), record) == []
-    assert refused <= 1
-
-
 def test_a_jump_is_stepped_over_where_that_is_asked_for() -> None:
     jumped = 0
     for seed in (16, 31, 53, 68, 110):
@@ -585,15 +354,6 @@ def test_jumps_without_end_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     said = r"^cycle 2, leg 0: .*jumps again at \w+ = 0\.4425\d*, \w+ = 0\.0816\d*;"
     with pytest.raises(NoQuasiStaticContinuation, match=said):
         evolve(system, history, SolverOptions(on_jump="static"))
-
-
-def test_where_a_path_leads_on_nothing_jumps() -> None:
-    for seed in range(20):
-        system, history = random_case(seed, 0.49)
-        plain = evolve(system, history)
-        ready = evolve(system, history, SolverOptions(on_jump="static"))
-        assert ready.jumps == 0 and ready.released == 0.0
-        assert np.array_equal(plain.turning_points.v, ready.turning_points.v)
 
 
 def test_a_free_body_rests_at_a_point_repeated() -> None:

@@ -10,15 +10,11 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 from law import random_system, worst_violation
-from legs import asking
-from models import block_system
-from small import cyclic, small_system, table
+from small import small_system, table
 
-from receding_fenicsx.arrays import Ints
 from receding_fenicsx.errors import NoEquilibrium
 from receding_fenicsx.evolution.evolve import evolve
 from receding_fenicsx.evolution.record import Record
-from receding_fenicsx.interface.exact.pivot_matrix import PivotMatrix
 from receding_fenicsx.interface.exact.segments import Segments
 from receding_fenicsx.interface.exact.tableau import Tableau
 from receding_fenicsx.interface.exact.walk import Walk
@@ -107,36 +103,6 @@ def test_a_clamped_contact_node_has_no_limit_that_it_could_reach() -> None:
 
 
 # -- rates that round-off has spoilt ---------------------------------------------------------------
-
-
-def test_a_bad_tableau_is_renewed(monkeypatch: pytest.MonkeyPatch) -> None:
-    asking(monkeypatch)
-    system = block_system(32, 16)
-    exact = evolve(system, cyclic(2)).turning_points
-    exchange = PivotMatrix.exchange
-    rng = np.random.default_rng(0)
-
-    def spoilt(self: PivotMatrix, out: Ints, into: Ints) -> bool:
-        done = exchange(self, out, into)
-        of_loads = self.T[:, len(self.column_label) :]
-        of_loads *= 1.0 + 1e-9 * rng.standard_normal(of_loads.shape)
-        return done
-
-    builds = []
-    build = Tableau.build
-
-    def counted(self: Tableau, state: np.ndarray) -> None:
-        builds.append(1)
-        build(self, state)
-
-    monkeypatch.setattr(PivotMatrix, "exchange", spoilt)
-    monkeypatch.setattr(Tableau, "build", counted)
-    spoilt_record = evolve(system, cyclic(2))
-    ends = spoilt_record.turning_points
-    assert np.array_equal(ends.state, exact.state)
-    assert np.abs(ends.P - exact.P).max() <= 1e-11 * exact.P.max()
-    assert spoilt_record.residual_max <= 1e-11
-    assert len(builds) > 2
 
 
 # -- what the care costs --------------------------------------------------------------------------
