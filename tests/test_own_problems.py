@@ -102,22 +102,6 @@ def test_trapezoid_pad_recedes_to_the_contact_of_a_layer_whatever_the_load(pad: 
     assert middle == pytest.approx(layer.p[0], rel=5e-3)
 
 
-def test_dissipation_of_the_pad_is_the_square_of_the_load_over_the_modulus(pad: Path) -> None:
-    """D = (load^2 / E) times a number of shape, f, nu and minimum over maximum: dimensions.
-
-    Young's modulus 200 in place of 1 and a load of 7 in place of 1: 49 / 200 times the dissipation.
-    Friction pulls the foot inwards on loading, so the contact is larger than without, and smaller
-    than the foot; it is the same at each maximum.
-    """
-    plain = solve(rf.from_toml(PAD_SCENE, [], pad))
-    other = solve(rf.from_toml(PAD_SCENE, ["material.young=200", "load.press.pressure=7"], pad))
-    D = plain.cycles.dissipation
-    assert D[0] > 0.0
-    np.testing.assert_allclose(other.cycles.dissipation, 49.0 / 200.0 * D, rtol=1e-8)
-    layer = rf.reference.closed_forms.LAYERS[0]
-    assert layer.half_width < estimate(plain, "contact") < 1.5
-
-
 def test_pressure_at_an_undercut_foot_has_the_singularity_of_the_wedge(pad: Path) -> None:
     """Pressure r^(lambda - 1) at a foot of angle 120 degrees, with lambda = 0.6157.
 
@@ -218,46 +202,4 @@ def test_friction_inside_the_stick_zone_of_a_round_punch_does_not_matter() -> No
         np.testing.assert_allclose(values[1], values[0], atol=1e-13)
 
 
-def test_stick_radius_of_a_friction_map_lies_between_those_of_its_bounds() -> None:
-    """The stick radius grows with friction: 0.1 <= f(r) <= 0.3 gives one between those two.
-
-    A higher friction at the edge holds more than one at the axis, where all sticks. Outside the
-    stick radius every node slips inwards at its limit, q = f(r) p. The pressure carries the load 1.
-    """
-    low, rising, falling, high = map(punch, ("0.1", "0.1 + 0.2*x", "0.3 - 0.2*x", "0.3"))
-    radii = [estimate(record, "stick") for record in (low, falling, rising, high)]
-    assert np.all(np.diff(radii) > 0.0)
-    for record, f in ((rising, 0.1 + 0.2 * rising.x), (falling, 0.3 - 0.2 * falling.x)):
-        table = record.turning_points
-        slips = table.state[0] == rf.State.BACKWARD_SLIP
-        assert slips.any() and not slips[0]
-        np.testing.assert_allclose(table.q[0][slips], (f * table.p[0])[slips], rtol=1e-10)
-        np.testing.assert_allclose(table.P.sum(), 1.0, rtol=1e-10)
-
-
 # -- gap from a file ------------------------------------------------------------------------------
-
-
-def test_parabolic_gap_from_a_file_gives_the_contact_of_hertz(tmp_path: Path) -> None:
-    """a^2 = 4 P R / (pi E*), p0 = 2 P / (pi a) for the gap x^2 / (2 R) in a file of 1001 rows.
-
-    E* = E / (1 - nu^2) against a rigid plane; R is chosen for a = 0.7, on the middle 70 % of the
-    punch. The record holds the gap and needs the file no more.
-    """
-    modulus, a = 1.0 / (1.0 - 0.3**2), 0.7
-    radius = np.pi * modulus * a**2 / 4.0
-    hertz = rf.reference.closed_forms.Hertz(force=1.0, radius=radius, modulus=modulus)
-    x = np.linspace(-1.0, 1.0, 1001)
-    rows = "\n".join(f"{at};{gap}" for at, gap in zip(x, x**2 / (2.0 * radius), strict=True))
-    (tmp_path / "gap.csv").write_text(f"# profile of a roller\nx;value\n{rows}\n")
-    text = (ROOT / "demos" / "punch.toml").read_text().replace("../meshes", str(ROOT / "meshes"))
-    changes = ["mesh.contact_elements=80", "history.rows=[[1.0]]", "contact.friction=0.0"]
-    scene = rf.from_toml(text, [*changes, 'contact.initial_gap={file = "gap.csv"}'], tmp_path)
-    (tmp_path / "gap.csv").unlink()
-    record = solve(scene)
-    assert hertz.a == pytest.approx(a)
-    assert estimate(record, "contact") == pytest.approx(a, rel=5e-3)
-    assert record.turning_points.p.max() == pytest.approx(hertz.p0, rel=5e-3)
-    between = np.interp(record.x, x, x**2 / (2.0 * radius))
-    np.testing.assert_allclose(record.g0, between, rtol=1e-12, atol=1e-13)
-    assert rf.from_toml(rf.to_toml(scene)) == scene

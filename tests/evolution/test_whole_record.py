@@ -119,7 +119,7 @@ def test_a_record_is_what_follows_from_its_displacements() -> None:
 
 def _check_probes(s: rf.ContactSystem, record: rf.Record) -> None:
     """Check the histories of probes: their instants, and rows @ [v; w; lambda] at each."""
-    tables = record.turning_points, record.samples, record.events
+    tables: tuple[Any, ...] = (record.turning_points, record.samples, record.events)
     wanted: dict[tuple[int, int, float], int] = {}
     for kind, part in enumerate(tables):
         for place in zip(part.cycle.tolist(), part.leg.tolist(), part.s.tolist(), strict=True):
@@ -158,7 +158,8 @@ def test_the_whole_of_a_half_or_a_radian_is_reflected_or_turned(kind: str) -> No
         if (pair := played(number)) is None:
             continue
         (p, one), s = pair, pair[0].system
-        whole = play(replace(p, system=replace(s, **{kind: True})))
+        model = replace(s, half=kind == "half", axisymmetric=kind != "half")
+        whole = play(replace(p, system=model))
         held += bool(s.held[0])
         if kind == "half":
             index, sign = image_of(s)

@@ -59,21 +59,6 @@ def test_parabola_is_recovered_on_unequal_elements(shape: str) -> None:
     assert np.allclose(q, -0.3 * p, rtol=1e-14)
 
 
-@pytest.mark.parametrize("shape", RADII)
-def test_middle_of_an_element_gets_the_parabola_in_one_pass(
-    shape: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("receding_fenicsx.interface.measures.tractions.PASSES", 1)
-    x, weight, P = nodal(np.linspace(0.2, 1.0, 9), lambda at: 2.0 - at**2, RADII[shape])
-    radius = RADII[shape]
-    p, _ = recover(sliding(np.full(len(x), 0.3), x, weight, P, radius=radius and radius(x)))
-    inner = slice(3, -3, 2)
-    # in a ring the share of a corner on each side is that of its length, to second order
-    assert np.abs(p - (2.0 - x**2))[inner].max() < (
-        1e-14 if shape in ("plane", "cylinder") else 1e-4
-    )
-
-
 def test_friction_that_varies_keeps_both_resultants_of_a_sliding_contact() -> None:
     x, weight, P = nodal(np.linspace(-1.0, 1.0, 17), lambda at: np.sqrt(1.2 - at**2))
     f = 0.3 + 0.2 * np.sin(2.0 * x)
