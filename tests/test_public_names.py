@@ -21,7 +21,7 @@ PACKAGE = "receding_fenicsx"
 INNER_PARTS = ("benchmark_condensation", "benchmark_interface")
 """Benchmarks that measure parts of the package which have no public name."""
 CHECKERS = {
-    "hard_cases": {"hard", "hard_block", "hard_bodies", "hard_trials"},
+    "hard_cases": {"hard"},
     "random_problems": {"problems"},
 }
 """Modules of ``tests/`` that benchmarks use."""

@@ -1,9 +1,8 @@
 """Hard cases: expected outcome, outcome, and violation of the laws.
 
 **Problem.** About 150 cases that are hard for a contact solver. Their expected outcomes were
-written down before any run (``tests/hard_block.py``, ``hard_bodies.py``, ``hard_trials.py``). Only
-lift-off, overturning, gross sliding, a pulling load, jumps that an enumeration of all states
-confirms, and load ranges lost in round-off may be refused.
+written down before any run (``tests/hard.py``). Only overturning, gross sliding, a pulling load, a
+body that touches nowhere, and jumps that an enumeration of all states confirms may be refused.
 
 **What to look for.** One row for each case: expected and actual outcome, the largest violation of
 the contact law and of the energy balance found by code that shares nothing with the solvers, CPU
@@ -20,10 +19,7 @@ from petsc4py import PETSc  # noqa: F401 - starts on all ranks together
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "tests"))
 
-from hard import Case, Outcome, judge
-from hard_block import CASES as BLOCK_CASES
-from hard_bodies import CASES as BODY_CASES
-from hard_trials import CASES as TRIAL_CASES
+from hard import CASES, Case, Outcome, judge
 
 import receding_fenicsx as rf
 
@@ -46,7 +42,7 @@ def row(case: Case, found: Outcome) -> list[str]:
 def play(folder: Path, fast: bool, only: str) -> None:
     """Run the cases, print and write the table."""
     rows, unexpected = [], []
-    for case in (*BLOCK_CASES, *BODY_CASES, *TRIAL_CASES):
+    for case in CASES:
         if (fast and not case.fast) or only not in case.name:
             continue
         found = judge(case)

@@ -98,6 +98,7 @@ def test_error_of_the_polygon_falls_with_the_square_of_the_corners() -> None:
     assert record.scene is not None and record.scene.history.corners == number
     assert refined.history.corners == number
     told = summarise(record)["harmonic"]
+    assert told.pop("doubling")[-1] == [number, error]
     assert told == {"corners": number, "error_estimate": error, "tolerance": 1e-3}
 
 
