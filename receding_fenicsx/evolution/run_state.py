@@ -33,7 +33,6 @@ from receding_fenicsx.evolution.solvers import make_solver
 from receding_fenicsx.interface.law import SEPARATION, SLIP_SIGN, STATE_NAMES, STICK, State
 from receding_fenicsx.interface.mirror import mirror_of
 from receding_fenicsx.interface.normal_form import frictional_form
-from receding_fenicsx.interface.residual import local_stiffness
 from receding_fenicsx.interface.system import ContactState, ContactSystem, Leg
 from receding_fenicsx.interface.tolerances import ON_LIMIT
 from receding_fenicsx.interface.uniqueness.watch import UNKNOWN, Uniqueness, UniquenessWatch
@@ -250,7 +249,7 @@ def stick_at_rest(model: ContactSystem, start: ContactState, leg: Leg) -> None:
         leg: the leg; its end and its events are changed.
     """
     # its force changes by less than the distance at which a node counts as on its limit
-    none = ON_LIMIT * leg.force_scale / local_stiffness(model)[0]
+    none = ON_LIMIT * leg.force_scale / model.local_stiffness[0]
     still = (start.state == STICK) & (np.abs(leg.end.v - start.v) <= none)
     still &= (SLIP_SIGN[leg.end.state] != 0.0) & model.friction.present
     if not still.any():

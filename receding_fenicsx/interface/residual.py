@@ -8,7 +8,6 @@ from receding_fenicsx.arrays import Array
 from receding_fenicsx.interface.law import SLIP_SIGN
 from receding_fenicsx.interface.system import ContactState, ContactSystem
 from receding_fenicsx.interface.tolerances import (
-    NO_STIFFNESS,
     ROUND_OFFS,
     TOO_FAR,
     TOO_FAR_ON_SPRINGS,
@@ -137,17 +136,6 @@ def residual_at_rest(system: ContactSystem, end: ContactState, force_scale: floa
         force_scale: largest nodal force of the history so far.
     """
     slipping = SLIP_SIGN[end.state] != 0.0
-    worst = relative_residual(system, end, np.zeros(system.n), local_stiffness(system), force_scale)
+    worst = relative_residual(system, end, np.zeros(system.n), system.local_stiffness, force_scale)
     off_limit = np.abs(end.Q + system.friction.at_slip(end.state) * end.P)[slipping]
     return max(worst, float(off_limit.max(initial=0.0)) / force_scale)
-
-
-def local_stiffness(system: ContactSystem) -> tuple[Array, Array]:
-    """Return the local stiffnesses k_i of the residual, (K_tt)_ii and (K_nn)_ii.
-
-    A freedom without stiffness of its own, which would hide its displacements, gets the largest.
-    """
-    diagonal = system.diagonal
-    largest = float(diagonal.max(initial=0.0)) or 1.0
-    stiffness = np.where(diagonal > NO_STIFFNESS * largest, diagonal, largest)
-    return stiffness[: system.n], stiffness[system.n :]

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from receding_fenicsx.arrays import Array, brief, described
 from receding_fenicsx.interface.law import Friction, friction_of
-from receding_fenicsx.interface.tolerances import RIGID_TOLERANCE
+from receding_fenicsx.interface.tolerances import NO_STIFFNESS, RIGID_TOLERANCE
 
 
 @dataclass(frozen=True)
@@ -131,6 +131,16 @@ class ContactSystem:
     def diagonal(self) -> Array:
         """Diagonal of K, stored in one piece."""
         return np.diagonal(self.K).copy()
+
+    @cached_property
+    def local_stiffness(self) -> tuple[Array, Array]:
+        """Local stiffnesses k_i of the residual, (K_tt)_ii and (K_nn)_ii.
+
+        A freedom without stiffness of its own, which would hide its displacements, has the largest.
+        """
+        largest = float(self.diagonal.max(initial=0.0)) or 1.0
+        stiffness = np.where(self.diagonal > NO_STIFFNESS * largest, self.diagonal, largest)
+        return stiffness[: self.n], stiffness[self.n :]
 
     @cached_property
     def typical_stiffness(self) -> float:

@@ -21,7 +21,6 @@ from receding_fenicsx.interface.law import State
 from receding_fenicsx.interface.measures.steady import NOT_REACHED
 from receding_fenicsx.interface.measures.zones import zones
 from receding_fenicsx.interface.mirror import mirror_of
-from receding_fenicsx.interface.residual import local_stiffness
 from receding_fenicsx.interface.system import ContactSystem, reactions
 from receding_fenicsx.output.report.cycles import limit_summary
 from receding_fenicsx.scene.history import History
@@ -184,7 +183,7 @@ def initial_slips(
     n, friction = system.n, system.friction
     loads = np.vstack([history.path, history.loop])
     P = np.array([reactions(system, load, np.zeros(2 * n))[n:] for load in loads]).max(axis=0)
-    stiffness = local_stiffness(system)[0]
+    stiffness = system.local_stiffness[0]
     unit = float((friction.largest * np.maximum(P, 0.0) / stiffness).max()) or 1.0
     away = np.sign(system.x - 0.5 * (system.x.min() + system.x.max()))
     named = {"rest": np.zeros(n)}

@@ -27,7 +27,6 @@ from receding_fenicsx.interface.measures.steady import (
     SteadyWatch,
 )
 from receding_fenicsx.interface.normal_form import frictional_form
-from receding_fenicsx.interface.residual import local_stiffness
 from receding_fenicsx.interface.system import ContactState, reactions
 from receding_fenicsx.interface.tolerances import LIMIT_CYCLE_TOLERANCE
 
@@ -146,7 +145,7 @@ class LimitSearch:
         cycle = trace(self._segments, start, loop, force)
         tolerance = (solver.steady_tolerance or LIMIT_CYCLE_TOLERANCE) * force
         tail = follow(cycle, force, tolerance)
-        k = np.concatenate(local_stiffness(self._model))
+        k = np.concatenate(self._model.local_stiffness)
         for u, after in tail.others:
             state = ContactState(u, reactions(self._model, loop[0], u), cycle.end.state)
             end = self._exact_cycle(state, force, allowed)

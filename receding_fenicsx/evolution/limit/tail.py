@@ -43,7 +43,6 @@ from receding_fenicsx.arrays import Array, Ints
 from receding_fenicsx.interface.exact.legs import LegProblem
 from receding_fenicsx.interface.exact.segments import Segments
 from receding_fenicsx.interface.law import BACKWARD, FORWARD, SEPARATION, SLIP_SIGN, STICK
-from receding_fenicsx.interface.residual import local_stiffness
 from receding_fenicsx.interface.system import ContactState
 
 MAX_CYCLES = 3000
@@ -124,7 +123,7 @@ def follow(cycle: TracedCycle, force: float, tolerance: float) -> Tail:
     still = (np.array(moves) - (moves[-1] + decay))[::-1].cumsum(axis=0)[::-1]  # tau
     summed = still[::-1].cumsum(axis=0)[::-1]  # Theta
     limit, walk = cycle.start.u - on_u @ summed[0], delta + on_u @ still[0]
-    k = np.concatenate(local_stiffness(system))
+    k = np.concatenate(system.local_stiffness)
     walks = bool(np.any(k * np.abs(walk) > tolerance))
     if walks and np.abs(system.K @ walk).max() > tolerance:
         raise NoLimit("the displacements of a cycle do not tend to zero")

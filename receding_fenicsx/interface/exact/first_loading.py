@@ -19,7 +19,6 @@ from receding_fenicsx.interface.exact.static import solve_static
 from receding_fenicsx.interface.law import BACKWARD, FORWARD, SEPARATION, SLIP_SIGN, STICK
 from receding_fenicsx.interface.residual import (
     largest_force,
-    local_stiffness,
     reachable,
     relative_residual,
 )
@@ -62,7 +61,7 @@ def load_from_rest(segments: Segments, problem: LegProblem, limit: Limit | None)
     change, n = end.u - start.u, system.n
     scale = largest_force(system, load, end.r, problem.force_scale)
     slip = np.where(system.held[:n] | (end.state == SEPARATION), 0.0, change[:n])
-    residual = relative_residual(system, end, change[:n], local_stiffness(system), scale)
+    residual = relative_residual(system, end, change[:n], system.local_stiffness, scale)
     accepted = max(ACCEPTED_RESIDUAL, reachable(system, end.u, scale))
     if residual > accepted:
         raise SolveError(

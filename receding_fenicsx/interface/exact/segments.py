@@ -25,7 +25,6 @@ from receding_fenicsx.interface.law import (
     STICK,
     limit_distances,
 )
-from receding_fenicsx.interface.residual import local_stiffness
 from receding_fenicsx.interface.system import (
     ContactState,
     ContactSystem,
@@ -105,7 +104,7 @@ class Segments:
         self.smooth = normal & ~self.frictional
         f = system.friction.mean
         force = 1.0 / np.maximum(1.0, f)
-        self.stiffness = local_stiffness(system)
+        self.stiffness = system.local_stiffness
         stiffness = np.concatenate(self.stiffness)
         self._pin = float(stiffness.max())
         self.weight = np.concatenate([stiffness, force, force])

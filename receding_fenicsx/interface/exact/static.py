@@ -17,7 +17,6 @@ from receding_fenicsx.interface.lcp.contact import Undecided, solve_states
 from receding_fenicsx.interface.residual import (
     is_carried_by_round_off,
     largest_force,
-    local_stiffness,
     reachable,
     relative_residual,
 )
@@ -99,7 +98,7 @@ def states_by_newton(
     n = system.n
     if not patient and np.any((system.g0 + start.w)[~system.held[n:]] != 0.0):
         return None
-    k_t, k_n = local_stiffness(system)
+    k_t, k_n = system.local_stiffness
     loose, can_open = ~system.held[:n], ~system.held[n:]
     frictionless = ~system.friction.present
     state = np.where(loose & ~frictionless, first, STICK).astype(np.int8)
@@ -139,7 +138,7 @@ def _accepted(
     """Return the end if it satisfies the contact law."""
     scale = largest_force(system, load, end.r, 0.0)
     slip = end.v - start.v
-    residual = relative_residual(system, end, slip, local_stiffness(system), scale)
+    residual = relative_residual(system, end, slip, system.local_stiffness, scale)
     accepted = max(ACCEPTED_RESIDUAL, reachable(system, end.u, scale))
     return end if residual <= accepted else None
 

@@ -26,7 +26,6 @@ from receding_fenicsx.errors import InputError
 from receding_fenicsx.interface.gauss_seidel.sweeps import GaussSeidelOptions, solve_step
 from receding_fenicsx.interface.law import State
 from receding_fenicsx.interface.normal_form import frictional_form
-from receding_fenicsx.interface.residual import local_stiffness
 from receding_fenicsx.interface.system import ContactState, ContactSystem
 from receding_fenicsx.interface.system_checks import check_system
 
@@ -124,7 +123,7 @@ def step_problem(
     still = held[nodes]
     q[1::2] = np.where(still, 0.0, q[1::2] - v[nodes])
     alone = 2 * np.flatnonzero(still) + 1
-    W[alone, alone] = 1.0 / float(np.median(local_stiffness(model)[1]))
+    W[alone, alone] = 1.0 / float(np.median(model.local_stiffness[1]))
     return StepProblem(
         W=W,
         q=q,

@@ -23,7 +23,6 @@ from receding_fenicsx.interface.law import FORWARD, SEPARATION, STICK
 from receding_fenicsx.interface.residual import (
     largest_force,
     law_residual,
-    local_stiffness,
     round_off,
 )
 from receding_fenicsx.interface.system import ContactState, ContactSystem, Leg, reactions
@@ -155,7 +154,7 @@ class _Sweeper:
         self.system, self.start, self.load, self.options = system, start, load, options
         n = system.n
         self.nodes = node_problems(system)
-        self.stiffness = local_stiffness(system)
+        self.stiffness = system.local_stiffness
         self.omega, self.polished = options.over_relaxation, False
         self.u = guess.u.copy()
         self.r = reactions(system, load, self.u)

@@ -43,7 +43,6 @@ from receding_fenicsx.interface.law import SLIP_SIGN, State
 from receding_fenicsx.interface.residual import (
     is_carried_by_round_off,
     largest_force,
-    local_stiffness,
     relative_residual,
 )
 from receding_fenicsx.interface.system import Changes, ContactState, ContactSystem, Leg
@@ -80,7 +79,7 @@ class Continuation:
         """Start with nothing remembered."""
         self.system, self.segments = system, Segments(system)
         self._loop: Loop | None = None
-        self._stiffness = np.concatenate(local_stiffness(system))
+        self._stiffness = np.concatenate(system.local_stiffness)
 
     def size(self, change: Array) -> float:
         """Return the size of a change of displacement (2N,), as a nodal force."""
@@ -222,7 +221,7 @@ class LegInSteps:
         leg.events = Changes.joined(leg.events, jumped)
         slip = (jump.end.u - start.u)[: system.n]
         residual = relative_residual(
-            system, jump.end, slip, local_stiffness(system), leg.force_scale
+            system, jump.end, slip, system.local_stiffness, leg.force_scale
         )
         leg.residual = max(leg.residual, residual)
         leg.end = jump.end

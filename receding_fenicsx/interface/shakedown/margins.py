@@ -13,7 +13,6 @@ from receding_fenicsx.arrays import Array, Ints
 from receding_fenicsx.errors import InputError, NoEquilibrium
 from receding_fenicsx.interface.exact.path import EventPath
 from receding_fenicsx.interface.law import SEPARATION, STICK
-from receding_fenicsx.interface.residual import local_stiffness
 from receding_fenicsx.interface.shakedown.programs import VANISHES, Answer, minimise
 from receding_fenicsx.interface.system import ContactState, ContactSystem, reactions
 
@@ -190,7 +189,7 @@ def margins_of(
         n,
         bool(np.abs(normal).max() > 1e-10 * np.abs(r[nodes, :m]).max()),
     )
-    return _scaled(bare, local_stiffness(system)[0][nodes])
+    return _scaled(bare, system.local_stiffness[0][nodes])
 
 
 def _affine(system: ContactSystem, nodes: Ints, away: NDArray[np.bool_]) -> tuple[Array, Array]:

@@ -30,7 +30,7 @@ from scipy import sparse
 
 from receding_fenicsx.arrays import Array, Ints
 from receding_fenicsx.errors import SolveError
-from receding_fenicsx.interface.residual import law_residual, local_stiffness
+from receding_fenicsx.interface.residual import law_residual
 from receding_fenicsx.interface.shakedown.margins import LoadRange
 from receding_fenicsx.interface.shakedown.programs import BINDS
 from receding_fenicsx.interface.system import ContactSystem
@@ -119,7 +119,7 @@ def largest_opening(
     """
     mean, D = loads.mean @ system.r_star, top * (loads.vertices @ system.r_star)
     force = float(np.abs(mean).max() + np.abs(D).max())
-    slip = force / float(local_stiffness(system)[0].max())
+    slip = force / float(system.local_stiffness[0].max())
     opens = opens & ~system.held[system.n :]
     scaled = replace(system, K=system.K * (slip / force), g0=system.g0 / slip)
     task = _Task(scaled, opens, mean / force, D / force)
@@ -267,7 +267,7 @@ class _Rows:
 
 def _residual(task: _Task, found: _Motion) -> float:
     """Return the largest violation of the law at both ends of all intervals, over the force."""
-    system, K, many = task.system, local_stiffness(task.system), len(found.sets)
+    system, K, many = task.system, task.system.local_stiffness, len(found.sets)
     r = found.u @ system.K + task.mean
     for p, tau in enumerate(found.tau):
         a, b, _ = task.corners(p, many)

@@ -16,7 +16,6 @@ from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.interface.law import SEPARATION
 from receding_fenicsx.interface.measures.steady import SHAKEDOWN
 from receding_fenicsx.interface.mirror import mirror_of
-from receding_fenicsx.interface.residual import local_stiffness
 from receding_fenicsx.interface.shakedown.limits import ShakedownLimits
 from receding_fenicsx.interface.shakedown.margins import Loads, load_range
 from receding_fenicsx.interface.shakedown.opening import Opening, largest_opening
@@ -77,7 +76,7 @@ def shakes_down(system: ContactSystem, history: History, start: Array | None) ->
 def dissipated(system: ContactSystem, record: Record) -> Array:
     """Return the dissipation of all cycles over F^2 / K_ii of the largest nodal force F."""
     force = max(float(np.abs(r).max()) for r in (record.turning_points.P, record.turning_points.Q))
-    energy = force**2 / float(local_stiffness(system)[0].max())
+    energy = force**2 / float(system.local_stiffness[0].max())
     return np.abs(record.cycles.dissipation) / energy
 
 

@@ -17,7 +17,6 @@ from receding_fenicsx.evolution.problem import Problem
 from receding_fenicsx.evolution.run_state import RunState
 from receding_fenicsx.evolution.solvers import make_solver
 from receding_fenicsx.interface.law import State
-from receding_fenicsx.interface.residual import local_stiffness
 from receding_fenicsx.interface.system import ContactState, reactions
 from receding_fenicsx.scene.model import OutputOptions
 
@@ -121,7 +120,7 @@ class NodePairs:
         """Play cycles until they repeat; fill a row with the last one."""
         cycles = journal.cycles
         run = RunState(problem, cycles)
-        stiffness = np.concatenate(local_stiffness(problem.system))
+        stiffness = np.concatenate(problem.system.local_stiffness)
         change = np.inf
         while change > REPEATED and len(cycles) <= PLAIN_CYCLES:
             before = cycles[-1].corners[-1].state.u
