@@ -30,10 +30,12 @@ from receding_fenicsx.evolution.instants import FinishedCycle
 from receding_fenicsx.evolution.problem import Problem, problem_of_scene
 from receding_fenicsx.evolution.run_state import RunState
 from receding_fenicsx.interface.system import ContactSystem
-from receding_fenicsx.scene.history import History, ended_by, history_from_scene
-from receding_fenicsx.scene.history.kinds import (
+from receding_fenicsx.scene.history import (
     DEFAULT_TOLERANCE,
     MOST_CORNERS,
+    History,
+    ended_by,
+    history_from_scene,
     is_straight,
     preload_legs,
 )

@@ -15,7 +15,7 @@ nothing of finite elements. From a file to a history:
    :mod:`~receding_fenicsx.scene.validate_loads`.
    :func:`~receding_fenicsx.scene.validate.scene_warnings` lists options that make results
    inaccurate.
-4. :func:`~receding_fenicsx.scene.history.kinds.history_from_scene` makes the load history, a
+4. :func:`~receding_fenicsx.scene.history.history_from_scene` makes the load history, a
    polyline of load factors.
 5. :func:`~receding_fenicsx.scene.symmetry.is_mirror_symmetric` decides whether half of the body is
    modelled. :func:`~receding_fenicsx.scene.one_body.part_of` gives each of several bodies its

@@ -23,8 +23,7 @@ from receding_fenicsx.interface.measures.zones import zones
 from receding_fenicsx.interface.mirror import mirror_of
 from receding_fenicsx.interface.system import ContactSystem, reactions
 from receding_fenicsx.output.report.cycles import limit_summary
-from receding_fenicsx.scene.history import History
-from receding_fenicsx.scene.history.polyline import ended_by
+from receding_fenicsx.scene.history import History, ended_by
 from receding_fenicsx.scene.model import OutputOptions, Scene, SolverOptions
 from receding_fenicsx.store.workspace import Case
 from receding_fenicsx.studies.runner import Runner, digest_of

@@ -16,7 +16,7 @@ from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.evolution.record_data import States
 from receding_fenicsx.interface.law import State
 from receding_fenicsx.interface.measures.steady import PowerLaw, fit_power_law
-from receding_fenicsx.scene.history.kinds import corner_angles, is_straight
+from receding_fenicsx.scene.history import corner_angles, is_straight
 
 CURVED_LEGS = 12
 """Number of legs above which a cycle is a curve rather than loading and unloading."""

@@ -9,8 +9,7 @@ import numpy as np
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.interface.measures.steady import RATCHETTING, limit_of_decay
 from receding_fenicsx.output.report.section import Rows, Section, Summary, shown
-from receding_fenicsx.scene.history import history_from_scene
-from receding_fenicsx.scene.history.kinds import DEFAULT_TOLERANCE, is_straight
+from receding_fenicsx.scene.history import DEFAULT_TOLERANCE, history_from_scene, is_straight
 
 
 def _summary(record: Record) -> dict[str, Any]:

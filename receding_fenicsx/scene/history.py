@@ -1,0 +1,453 @@
+"""Load history: a polyline of load factors, its legs and instants; the one of a scene, by kind."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from receding_fenicsx.arrays import Array, Ints, described
+from receding_fenicsx.errors import InputError
+from receding_fenicsx.scene.checks import suggestion
+from receding_fenicsx.scene.model import INTERFERENCE, Harmonic, HistoryOptions, Scene
+
+LEAST_CYCLES = 8
+"""Cycles with which a search for the limit can end: those before it, one to sort the nodes, two
+with frozen nodes, and the check."""
+
+
+@dataclass(frozen=True, repr=False)
+class History:
+    """Load history: a path from rest, then a closed loop that each cycle repeats.
+
+    Attributes:
+        load_names: n_loads names, one per column.
+        path: (n + 1, n_loads) load factors of cycle 0, from zero load to the start of the cycles.
+        loop: (m + 1, n_loads) load factors of every further cycle, closed: first and last row are
+            ``path[-1]``; (0, n_loads) when there are no cycles.
+        cycles: largest number of repetitions of the loop.
+        until_steady: whether to stop when the steady state is reached.
+        until_limit: whether to find the limit of infinitely many cycles.
+    """
+
+    load_names: tuple[str, ...]
+    path: Array
+    loop: Array
+    cycles: int = 0
+    until_steady: bool = False
+    until_limit: bool = False
+
+    def __post_init__(self) -> None:
+        """Convert names and load factors given as lists."""
+        object.__setattr__(self, "load_names", tuple(self.load_names))
+        for name in ("path", "loop"):
+            try:
+                rows = np.asarray(getattr(self, name), dtype=np.float64)
+            except (TypeError, ValueError):
+                raise InputError(
+                    f"the history's {name} has to be rows of {len(self.load_names)} load factors"
+                ) from None
+            if name == "loop" and not rows.size:
+                rows = rows.reshape(0, len(self.load_names))
+            object.__setattr__(self, name, rows)
+
+    def __repr__(self) -> str:
+        """Return the loads with their ranges, and the numbers of corners and cycles."""
+        loop = np.reshape(self.loop, (-1, len(self.load_names)))
+        corners = np.vstack([self.path, loop])
+        loads = zip(self.load_names, corners.min(axis=0), corners.max(axis=0), strict=True)
+        rows = [(f"load {name}", f"{low:.6g} to {high:.6g}") for name, low, high in loads]
+        return described(
+            f"History: {len(self.path)} corners from rest, {self.cycles} cycles of "
+            f"{max(len(loop) - 1, 0)} legs{self._until()}",
+            rows,
+        )
+
+    def _until(self) -> str:
+        if self.until_limit:
+            return ", until limit"
+        return ", until steady" if self.until_steady else ""
+
+    def polyline(self, cycle: int) -> Array:
+        """Return the load factors at the corners of a cycle; cycle 0 is the path from rest."""
+        if not 0 <= cycle <= self.cycles:
+            raise InputError(
+                f"cycle {cycle} does not occur: the history has cycles 0 to {self.cycles}"
+            )
+        return self.path if cycle == 0 else self.loop
+
+
+def ended_by(history: History, until: str | None) -> History:
+    """Return a history that ends at the steady state, at the limit, or (None) after its cycles."""
+    if until not in (None, "steady", "limit"):
+        raise InputError(
+            f'[history] until: "{until}" is unknown; use "steady", "limit", or remove it'
+        )
+    if until == "limit" and not len(history.loop):
+        raise InputError(
+            '[history] until: "limit" needs cycles, which this history does not have; use '
+            'kind = "cyclic", or remove until'
+        )
+    if until == "limit" and history.cycles < LEAST_CYCLES:
+        raise InputError(
+            f'[history] cycles: until = "limit" needs at least {LEAST_CYCLES}, not '
+            f"{history.cycles}; raise cycles"
+        )
+    return replace(history, until_steady=until == "steady", until_limit=until == "limit")
+
+
+def named_factors(names: tuple[str, ...], row: Array) -> str:
+    """Return load factors with the names of their loads, for messages."""
+    return ", ".join(f"{name} = {value:g}" for name, value in zip(names, row, strict=True))
+
+
+def check_history(history: History, load_names: tuple[str, ...]) -> None:
+    """Raise InputError unless a history drives given loads from rest, in a closed loop."""
+    if not isinstance(history, History):
+        raise InputError(f"evolve: a Scene or a History is needed, not a {type(history).__name__}")
+    if history.load_names != load_names:
+        raise InputError(
+            f"the history drives loads {list(history.load_names)}, the system has "
+            f"{list(load_names)}: name the same loads in the same order"
+        )
+    path, loop = np.asarray(history.path), np.asarray(history.loop)
+    for name, rows, least in (("path", path, 2), ("loop", loop, 0)):
+        if rows.ndim != 2 or rows.shape[1] != len(load_names) or len(rows) < least:
+            raise InputError(
+                f"the history's {name} has shape {rows.shape}, expected at least {least} rows of "
+                f"{len(load_names)} load factors"
+            )
+        wrong = ~np.isfinite(rows).all(axis=1)
+        if np.any(wrong):
+            raise InputError(
+                f"row {np.argmax(wrong)} of the history's {name}, "
+                f"{named_factors(load_names, rows[np.argmax(wrong)])}, is not finite"
+            )
+    if np.any(path[0]):
+        raise InputError(
+            f"the history's path starts at load factors {named_factors(load_names, path[0])}: "
+            "insert a row of zeros (the body at rest) before it"
+        )
+    if len(loop) and (np.any(loop[0] != path[-1]) or np.any(loop[-1] != loop[0])):
+        first, last, end = (named_factors(load_names, row) for row in (loop[0], loop[-1], path[-1]))
+        raise InputError(
+            f"the history's loop runs from {first} to {last}: start and end it at the end of the "
+            f"path, {end}"
+        )
+
+
+def leg_number(history: History, name: str, cycle: int = 1) -> int:
+    """Return the index of a leg in its cycle, from 0, by its name on the command line.
+
+    In a cycle, "unloading" is the first leg and "loading" the last.
+    """
+    polyline = history.polyline(cycle)
+    n = len(polyline) - 1
+    size = np.abs(polyline).sum(axis=1)
+    if name in ("loading", "unloading"):
+        rises = size[1:] > size[:-1]
+        legs = [k for k in range(n) if rises[k] == (name == "loading")]
+        if len(legs) != 1:
+            raise InputError(
+                f"cycle {cycle} has {len(legs)} {name} legs; give a leg number, 0 to {n - 1}"
+            )
+        return legs[0]
+    if not name.isdecimal() or int(name) >= n:
+        raise InputError(
+            f"leg '{name}': cycle {cycle} has legs 0 to {n - 1}; give a number, or loading or "
+            "unloading"
+        )
+    return int(name)
+
+
+def evenly_spaced(history: History, cycle: int, n: int) -> tuple[Ints, Array, Array]:
+    """Return n instants of a cycle, evenly spaced in the path length of the loads.
+
+    Each has a leg, the position s in [0, 1] along it, and the fraction of the cycle's path length
+    up to it. The first one is the cycle's start; in cycle 0 it is slightly later, as nothing is
+    loaded at the start. Where n is larger than the number of legs, the end of every leg is one of
+    the instants.
+    """
+    polyline = history.polyline(cycle)
+    legs = len(polyline) - 1
+    if n < 2:
+        raise InputError(f"{n} frames: a film needs at least 2")
+    largest = np.abs(np.vstack([history.path, history.loop])).max(axis=0)
+    way = np.abs(np.diff(polyline, axis=0) / np.where(largest > 0.0, largest, 1.0)).sum(axis=1)
+    before = np.concatenate([[0.0], np.cumsum(way)]) / way.sum()
+    if n > legs:
+        share = 1 + np.diff(np.round((n - 1 - legs) * before).astype(int))
+        number = np.repeat(np.arange(legs), share)
+        position = np.concatenate([(np.arange(count) + 1.0) / count for count in share])
+    else:
+        time = np.arange(1, n) / (n - 1)
+        number = np.minimum(np.searchsorted(before[1:], time), legs - 1)
+        position = np.minimum((time - before[number]) / np.diff(before)[number], 1.0)
+    number = np.concatenate([[0], number])
+    position = np.concatenate([[0.0 if cycle else 0.5 * position[0]], position])
+    return number, position, before[number] + position * np.diff(before)[number]
+
+
+# -- histories of scenes --------------------------------------------------------------------------
+
+FEWEST_CORNERS, MOST_CORNERS = 8, 4096
+"""Corners of the coarsest polygon, where the scene does not fix their number, and of the finest."""
+DEFAULT_TOLERANCE = 1e-3
+"""Largest error estimate of the dissipation per cycle due to the polygon, relative."""
+
+
+def history_from_scene(scene: Scene) -> History:
+    """Return the load history of a scene.
+
+    * "monotonic": path from 0 to ``maximum``, no cycles.
+    * "cyclic": path from 0 to ``maximum``; each cycle is ``maximum``, ``minimum``, ``maximum``.
+    * "table": path from zero load through ``rows``; each cycle runs from the last row through
+      ``cycle_rows`` back to it.
+    * "harmonic": path from rest straight to the means, then straight to the first corner of the
+      polygon that stands for the ellipse. Where the scene does not fix the number of corners, the
+      polygon is the coarsest one: :func:`~receding_fenicsx.evolution.histories.with_corners` finds
+      how many are needed.
+
+    Loads in ``constant`` are applied first, on a leg of their own, and kept. Before them each of
+    the scene's preloads has a leg of its own.
+
+    Args:
+        scene: the scene; the order of its loads is that of the columns of the history.
+
+    Raises:
+        InputError: a load is not driven, or an option of the history is invalid.
+    """
+    if not isinstance(scene, Scene):
+        raise InputError(f"a Scene is needed, not a {type(scene).__name__}")
+    options, names = scene.history, scene.driven_names
+    _check_keys(options)
+    _check_known(options.constant, names, "constant")
+    varying = tuple(name for name in names if name not in options.constant)
+    if names and not varying:
+        raise InputError("[history] constant: names every load; leave out the one that varies")
+    if not names:
+        path, loop = np.zeros((1, 0)), np.zeros((0, 0))
+    elif options.kind == "harmonic":
+        path, loop = _harmonic(options, varying)
+    elif options.kind == "table":
+        path, loop = _table(options, varying)
+    else:
+        path, loop = _range(options, varying)
+    if len(loop) and options.cycles < 1:
+        raise InputError('[history] cycles: must be at least 1, not 0; or use kind = "monotonic"')
+    held = _held(scene)
+    columns = [scene.load_names.index(name) for name in varying]
+
+    def widened(rows: Array) -> Array:
+        wide = np.tile(held[-1], (len(rows), 1))
+        wide[:, columns] = rows
+        return wide
+
+    path = np.vstack([held[:-1], widened(path)])
+    cycles = options.cycles if len(loop) else 0
+    return ended_by(History(scene.load_names, path, widened(loop), cycles), options.until)
+
+
+def _check_keys(options: HistoryOptions) -> None:
+    """Refuse keys without a meaning for the kind of the history."""
+    default = HistoryOptions()
+    for keys, kinds in (
+        (("load", "maximum", "minimum"), ("cyclic", "monotonic")),
+        (("rows", "cycle_rows", "columns"), ("table",)),
+        (("harmonic", "corners", "tolerance"), ("harmonic",)),
+    ):
+        for key in keys if options.kind not in kinds else ():
+            if getattr(options, key) not in (getattr(default, key), ()):
+                by = "name the loads by columns" if (key, options.kind) == ("load", "table") else ""
+                allowed = " or ".join(f'"{kind}"' for kind in kinds)
+                raise InputError(
+                    f'[history] {key}: is for kind = {allowed} only, not "{options.kind}"; '
+                    f"{by or 'remove it'}"
+                )
+
+
+def _check_known(driven: Iterable[str], names: tuple[str, ...], key: str) -> None:
+    """Raise InputError for a name under a key of [history] that no load has."""
+    for name in driven:
+        if name not in names:
+            raise InputError(
+                f"[history] {key}: no load is named '{name}'; {suggestion(name, names)}"
+            )
+
+
+def _check_driven(
+    driven: Iterable[str], names: tuple[str, ...], options: HistoryOptions, key: str
+) -> None:
+    """Check that a history drives, by a key of [history], all loads that are not constant."""
+    for name in driven:
+        if name in options.constant:
+            raise InputError(
+                f"[history] constant: load '{name}' varies, by [history] {key}; name it in one of "
+                "them"
+            )
+    _check_known(driven, names, key)
+    for name in names:
+        if name not in driven:
+            raise InputError(
+                f"load '{name}': is not driven by the history; remove it, name it in [history] "
+                'constant, or use kind = "table" with a column for it'
+            )
+
+
+def preload_legs(scene: Scene) -> list[str]:
+    """Return the names of the scene's preloads in the order of their legs."""
+    # parts are fitted before they are bolted
+    return sorted(scene.preloads, key=lambda name: name != INTERFERENCE)
+
+
+def _held(scene: Scene) -> Array:
+    """Return the factors of what is kept: from zero, a leg for each preload, then the constants."""
+    names, legs = scene.load_names, preload_legs(scene)
+    rows = np.zeros((len(legs) + 2, len(names)))
+    for row, name in enumerate(legs, start=1):
+        rows[row:, names.index(name)] = scene.preloads[name]
+    for bolt in scene.bolts:
+        if bolt.tightening:
+            rows[1:-1, names.index(bolt.name)] = bolt.tightening
+            rows[-1, names.index(bolt.name)] = bolt.tightening[-1]
+    for name, factor in scene.history.constant.items():
+        rows[-1, names.index(name)] = factor
+    return rows if np.any(list(scene.history.constant.values())) else rows[:-1]
+
+
+def _range(options: HistoryOptions, names: tuple[str, ...]) -> tuple[Array, Array]:
+    """Return path and loop of one load between minimum and maximum."""
+    if options.load is None and len(names) != 1:
+        raise InputError(
+            "[history] load: the scene has several loads; name the driven one, and the others in "
+            "constant"
+        )
+    _check_driven((options.load or names[0],), names, options, "load")
+    low, high = options.minimum, options.maximum
+    if options.kind == "monotonic":
+        return np.array([[0.0], [high]]), np.zeros((0, 1))
+    if low >= high:
+        raise InputError(f"[history] minimum: {low:g} is not below maximum = {high:g}; reduce it")
+    return np.array([[0.0], [high]]), np.array([[high], [low], [high]])
+
+
+def _table(options: HistoryOptions, names: tuple[str, ...]) -> tuple[Array, Array]:
+    """Return path and loop of a table of load factors; ``names`` are those not constant."""
+    columns = options.columns
+    if not columns:
+        raise InputError("[history] columns: is missing; give the name of the load of each column")
+    if len(set(columns)) < len(columns):
+        raise InputError("[history] columns: a load occurs twice; name each load once")
+    _check_driven(columns, names, options, "columns")
+    given: dict[str, Array] = {}
+    for key in ("cycle_rows", "rows"):
+        for i, row in enumerate(getattr(options, key)):
+            if len(row) != len(columns):
+                raise InputError(
+                    f"[history] {key} row {i + 1}: has {len(row)} value(s) for {len(columns)} "
+                    "column(s); give one per column"
+                )
+        given[key] = np.array(getattr(options, key), dtype=float).reshape(-1, len(columns))
+    loop, rows = given.values()
+    if not len(rows) and not len(loop):
+        raise InputError(
+            "[history] rows: is missing; give the load factors up to the start of the cycles"
+        )
+    rows = rows if len(rows) else loop[-1:]
+    if np.any(rows[0] != 0.0):
+        rows = np.vstack([np.zeros_like(rows[:1]), rows])
+    if not np.any(rows) and not any(options.constant.values()):
+        raise InputError("[history] rows: all load factors are zero; give one that is not")
+    if len(loop) and np.any(loop[-1] != rows[-1]):
+        raise InputError(
+            f"[history] cycle_rows: is not closed: ends at {named_factors(columns, loop[-1])}, but "
+            f"rows end at {named_factors(columns, rows[-1])}; use the same load factors"
+        )
+    if len(loop) and (np.any(loop[0] != rows[-1]) or len(loop) == 1):
+        loop = np.vstack([rows[-1:], loop])
+    for key, corners in (("rows", rows), ("cycle_rows", loop)):
+        still = np.flatnonzero(np.all(np.diff(corners, axis=0) == 0.0, axis=1))
+        if len(still):
+            raise InputError(
+                f"[history] {key}: {named_factors(columns, corners[still[0]])} occurs twice in a "
+                "row; remove one"
+            )
+    order = [columns.index(name) for name in names]
+    return rows[:, order], loop[:, order]
+
+
+def _harmonic(options: HistoryOptions, names: tuple[str, ...]) -> tuple[Array, Array]:
+    """Return path and polygon of a harmonic history, the coarsest one without ``corners``."""
+    if not options.harmonic:
+        raise InputError(
+            '[history] harmonic: is missing; give each load a table [history.harmonic."NAME"] with '
+            "mean, amplitude and phase"
+        )
+    _check_driven(tuple(options.harmonic), names, options, "harmonic")
+    if not any(load.amplitude for load in options.harmonic.values()):
+        raise InputError(
+            "[history] harmonic: no load has an amplitude, so nothing is cyclic; give one an "
+            'amplitude, or use kind = "monotonic"'
+        )
+    least = len(_extremes(list(options.harmonic.values())))
+    if options.corners is not None and options.corners < least:
+        raise InputError(
+            f"[history] corners: {options.corners} are too few; the extremes of the loads need "
+            f"{least}"
+        )
+    loads = [options.harmonic[name] for name in names]
+    angles = corner_angles(options, names)
+    mean, amplitude, phase = (
+        np.array([getattr(load, key) for load in loads]) for key in ("mean", "amplitude", "phase")
+    )
+    # the cosine of angles in degrees, exact at multiples of 90
+    degrees = angles[:-1, None] - phase
+    quarters = np.round(degrees / 90.0)
+    rest, turn = np.radians(degrees - 90.0 * quarters), np.mod(quarters, 4.0)
+    sign = np.where((turn == 1.0) | (turn == 2.0), -1.0, 1.0)
+    cosine = sign * np.where(turn % 2.0 == 1.0, np.sin(rest), np.cos(rest)) + 0.0
+    loop = mean + amplitude * cosine
+    path = np.vstack([np.zeros_like(mean), mean, loop[0]])
+    moves = np.concatenate([[True], np.any(np.diff(path, axis=0) != 0.0, axis=1)])
+    return path[moves], np.vstack([loop, loop[:1]])
+
+
+def is_straight(options: HistoryOptions) -> bool:
+    """Return whether all loads are in phase or opposite, so that two corners are exact."""
+    return len(_extremes(list(options.harmonic.values()))) == 2
+
+
+def corner_angles(options: HistoryOptions, names: tuple[str, ...]) -> Array:
+    """Return the angles of the corners in degrees, from the start of a cycle to its end."""
+    loads = [options.harmonic[name] for name in names if name in options.harmonic]
+    extremes = _extremes(loads)
+    start = next(load.phase for load in loads if load.amplitude)
+    if len(extremes) > 2:
+        corners = max(options.corners or FEWEST_CORNERS, len(extremes))
+        arcs = np.diff(np.append(extremes, 360.0))
+        pieces = zip(extremes, arcs, _shares(arcs / 360.0, corners), strict=True)
+        extremes = np.concatenate([low + arc * np.arange(n) / n for low, arc, n in pieces])
+    angles = start + extremes
+    return np.append(angles, angles[0] + 360.0)
+
+
+def _extremes(loads: list[Harmonic]) -> Array:
+    """Return the angles of the loads' extremes, sorted, from 0 at the first load's maximum."""
+    same = 1e-9  # difference of angles, in degrees, that counts as round-off
+    phases = np.array([load.phase for load in loads if load.amplitude])
+    angles = np.concatenate([phases, phases + 180.0]) - phases[0]
+    # round-off below a full turn is the first angle again
+    angles = np.sort(np.mod(angles + 0.5 * same, 360.0) - 0.5 * same)
+    return angles[np.concatenate([[True], np.diff(angles) > same])]
+
+
+def _shares(parts: Array, total: int) -> Ints:
+    """Divide a number by parts of 1, at least 1 each; twice a number gives twice the shares."""
+    if total % 2 == 0 and total // 2 >= max(FEWEST_CORNERS, len(parts)):
+        return 2 * _shares(parts, total // 2)
+    found = np.ones(len(parts), dtype=np.int64)
+    while found.sum() < total:
+        # to the part whose pieces are the longest
+        found[np.argmax(parts / found)] += 1
+    return found
