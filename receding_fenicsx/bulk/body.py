@@ -53,7 +53,7 @@ class Bulk:
         driven: (2N,) its part [v; w] at contact nodes, where it has one.
         ties: P, when there are platens: u = P u'.
         seconds: time spent on "forms" (compiling or loading them) and on "assemble".
-        interior: solver with contact and supports held, made at its first use.
+        interior: factor of A_II, or of A with its Schur complement; made once.
     """
 
     scene: Scene
@@ -68,7 +68,7 @@ class Bulk:
     driven: dict[str, Array] = field(default_factory=dict)
     ties: PETSc.Mat | None = None
     seconds: dict[str, float] = field(default_factory=dict)
-    interior: PETSc.KSP | None = None
+    interior: PETSc.PC | None = None
 
     @property
     def comm(self) -> MPI.Comm:
@@ -106,21 +106,37 @@ def constrained(bulk: Bulk, held: Ints) -> PETSc.Mat:
     return matrix
 
 
-def interior_solver(bulk: Bulk) -> PETSc.KSP:
-    """Return a factored solver for A with supports, symmetry and all contact nodes held."""
-    matrix = constrained(bulk, np.concatenate([bulk.fixed, owned_contact(bulk)[0]]))
-    matrix.setOption(PETSc.Mat.Option.SPD, True)
-    solver = PETSc.KSP().create(bulk.comm)
-    solver.setOperators(matrix)
-    solver.setType("preonly")
-    pc = solver.getPC()
-    pc.setType("cholesky")
-    pc.setFactorSolverType("mumps")
-    solver.setUp()
-    # petsc4py frees its objects only by destroy()
-    pc.destroy()
-    matrix.destroy()
-    return solver
+def interior_solver(bulk: Bulk) -> Solve:
+    """Return the function that solves with A_II; factorise it unless it is, by condensing too."""
+    if bulk.interior is None:
+        matrix = constrained(bulk, np.concatenate([bulk.fixed, owned_contact(bulk)[0]]))
+        matrix.setOption(PETSc.Mat.Option.SPD, True)
+        bulk.interior = PETSc.PC().create(bulk.comm)
+        bulk.interior.setOperators(matrix)
+        bulk.interior.setType("cholesky")
+        bulk.interior.setFactorSolverType("mumps")
+        bulk.interior.setUp()
+        # petsc4py frees its objects only by destroy()
+        matrix.destroy()
+    off = np.concatenate([bulk.fixed, owned_contact(bulk)[0]])
+    off = off - bulk.stiffness.getOwnershipRange()[0]
+    pc = bulk.interior
+
+    def solve(columns: Array) -> Array:
+        rhs = _dense(bulk.stiffness, columns)
+        rhs.getDenseArray()[off] = 0.0
+        rhs.assemble()
+        x = rhs.duplicate()
+        x.assemble()
+        factor = pc.getFactorMatrix()
+        factor.matSolve(rhs, x)
+        solution = np.array(x.getDenseArray(readonly=True))
+        solution[off] = 0.0
+        for thing in (factor, rhs, x):
+            thing.destroy()
+        return solution
+
+    return solve
 
 
 def owned_contact(bulk: Bulk) -> tuple[Ints, Ints]:
@@ -173,23 +189,21 @@ def _by_schur(bulk: Bulk) -> Elimination:
     """Eliminate by the Schur complement of MUMPS; probe it by one solve."""
     supported = bulk.comm.allreduce(len(bulk.fixed)) > 0
     matrix = constrained(bulk, bulk.fixed) if supported else bulk.stiffness
-    pc, K = schur.factorise(matrix, bulk.contact.dofs)
-    factor = pc.getFactorMatrix()
-    solve = block_solver(bulk, factor)
+    if bulk.interior is not None:
+        bulk.interior.destroy()
+    bulk.interior, K = schur.factorise(matrix, bulk.contact.dofs)
+    solve = interior_solver(bulk)
     held, compliance = _held_response(bulk, solve)
     u = np.cos(1.0 + np.arange(len(bulk.contact.dofs)) ** 2)
     force = _contact_forces(bulk, solve, u[:, None])
-    for thing in (factor, pc, *([matrix] if supported else [])):
-        thing.destroy()
+    if supported:
+        matrix.destroy()
     return Elimination(K, held, compliance, None if force is None else (u, force[:, 0]))
 
 
 def _by_solves(bulk: Bulk) -> Elimination:
     """Eliminate by solves with A_II for blocks of unit contact displacements."""
-    solver = interior_solver(bulk)
-    pc = solver.getPC()
-    factor = pc.getFactorMatrix()
-    solve = block_solver(bulk, factor)
+    solve = interior_solver(bulk)
     size = len(bulk.contact.dofs)
     K = np.empty((size, size)) if bulk.comm.rank == 0 else None
     for first in range(0, size, BLOCK_COLUMNS):
@@ -200,8 +214,6 @@ def _by_solves(bulk: Bulk) -> Elimination:
     if K is not None:
         symmetrise(K)
     held, compliance = _held_response(bulk, solve)
-    for thing in (factor, pc, solver):
-        thing.destroy()
     return Elimination(K, held, compliance)
 
 
@@ -270,27 +282,6 @@ def _dense(matrix: PETSc.Mat, columns: Array) -> PETSc.Mat:
     return dense
 
 
-def block_solver(bulk: Bulk, factor: PETSc.Mat) -> Solve:
-    """Return the function that solves with a factor of A_II, or of A with its Schur complement."""
-    off = np.concatenate([bulk.fixed, owned_contact(bulk)[0]])
-    off = off - bulk.stiffness.getOwnershipRange()[0]
-
-    def solve(columns: Array) -> Array:
-        rhs = _dense(bulk.stiffness, columns)
-        rhs.getDenseArray()[off] = 0.0
-        rhs.assemble()
-        x = rhs.duplicate()
-        x.assemble()
-        factor.matSolve(rhs, x)
-        solution = np.array(x.getDenseArray(readonly=True))
-        solution[off] = 0.0
-        rhs.destroy()
-        x.destroy()
-        return solution
-
-    return solve
-
-
 def back_substitute(bulk: Bulk, load: Array | None, u: Array | None) -> fem.Function:
     """Return the displacement field for load factors and contact displacements.
 
@@ -306,8 +297,7 @@ def back_substitute(bulk: Bulk, load: Array | None, u: Array | None) -> fem.Func
         The displacement, ghosts up to date.
     """
     factors, contact = bulk.comm.bcast((load, u), root=0)
-    if bulk.interior is None:
-        bulk.interior = interior_solver(bulk)
+    solve = interior_solver(bulk)
     held, solution = bulk.stiffness.createVecRight(), bulk.stiffness.createVecRight()
     held.set(0.0)
     start = bulk.stiffness.getOwnershipRange()[0]
@@ -318,8 +308,7 @@ def back_substitute(bulk: Bulk, load: Array | None, u: Array | None) -> fem.Func
     rhs.scale(-1.0)
     for factor, vector in zip(np.asarray(factors, float), bulk.loads, strict=True):
         rhs.axpy(factor / bulk.young, vector)
-    rhs.getArray()[np.concatenate([bulk.fixed, dofs]) - start] = 0.0
-    bulk.interior.solve(rhs, solution)
+    solution.getArray()[:] = solve(np.array(rhs.getArray(readonly=True))[:, None])[:, 0]
     solution.axpy(1.0, held)
     for name, factor in zip(bulk.load_names, np.asarray(factors, float), strict=True):
         if name in bulk.prescribed:

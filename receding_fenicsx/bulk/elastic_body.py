@@ -25,7 +25,6 @@ from receding_fenicsx.bulk.body import (
     Elimination,
     Solve,
     back_substitute,
-    block_solver,
     eliminate_interior,
     gather_contact,
     interior_solver,
@@ -122,19 +121,13 @@ class ElasticBody(Bulk):
         """
         mirrored = self.body.half and not self.scene.axisymmetric
         modelled = np.column_stack([np.abs(points[:, 0]), points[:, 1]]) if mirrored else points
-        if self.interior is None:
-            self.interior = interior_solver(self)
-        pc = self.interior.getPC()
-        factor = pc.getFactorMatrix()
-        solve = block_solver(self, factor)
+        solve = interior_solver(self)
         values = point_values(self, modelled, labels)
         count = 6 * len(points)
         blocks = [
             self._rows(solve, values, (first, min(first + BLOCK_COLUMNS, count)))
             for first in range(0, count, BLOCK_COLUMNS)
         ]
-        for thing in (factor, pc):
-            thing.destroy()
         if self.comm.rank != 0:
             return None
         rows = np.vstack([given(block) for block in blocks]).reshape(len(points), 6, -1)

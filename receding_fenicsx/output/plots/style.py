@@ -17,6 +17,7 @@ from typing import Any
 import matplotlib as mpl
 import numpy as np
 from matplotlib.axis import Axis
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.cbook import is_math_text
 from matplotlib.figure import Figure
 from matplotlib.font_manager import FontProperties
@@ -95,12 +96,20 @@ def new_figure(width: float, height: float) -> Figure:
 
 def save(figure: Figure, path: Path) -> None:
     """Save a figure in the format of the path's ending, without the date."""
-    ending = path.suffix[1:]
+    ending, dpi = path.suffix[1:], figure.dpi
     date = {"pdf": "CreationDate", "svg": "Date"}.get(ending)
     # the PDF writer warns about the dates inside some systems' fonts
     logging.getLogger("fontTools").setLevel(logging.ERROR)
     with mpl.rc_context(RC), new_file(path, overwrite=True) as beside:
-        figure.savefig(beside, format=ending, metadata={date: None} if date else None)
+        if ending != "png":
+            figure.savefig(beside, format=ending, metadata={date: None} if date else None)
+            return
+        # savefig() draws each figure twice
+        figure.dpi = RC["savefig.dpi"]
+        try:
+            FigureCanvasAgg(figure).print_png(beside)
+        finally:
+            figure.dpi = dpi
 
 
 def ticks(axis: Axis, most: int = 5) -> None:

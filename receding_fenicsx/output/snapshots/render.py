@@ -33,7 +33,7 @@ SAMPLES = 2
 
 def start() -> None:
     """Start the process that renders; it loads its libraries while others compute."""
-    workers.submit(POOL, _window)
+    workers.submit(POOL, _prepare)
 
 
 def render(
@@ -65,6 +65,10 @@ def render(
     except Exception as error:
         reason = " ".join(str(error).split()) or type(error).__name__
         raise RecedingError(f"off-screen rendering failed ({reason}); {ADVICE}") from None
+
+
+def _prepare() -> None:
+    _window()
 
 
 @cache
@@ -105,7 +109,7 @@ def _render(
     mesh = pv.PolyData(np.column_stack([points, np.zeros(len(points))]), faces=faces)
     mesh.point_data["field"] = values
     plotter.clear_actors()
-    plotter.window_size = [SAMPLES * length for length in size]
+    plotter.render_window.SetSize(*(SAMPLES * length for length in size))
     plotter.add_mesh(
         mesh,
         scalars="field",
