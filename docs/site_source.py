@@ -44,7 +44,7 @@ def relinked(text: str) -> str:
     """Return a page whose links to files of the project lead to pages of the site."""
 
     def place(found: re.Match[str]) -> str:
-        path = found[1].removeprefix("../").removeprefix("docs/").rstrip("/")
+        path = found[1].replace("../", "").removeprefix("docs/").rstrip("/")
         if path in ("CHANGELOG.md", "CONTRIBUTING.md"):
             path = path.lower()
         elif path == f"{api_pages.PACKAGE}/cli.py":
@@ -72,11 +72,12 @@ def page_of_notebook(text: str) -> str:
     for cell in re.split(r"^# %%", text, flags=re.M)[1:]:
         kind, _, body = cell.partition("\n")
         if "markdown" in kind:
-            parts.append(re.sub(r"^# ?", "", body, flags=re.M).strip())
+            prose = re.sub(r"^# ?", "", body, flags=re.M).strip()
+            prose = relinked(re.sub(r"\]\((?=\w+\.py)", "](tutorials/", prose))
+            parts.append(re.sub(r"\]\((?!https?:|#)", "](../", prose))
         else:
             parts.append(f"```python\n{body.strip()}\n```")
-    page = "\n\n".join(parts).replace("](../../demos/", "](../")
-    return re.sub(r"\]\((\w+)\.py\)", r"](\1.md)", page) + "\n"
+    return "\n\n".join(parts) + "\n"
 
 
 def command_line() -> str:

@@ -126,10 +126,10 @@ def test_links_to_files_lead_to_pages() -> None:
 
 def test_cells_of_a_notebook_become_text_and_code() -> None:
     text = (
-        "# %% [markdown]\n# # A\n#\n# ![b](../../demos/pictures/b.png) [c](c.py)\n\n# %%\nx = 1\n"
+        "# %% [markdown]\n# # A\n#\n# ![b](../../demos/pictures/b.png) [c](c.py)\n\n# %%\nx[1](y)\n"
     )
     assert site_source.page_of_notebook(text) == (
-        "# A\n\n![b](../pictures/b.png) [c](c.md)\n\n```python\nx = 1\n```\n"
+        "# A\n\n![b](../pictures/b.png) [c](../tutorials/c.md)\n\n```python\nx[1](y)\n```\n"
     )
 
 

@@ -10,6 +10,7 @@ import sys
 import tomllib
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -24,6 +25,7 @@ DOCUMENTS = (
     "CONTRIBUTING.md",
     *sorted(f"docs/{path.name}" for path in (ROOT / "docs").glob("*.md")),
 )
+NOTEBOOKS = sorted(f"docs/tutorials/{path.name}" for path in (ROOT / "docs/tutorials").glob("*.py"))
 CHEAPER = {
     # plot draws the figures, snapshot the body
     "run": ["--set", "mesh.contact_elements=16", "--set", "history.cycles=9", "--pictures=none"],
@@ -107,26 +109,9 @@ def test_program_of_several_frictions_runs(
     assert dissipation[0] > 1.5 * dissipation[1] > 1.5**2 * dissipation[2]
 
 
-def test_recipes_of_the_guide_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
-    names: dict[str, object] = {}
-    recipes = programs("docs/extending.md")
-    assert len(recipes) == 7
-    for recipe in recipes:
-        exec(compile(recipe, "extending.md", "exec"), names)
-    assert (tmp_path / "friction_used.png").is_file()
-
-
-def test_programs_of_questions_from_elsewhere_run(beside_demos: Path) -> None:
-    names: dict[str, object] = {}
-    for program in programs("docs/elsewhere.md"):
-        assert "assert " in program
-        exec(compile(program, "elsewhere.md", "exec"), names)
-
-
-@pytest.mark.parametrize("name", sorted(path.stem for path in (ROOT / "docs/tutorials").iterdir()))
-def test_tutorials_run(beside_demos: Path, name: str) -> None:
-    run_program(beside_demos, text_of(f"docs/tutorials/{name}.py"))
+@pytest.mark.parametrize("name", NOTEBOOKS)
+def test_notebooks_run(beside_demos: Path, name: str) -> None:
+    run_program(beside_demos, text_of(name))
 
 
 def run_program(folder: Path, program: str) -> str:
@@ -157,6 +142,29 @@ def test_recipes_for_clusters_run_by_their_local_executors(beside_demos: Path, e
     (program,) = (text for text in programs("docs/cluster.md") if engine in text)
     printed = run_program(beside_demos, program)
     assert all(f"\n{friction}" in printed for friction in (0.2, 0.35, 0.5)), printed
+
+
+def test_recipe_for_an_mpi_pool_runs(beside_demos: Path, mpirun: Callable[..., Any]) -> None:
+    (program,) = (text for text in programs("docs/cluster.md") if "MPIPoolExecutor" in text)
+    (beside_demos / "program.py").write_text(program, encoding="utf-8")
+    done = mpirun(2, "-m", "mpi4py.futures", beside_demos / "program.py")
+    assert done.returncode == 0, done.stderr
+    assert all(f"\n{friction}" in done.stdout for friction in (0.2, 0.35, 0.5)), done.stdout
+
+
+def test_recipe_for_snakemake_runs_by_its_local_executor(beside_demos: Path) -> None:
+    pytest.importorskip("snakemake")
+    (rules,) = re.findall(r"```text\n(rule .*?)```", text_of("docs/cluster.md"), re.S)
+    coarse = rules.replace(" --pictures none", " --pictures none --set mesh.contact_elements=16")
+    (beside_demos / "Snakefile").write_text(coarse, encoding="utf-8")
+    run_program(
+        beside_demos,
+        "import os, sys\n"
+        "os.environ['PATH'] = os.path.dirname(sys.executable) + os.pathsep + os.environ['PATH']\n"
+        "os.execv(sys.executable, [sys.executable, '-m', 'snakemake', '--cores', '2'])\n",
+    )
+    found = (beside_demos / "results/flow").glob("*/summary.json")
+    assert sorted(path.parent.name for path in found) == ["0.2", "0.5"]
 
 
 @pytest.mark.parametrize("name", ["README.md", "docs/index.md"])
@@ -300,8 +308,9 @@ def test_extras_that_the_documents_name_keep_the_numpy_of_the_stack() -> None:
 
 
 def test_links_and_pictures_of_the_documents_exist() -> None:
-    for name in DOCUMENTS:
-        prose = re.sub(r"```.*?```", "", text_of(name), flags=re.S)
+    for name in (*DOCUMENTS, *NOTEBOOKS):
+        code = r"^[^#\n].*" if name in NOTEBOOKS else r"(?s:```.*?```)"
+        prose = re.sub(code, "", text_of(name), flags=re.M)
         for link in re.findall(r"\]\(([^)#\s]+)[^)]*\)", prose):
             if not link.startswith("http"):
                 assert (ROOT / name).parent.joinpath(link).exists(), f"{name}: {link}"
@@ -309,7 +318,8 @@ def test_links_and_pictures_of_the_documents_exist() -> None:
 
 def test_files_of_the_package_that_the_documents_name_exist() -> None:
     package = ROOT / "receding_fenicsx"
-    names = re.findall(r"`((?:\w+/)*\w+\.py)`", "".join(map(text_of, DOCUMENTS)))
+    text = "".join(map(text_of, (*DOCUMENTS, *NOTEBOOKS)))
+    names = re.findall(r"`((?:\w+/)*\w+\.py)`", text)
     assert len(names) > 8
     for name in names:
         found = [*package.rglob(f"*{Path(name).name}"), ROOT / name]

@@ -67,4 +67,4 @@ assert np.isclose(doubled, 4.0 * once, rtol=1e-9)
 assert np.all(np.diff(table["D"]) < 0.0), "more friction, less slip"
 
 # %% [markdown]
-# Next: [sweeps on many processes](../sweeps.md), [how do I extend it?](../extending.md)
+# Next: [sweeps on many processes](../sweeps.md), [how do I extend it?](extending.py)

@@ -1,26 +1,26 @@
-# How do I extend it?
+# %% [markdown]
+# # How do I extend it?
+#
+# Data and imports go one way: scene, mesh, bulk, condensed system, evolution, record, pictures.
+#
+# | folder | what it holds | needs |
+# | --- | --- | --- |
+# | `scene/` | what is modelled: dataclasses, TOML files, checks, histories, symmetry | NumPy |
+# | `bulk/`, `half_plane/` | meshes, elasticity, loads, condensation, back-substitution | DOLFINx, PETSc, gmsh |
+# | `interface/` | contact of a condensed body: law, exact path, Gauss-Seidel, complementarity, measures, shakedown, uniqueness | NumPy, SciPy, Numba |
+# | `evolution/` | histories on a system: cycles, record, checkpoints, limits, branches | NumPy |
+# | `studies/` | runs, sweeps, joints, shakedown, errors in space; `studies/runner.py` runs cases on one process or many and says how to write a study | all |
+# | `output/`, `store/`, `exchange/` | figures, pictures, report; files; other programs | Matplotlib, PyVista, h5py |
+# | `reference/` | closed forms and published values | SciPy |
+#
+# The [pages of the API](../../receding_fenicsx/__init__.pyi) have each folder with its modules and equations; `receding_fenicsx/__init__.pyi` lists
+# the public names. The tests run the recipes below: what you can do with public names, then which files a change of the package touches.
+#
+# ## A condensed body from elsewhere
+#
+# A `ContactSystem` may come from any code. One node on a spring, pressed by 1 and pulled to and fro by 0.5:
 
-Data go one way: scene, mesh, bulk, condensed system, evolution, record, pictures; imports follow (`tests/test_imports.py`).
-
-| folder | what it holds | needs |
-| --- | --- | --- |
-| `scene/` | what is modelled: dataclasses, TOML files, checks, histories, symmetry | NumPy |
-| `bulk/`, `half_plane/` | meshes, elasticity, loads, condensation, back-substitution | DOLFINx, PETSc, gmsh |
-| `interface/` | contact of a condensed body: law, exact path, Gauss-Seidel, complementarity, measures, shakedown, uniqueness | NumPy, SciPy, Numba |
-| `evolution/` | histories on a system: cycles, record, checkpoints, limits, branches | NumPy |
-| `studies/` | runs, sweeps, joints, shakedown, errors in space; `studies/runner.py` runs cases on one process or many and says how to write a study | all |
-| `output/`, `store/`, `exchange/` | figures, pictures, report; files; other programs | Matplotlib, PyVista, h5py |
-| `reference/` | closed forms and published values | SciPy |
-
-The [pages of the API](../receding_fenicsx/__init__.pyi) have each folder with its modules and equations. Public names are in one list,
-`receding_fenicsx/__init__.pyi`. The recipes below are programs that the tests run; each says what a user can
-do with public names, then which files a change of the package touches.
-
-## A condensed body from elsewhere
-
-A `ContactSystem` may come from any code that gives `K` and `r_star`. One node on a spring, pressed by 1 and pulled to and fro by 0.5:
-
-```python
+# %%
 import numpy as np
 
 import receding_fenicsx as rf
@@ -47,15 +47,15 @@ record = rf.evolve(system, history)
 exact = 4.0 * f * (pull - f) / stiffness
 assert np.allclose(record.cycles.dissipation, exact, rtol=1e-12)
 assert record.steady.reached and record.steady.kind == "cyclic slip"
-```
 
-A body: [a tutorial](tutorials/own_body.py) makes one by gmsh; `bulk/mesh/user_mesh.py` reads such files.
+# %% [markdown]
+# A body: [a tutorial](own_body.py) makes one by gmsh; `bulk/mesh/user_mesh.py` reads such files.
+#
+# ## A friction law
+#
+# Friction may differ from node to node and for the two directions of slip, Q = -f P and Q = +f_backward P:
 
-## A friction law
-
-Friction may differ from node to node and for the two directions of slip, Q = -f P and Q = +f_backward P:
-
-```python
+# %%
 from dataclasses import replace
 
 forward, backward = 0.3, 0.1
@@ -64,18 +64,17 @@ directed = rf.evolve(replace(system, f_backward=np.array([backward])), history)
 # Q runs between -0.3 and 0.1, the spring moves by (2 pull - 0.3 - 0.1) / stiffness each way
 exact = (forward + backward) * (2.0 * pull - forward - backward) / stiffness
 assert np.allclose(directed.cycles.dissipation, exact, rtol=1e-12)
-```
 
-All solvers, residuals and replays take the law from one file, `interface/law.py`. A change is: fields of `ContactSystem`
-(`interface/system.py`), the methods of `Friction`, the key of `Contact` (`scene/model.py`) with its checks and its values at the nodes
-(`evolution/problem.py`), and `tests/law.py`, which states the law once more, independently. The exact path needs limits that are linear in P
-and Q and do not depend on time.
+# %% [markdown]
+# In the package: the law in `interface/law.py` (`Friction`), fields of `ContactSystem` (`interface/system.py`), the key of `Contact`
+# (`scene/model.py`) with its checks and its values at the nodes (`evolution/problem.py`), and `tests/law.py`, which states the law once more,
+# independently. The exact path needs limits that are linear in P and Q and do not depend on time.
+#
+# ## A load
+#
+# A load is a row of `r_star`: the reactions to it with all contact nodes held. A fluid pressure in the gap:
 
-## A load
-
-On a condensed system, a load is a row of `r_star`: the reactions to it with all contact nodes held. A fluid pressure in the gap:
-
-```python
+# %%
 fluid = np.concatenate([np.zeros(system.n), -system.weight])
 wet = replace(
     system,
@@ -85,17 +84,17 @@ wet = replace(
 path = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 0.0, 0.4]])
 record = rf.evolve(wet, rf.History(wet.load_names, path, np.zeros((0, 3))))
 assert np.allclose(record.turning_points.P[:, 0], [1.0, 0.6])
-```
 
-In the package: a field of `Load` in `scene/options.py` with its text and checks, its nodal forces in `bulk/loads.py`, its symmetry in
-`scene/symmetry.py`, and a patch test.
+# %% [markdown]
+# In the package: a field of `Load` in `scene/options.py` with its text and checks, its nodal forces in `bulk/loads.py`, its symmetry in
+# `scene/symmetry.py`, and a patch test.
+#
+# ## A solver
+#
+# An object with the two methods of the protocol `rf.Solver`. Here every load step is one static problem:
 
-## A solver
 
-An object with the two methods of the protocol `rf.Solver`, made from a system and the solver's options. Here every load step is one
-static problem:
-
-```python
+# %%
 class StaticSteps:
     """Load steps, each of them one static problem with slip counted from its start."""
 
@@ -131,16 +130,15 @@ finally:
 exact = rf.evolve(system, history).cycles.dissipation
 assert np.allclose(stepped.cycles.dissipation, exact, rtol=1e-2)
 assert stepped.residual_max < 1e-12
-```
 
-In the package: a room beside `interface/exact/`, a line in `SOLVERS` of `evolution/solvers.py`, and the choices of `SolverOptions.method`.
-`tests/evolution/test_evolve.py` plays the same histories by all methods.
+# %% [markdown]
+# In the package: a folder beside `interface/exact/`, a line in `SOLVERS` of `evolution/solvers.py`, and the choices of `SolverOptions.method`.
+#
+# ## A figure
+#
+# A figure is a function of a `Record`; registered, `rf.plot` draws it for every record that has its data, and the report has its caption.
 
-## A figure
-
-A figure is a function of a `Record`; registered, `rf.plot` draws it for every record that has its data, and the report has its caption.
-
-```python
+# %%
 import matplotlib as mpl
 
 
@@ -157,9 +155,9 @@ def friction_used(record, moment):
 
 record = rf.evolve(system, history)
 friction_used(record, record.at(cycle=3)).savefig("friction_used.png")
-```
 
-```python
+
+# %%
 def end_of_last_cycle(record):
     """Return the moment to draw; None where there are no cycles."""
     return record.at(cycle=-1) if len(record.cycles.dissipation) else None
@@ -168,18 +166,18 @@ def end_of_last_cycle(record):
 rf.figures.figure("friction_used", needs=end_of_last_cycle, caption="|Q| over its limit.")(
     friction_used
 )
-```
 
-## A record column
+# %% [markdown]
+# ## A record column
+#
+# What follows from stored values needs no change of the record:
 
-What follows from stored values needs no change of the record:
-
-```python
+# %%
 table = record.to_table("turning_points")
 limit = record.f[table["node"]] * table["P"]
 table["friction used"] = abs(table["Q"]) / np.where(limit > 0.0, limit, np.inf)
 assert table["friction used"].max() < 1.0 + 1e-12
-```
 
-In the package: a field of `States`, `Events` or `Cycles` in `evolution/record_data.py` and its value in `evolution/collect.py`; files and tables
-follow by its name. `store/hdf5.py` must supply a value for files that lack it.
+# %% [markdown]
+# In the package: a field of `States`, `Events` or `Cycles` in `evolution/record_data.py`, its value in `evolution/collect.py`, and in
+# `store/hdf5.py` a value for files that lack it.
