@@ -1,4 +1,4 @@
-"""Pages of the API: one for each room (folder) of the package, written from its sources.
+"""Pages of the API: one for each public name and each folder of the package, from its sources.
 
 The docstrings are Markdown with Google's sections and formulas between dollar signs. They are read
 from the syntax tree; nothing is imported.
@@ -25,7 +25,7 @@ ORDER = ("", "scene", "bulk", "interface", "evolution", "output", "studies", "re
 
 
 def write_pages(package: Path, out: Path) -> list[str]:
-    """Write the pages of all rooms and the list of public names.
+    """Write the pages of all public names and rooms, and the list of them.
 
     Args:
         package: folder of the package.
@@ -38,18 +38,35 @@ def write_pages(package: Path, out: Path) -> list[str]:
     folders = [package, *(path.parent for path in package.rglob("*/__init__.py"))]
     rooms = {".".join(path.relative_to(package).parts): path for path in folders}
     order = sorted(rooms, key=_place)
+    public = _public_names(package)
+    pages = {}
+    for name, found in (item for names in public.values() for item in names.items()):
+        module, node, following = found
+        if node:
+            pages[f"{module}.{name}"] = name
+            place = f"```{{py:currentmodule}} {module}\n```\n\nIn {{py:mod}}`{module}`."
+            # orphan: not one line more in the sidebar of every page
+            text = "\n\n".join(
+                [
+                    "---\norphan: true\n---",
+                    f"# rf.{name}",
+                    place,
+                    _member(node, following, fence="`" * 5),
+                ]
+            )
+            (out / f"rf.{name}.md").write_text(text, encoding="utf-8")
     documented = []
     for room in order:
         modules = [path for path in sorted(rooms[room].glob("*.py")) if path.stem != "__main__"]
         names = [_module_name(package, path) for path in modules]
-        text = [_module(path, name) for path, name in zip(modules, names, strict=True)]
-        (out / f"{room or PACKAGE}.md").write_text("\n\n".join(text), encoding="utf-8")
+        parts = [_module(path, name, pages) for path, name in zip(modules, names, strict=True)]
+        (out / f"{room or PACKAGE}.md").write_text("\n\n".join(parts), encoding="utf-8")
         documented += names
     index = [
         "# API",
         "## Public names",
         "`import receding_fenicsx as rf` gives all of these.",
-        *_public_names(package),
+        *(_table(group, names) for group, names in public.items()),
         "## Rooms",
         "The package has a folder for each concept; imports go down only.",
         "\n".join(
@@ -71,33 +88,54 @@ def _module_name(package: Path, path: Path) -> str:
     return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
 
 
-def _public_names(package: Path) -> Iterator[str]:
-    """Yield a table of the public names for each group of ``__init__.pyi``."""
+Definition = tuple[str, ast.stmt | None, ast.stmt | None]
+"""Module that defines a name, its statement (None for a module), and the statement after it."""
+
+
+def _public_names(package: Path) -> dict[str, dict[str, Definition]]:
+    """Return the public names of each group of ``__init__.pyi`` with their definitions."""
     text = (package / "__init__.pyi").read_text(encoding="utf-8")
     _, *parts = re.split(r"^# (.+)$", text, flags=re.MULTILINE)
+    groups: dict[str, dict[str, Definition]] = {}
     for group, block in zip(parts[::2], parts[1::2], strict=True):
-        rows = [f"**{group}**", "", "| name | |", "| --- | --- |"]
-        for node in ast.parse(block).body:
-            assert isinstance(node, ast.ImportFrom)
-            for name in (alias.name for alias in node.names):
-                target = ".".join([PACKAGE, *filter(None, [node.module]), name])
-                told = _first_line(package, node.module or "", name).replace("|", r"\|")
-                rows.append(f"| {{py:obj}}`rf.{name} <{target}>` | {told} |")
-        yield "\n".join(rows)
+        imports = [node for node in ast.parse(block).body if isinstance(node, ast.ImportFrom)]
+        groups[group] = {
+            alias.name: _definition(package, node.module or "", alias.name)
+            for node in imports
+            for alias in node.names
+        }
+    return groups
 
 
-def _first_line(package: Path, module: str, name: str) -> str:
-    """Return the first line of a docstring: of a module, or of what one defines or passes on."""
+def _definition(package: Path, module: str, name: str) -> Definition:
+    """Find what a module defines or passes on, or the module of that name."""
     place = package.joinpath(*module.split("."))
     for path in (place / f"{name}.py", place / name / "__init__.py"):
         if path.exists():
-            return str(ast.get_docstring(_parsed(path))).split("\n")[0]
-    for path in (place.with_suffix(".py"), *sorted(package.rglob("*.py"))):
+            return _module_name(package, path), None, None
+    for path in (place.with_suffix(".py"), place / "__init__.py", *sorted(package.rglob("*.py"))):
         body = _parsed(path).body if path.exists() else []
         for node, following in zip(body, [*body[1:], None], strict=False):
-            if _name(node) == name and (doc := _doc(node, following)):
-                return markdown(doc).split("\n")[0]
+            if _name(node) == name and _doc(node, following):
+                return _module_name(package, path), node, following
     raise LookupError(f"{module}.{name} has no docstring")
+
+
+def _table(group: str, names: dict[str, Definition]) -> str:
+    """Return the table of a group of public names."""
+    rows = [f"**{group}**", "", "| name | |", "| --- | --- |"]
+    for name, (module, node, following) in names.items():
+        if node:
+            told = _summary(node, following).replace("|", r"\|")
+            rows.append(f"| [rf.{name}](rf.{name}.md) | {told} |")
+        else:
+            rows.append(f"| {{py:mod}}`rf.{name} <{module}>` | |")
+    return "\n".join(rows)
+
+
+def _summary(node: ast.stmt, following: ast.stmt | None) -> str:
+    """Return the first line of a docstring."""
+    return markdown(_doc(node, following) or "").split("\n")[0]
 
 
 @cache
@@ -105,32 +143,37 @@ def _parsed(path: Path) -> ast.Module:
     return ast.parse(path.read_text(encoding="utf-8"))
 
 
-def _module(path: Path, name: str) -> str:
+def _module(path: Path, name: str, pages: dict[str, str]) -> str:
     """Return the section of one module; the room's own is the head of its page."""
     tree = _parsed(path)
     head = path.stem == "__init__"
     title = name.removeprefix(f"{PACKAGE}.") if head else path.stem
     parts = [f"{'#' if head else '##'} {title}", f"```{{py:module}} {name}\n```"]
     parts.append(markdown(ast.get_docstring(tree) or ""))
-    parts += _members(tree.body, fence="`" * 5)
+    for node, following in _documented(tree.body):
+        if public := pages.get(f"{name}.{_name(node)}"):
+            parts.append(f"* [rf.{public}](rf.{public}.md): {_summary(node, following)}")
+        else:
+            parts.append(_member(node, following, fence="`" * 5))
     return "\n\n".join(parts)
 
 
-def _members(body: list[ast.stmt], fence: str) -> Iterator[str]:
-    """Yield the description of each public constant, function and class with a docstring."""
+def _documented(body: list[ast.stmt]) -> Iterator[tuple[ast.stmt, ast.stmt | None]]:
+    """Yield public constants, functions and classes with a docstring, each name once."""
     seen: set[str] = set()
     for node, following in zip(body, [*body[1:], None], strict=True):
         name = _name(node)
-        if name.startswith("_") or not name or name in seen:
-            continue
-        doc = _doc(node, following)
-        if doc is None:
-            continue
-        seen.add(name)
-        inner = [markdown(doc)]
-        if isinstance(node, ast.ClassDef):
-            inner += _members(node.body, fence[1:])
-        yield "\n".join([fence + _directive(node, name), "", "\n\n".join(inner), fence])
+        if name and name[0] != "_" and name not in seen and _doc(node, following) is not None:
+            seen.add(name)
+            yield node, following
+
+
+def _member(node: ast.stmt, following: ast.stmt | None, fence: str) -> str:
+    """Return the description of a constant, a function, or a class with its members."""
+    inner = [markdown(_doc(node, following) or "")]
+    if isinstance(node, ast.ClassDef):
+        inner += [_member(*member, fence=fence[1:]) for member in _documented(node.body)]
+    return "\n".join([fence + _directive(node, _name(node)), "", "\n\n".join(inner), fence])
 
 
 def _doc(node: ast.stmt, following: ast.stmt | None) -> str | None:

@@ -59,6 +59,8 @@ def relinked(text: str) -> str:
             path = "api/index.md"
         elif room := re.fullmatch(rf"{api_pages.PACKAGE}/(.+)/__init__\.py", path):
             path = f"api/{room[1].replace('/', '.')}.md"
+        elif module := re.fullmatch(rf"{api_pages.PACKAGE}/(.+)/(\w+)\.py", path):
+            path = f"api/{module[1].replace('/', '.')}.md#{module[2]}"
         elif demo := re.fullmatch(r"demos/(\w+)\.py", path):
             path = f"gallery/{demo[1]}.md"
         return f"]({path}"

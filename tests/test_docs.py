@@ -41,12 +41,14 @@ def test_api_describes_every_module_and_public_name(tmp_path: Path) -> None:
     pages = "\n".join(path.read_text(encoding="utf-8") for path in (tmp_path / "api").iterdir())
     for module in modules:
         assert f"{{py:module}} {module}\n" in pages
-    links = re.findall(r"\{py:obj\}`rf\.(\w+) <receding_fenicsx\.([\w.]+)>`", pages)
-    assert {name for name, _ in links} == set(receding_fenicsx.__all__)
-    for _, target in links:
-        module, _, name = target.rpartition(".")
-        defined = re.search(rf"py:(?:function|class|data)\}} {name}\b", pages)
-        assert defined or f"{{py:module}} receding_fenicsx.{target}\n" in pages, target
+    index = (tmp_path / "api" / "index.md").read_text(encoding="utf-8")
+    parts = re.findall(r"`rf\.(\w+) <receding_fenicsx\.([\w.]+)>`", index)
+    assert all(f"{{py:module}} receding_fenicsx.{module}\n" in pages for _, module in parts)
+    names = re.findall(r"^\| \[rf\.(\w+)\]\(rf\.\1\.md\) \| \S", index, re.M)
+    assert {*names, *(name for name, _ in parts)} == set(receding_fenicsx.__all__)
+    for name in names:
+        page = (tmp_path / "api" / f"rf.{name}.md").read_text(encoding="utf-8")
+        assert re.search(rf"py:(?:function|class|data)\}} {name}\b", page), name
     assert r"K_{tn} \cr K_{nt}" in pages
 
 
@@ -122,6 +124,8 @@ def test_links_to_files_lead_to_pages() -> None:
     assert (
         site_source.relinked(text) == "[a](gallery/block.md) [b](api/bulk.mesh.md) [c](gallery.md)"
     )
+    text = "[d](../receding_fenicsx/bulk/mesh/edges.py)"
+    assert site_source.relinked(text) == "[d](api/bulk.mesh.md#edges)"
 
 
 def test_cells_of_a_notebook_become_text_and_code() -> None:

@@ -1,7 +1,7 @@
 """Memory and seconds to condense a large body, by options of MUMPS: in core, out of core, low rank.
 
-The paper's block whole, on equal elements. The processor time includes that of starting Python; on an
-idle machine it is the clock's, on a busy one the clock's is longer.
+The paper's block whole, on equal elements. On a busy machine the clock's time exceeds the
+processor's.
 """
 
 import argparse
@@ -44,9 +44,11 @@ def measure(name: str, elements: int, folder: str) -> str:
     freedoms = next(int(line.split()[-2]) for line in lines if "JOB, N, NNZ" in line)
     refused = [line for line in lines if "error: " in line]
     assert bool(refused) == (os.waitstatus_to_exitcode(status) != 0)
-    end = f"  {refused[0].split('error: ')[1].split(':')[0].split(';')[0]}" if refused else ""
+    end = f"  refused: {refused[0].split('error: ')[1].split(' (')[0]}" if refused else ""
     cpu, memory = used.ru_utime + used.ru_stime, used.ru_maxrss / 1024.0
-    return f"{freedoms:9} {2 * elements + 1:6}  {name:16} {memory:6.0f} {cpu:7.0f} {seconds:7.0f}{end}"
+    return (
+        f"{freedoms:9} {2 * elements + 1:6}  {name:16} {memory:6.0f} {cpu:7.0f} {seconds:7.0f}{end}"
+    )
 
 
 def main() -> None:

@@ -21,6 +21,7 @@ ROOT = Path(__file__).resolve().parents[2]
 NAMES = (
     *("block", "frictionless_block", "two_blocks", "layer", "stack", "punch", "half_planes"),
     *("cattaneo_mindlin", "fretting", "lap_joint", "wear", "fatigue", "time_error"),
+    "large_bodies",
 )
 NO_RESULTS = (" ...", "written to", "are in ")
 """Words in lines of progress, and in those that name files."""
@@ -28,7 +29,7 @@ NO_RESULTS = (" ...", "written to", "are in ")
 
 def section(name: str) -> str:
     """Run a demo and return what it prints, below its title."""
-    script = ROOT / "demos" / f"{name}.py"
+    (script,) = (ROOT / "demos").rglob(f"{name}.py")
     environment = {**os.environ, "PYTHONPATH": str(ROOT), "OMP_NUM_THREADS": "1"}
     with tempfile.TemporaryDirectory() as folder:
         done = subprocess.run(
