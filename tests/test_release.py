@@ -49,6 +49,16 @@ def test_the_version_is_the_same_everywhere_and_the_address_in_one_place() -> No
     assert holding == ["pyproject.toml"]
 
 
+def test_fragments_of_the_next_release_go_below_the_preamble_of_the_changelog() -> None:
+    settings = tomllib.loads(text_of("pyproject.toml"))["tool"]["towncrier"]
+    head, _, releases = text_of(settings["filename"]).partition(settings["start_string"])
+    assert head.startswith("# Changelog\n") and "\n## " not in head
+    assert releases.lstrip().startswith(f"## [{PROJECT['version']}]")
+    kinds = {kind["directory"] for kind in settings["type"]}
+    for path in (ROOT / settings["directory"]).iterdir():
+        assert path.name == "README.md" or path.suffixes in [[f".{k}", ".md"] for k in kinds]
+
+
 def commands(workflow: Any) -> Iterator[str]:
     """Yield the lines that a workflow's steps run."""
     for job in workflow["jobs"].values():
