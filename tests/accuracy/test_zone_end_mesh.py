@@ -54,14 +54,6 @@ def test_graded_corners_need_less_than_half_the_nodes(f: float) -> None:
     assert abs(of_better - exact) < abs(of_equal - exact)
 
 
-def test_zone_ends_of_a_mesh_graded_twice_need_less_than_half_the_nodes() -> None:
-    limit = zone_ends(graded_twice(sheared(0.5, 160)))
-    better, equal = graded_twice(sheared(0.5, 40)), played(sheared(0.5, 240))
-    errors = [np.abs(np.array(zone_ends(record)) - limit).max() for record in (better, equal)]
-    assert len(better.x) <= 0.5 * len(equal.x)
-    assert errors[0] < errors[1]
-
-
 def test_places_lie_at_zone_ends_and_at_corners_that_touch() -> None:
     scene = rf.read_scene(DEMOS / "block.toml", ["history.cycles=1", "mesh.contact_elements=80"])
     record = played(scene)

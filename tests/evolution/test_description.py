@@ -90,16 +90,6 @@ def test_a_history_says_the_ranges_of_its_path_and_its_cycles() -> None:
         assert row.endswith(f" {low} to {high}")
 
 
-def test_a_scene_says_its_values() -> None:
-    text = repr(
-        rf.read_scene(DEMOS / "block.toml", ["contact.friction=0.45", "load.p0.pressure=3.0"])
-    )
-    for words in ("friction=0.45", "pressure=3,", "width=4", "poisson=0.3", "minimum=0.333333"):
-        assert words in text
-    mesh = repr(rf.read_scene(DEMOS / "dovetail.toml").body)
-    assert "dovetail.geo" in mesh and "width" not in mesh
-
-
 def test_a_notebook_shows_the_zones_of_the_last_cycle_to_scale() -> None:
     found = record()
     page = ET.fromstring(found._repr_html_().replace("&emsp;", ""))

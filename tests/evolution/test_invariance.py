@@ -1,4 +1,4 @@
-"""What may not depend on units, on the order of nodes, or on a second contact beside the first."""
+"""What may not depend on units, sides, parts of loads, the order of nodes, or a second contact."""
 
 from __future__ import annotations
 
@@ -23,6 +23,39 @@ def in_other_units(p: Problem) -> tuple[Problem, np.ndarray, float, float]:
     force, length, s = 2.0**40, 2.0**-30, p.system
     system = replace(s, K=s.K * (force / length), r_star=s.r_star * force, g0=s.g0 * length)
     return replace(p, system=system), np.arange(s.n), force, length
+
+
+def in_decimal_units(p: Problem) -> tuple[Problem, np.ndarray, float, float]:
+    """Newtons for giganewtons, metres for nanometres: up to round-off."""
+    s = p.system
+    system = replace(s, K=s.K * 1e-18, r_star=s.r_star * 1e-9, g0=s.g0 * 1e9)
+    return replace(p, system=system), np.arange(s.n), 1e-9, 1e9
+
+
+def mirrored(p: Problem) -> tuple[Problem, np.ndarray, float, float]:
+    """Forward is backward: Q and v change their sign, the coefficients of friction their places."""
+    s, n = p.system, p.system.n
+    sign = np.repeat([-1.0, 1.0], n)
+    system = replace(
+        s,
+        K=sign[:, None] * s.K * sign,
+        r_star=s.r_star * sign,
+        rigid=sign[:, None] * s.rigid,
+        f=s.friction.backward.copy(),
+        f_backward=s.f,
+    )
+    return replace(p, system=system), np.arange(n), 1.0, 1.0
+
+
+def under_one_load_more(p: Problem) -> tuple[Problem, np.ndarray, float, float]:
+    """The last load in two parts that act together."""
+    s, h = p.system, p.history
+    names = (*s.load_names, "part")
+    parts = np.vstack([s.r_star[:-1], 0.3 * s.r_star[-1], 0.7 * s.r_star[-1]])
+    path, loop = (np.hstack([line, line[:, -1:]]) for line in (h.path, h.loop))
+    history = replace(h, load_names=names, path=path, loop=loop)
+    system = replace(s, load_names=names, r_star=parts)
+    return replace(p, system=system, history=history), np.arange(s.n), 1.0, 1.0
 
 
 def in_another_order(p: Problem) -> tuple[Problem, np.ndarray, float, float]:
@@ -75,7 +108,13 @@ def outcome(p: Problem) -> rf.Record | rf.SolveError:
         return error
 
 
-@pytest.mark.parametrize("image", [in_other_units, in_another_order, beside_itself])
+IMAGES = (
+    *(in_other_units, in_decimal_units, mirrored),
+    *(under_one_load_more, in_another_order, beside_itself),
+)
+
+
+@pytest.mark.parametrize("image", IMAGES)
 @pytest.mark.parametrize("family", ["plain", "directed", "limit"])
 def test_the_image_of_a_contact_does_what_the_contact_does(family: str, image: Image) -> None:
     for number in range(4100, 4110):
@@ -100,7 +139,8 @@ def test_the_image_of_a_contact_does_what_the_contact_does(family: str, image: I
             scales[k] = max(scales[k], np.abs(getattr(a.turning_points, name)).max())
         scales *= (force, length)
         for name, k in (("P", 0), ("Q", 0), ("v", 1), ("w", 1)):
-            x = (force, length)[k] * getattr(a.turning_points, name)
+            side = -1.0 if image is mirrored and name in "Qv" else 1.0
+            x = side * (force, length)[k] * getattr(a.turning_points, name)
             y = getattr(b.turning_points, name)[:, nodes]
             np.testing.assert_allclose(y, x, atol=(0.0 if bits else 1e-8) * scales[k], rtol=0.0)
         D = a.cycles.dissipation_density * force * length

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from demo_runs import demo
 from models import block_system
-from small import cyclic, small_system, table
+from small import small_system, table
 
 from receding_fenicsx.atomic import new_file
 from receding_fenicsx.errors import InputError, RecedingError
@@ -25,7 +25,6 @@ from receding_fenicsx.interface.mirror import mirror_of
 from receding_fenicsx.interface.system import ContactSystem
 from receding_fenicsx.measures.limit_nodes import LimitNodes
 from receding_fenicsx.output.plots.labels import describe_factors
-from receding_fenicsx.output.plots.series import slip_lines
 from receding_fenicsx.output.report import checks
 from receding_fenicsx.output.report.html import report_html
 from receding_fenicsx.output.report.summary import run_table, summarise
@@ -114,13 +113,6 @@ def test_record_file_has_the_agreed_layout(record: Record, tmp_path: Path) -> No
         assert list(file.attrs["load_names"]) == ["p0"]
         assert from_toml(file.attrs["scene_toml"]).title == "Ahn & Barber block"
         assert file.attrs["format_version"] == 1
-
-
-def test_record_parses_its_scene_once(record: Record) -> None:
-    scene = record.scene
-    assert scene is not None and to_toml(scene) == record.scene_toml
-    assert record.scene is scene
-    assert dataclasses.replace(record, scene_toml="").scene is None
 
 
 def test_files_are_not_overwritten_unless_asked(record: Record, tmp_path: Path) -> None:
@@ -313,20 +305,6 @@ def test_summary_has_every_agreed_key_as_a_number(record: Record, tmp_path: Path
     assert [tuple(zone) for zone in point["zones"]] == zones(record.x, table.state[1])
 
 
-def test_summary_of_half_and_whole_models_agree() -> None:
-    half, whole = (summarise(evolved(half=half)[1]) for half in (True, False))
-    assert (half["symmetry"], whole["symmetry"]) == ("mirror", "none")
-    assert half["nodes"] == whole["nodes"]
-    np.testing.assert_allclose(
-        half["dissipation_per_cycle"], whole["dissipation_per_cycle"], rtol=1e-9
-    )
-    np.testing.assert_allclose(half["slip_per_cycle_max"], whole["slip_per_cycle_max"], rtol=1e-9)
-    for a, b in zip(half["turning_points"], whole["turning_points"], strict=True):
-        assert [name for name, *_ in a["zones"]] == [name for name, *_ in b["zones"]]
-        for key in ("contact_half_width", "stick_half_width", "p_max", "q_min", "q_max"):
-            np.testing.assert_allclose(a[key], b[key], rtol=1e-9)
-
-
 def test_limit_reached_without_slip_is_told_zone_by_zone(
     record: Record, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -347,27 +325,6 @@ def test_pressure_on_the_axis_is_that_of_its_neighbours() -> None:
     system = dataclasses.replace(system, x=r, points=points, weight=weight, axisymmetric=True)
     (point,) = summarise(evolve(system, table(system, [0.0, 2.0])))["turning_points"]
     assert point["p_axis"] == pytest.approx(2.0 * 3.0, rel=1e-12)
-
-
-def test_extremes_of_tractions_are_those_of_an_unsymmetric_contact() -> None:
-    """Nodes that know nothing of each other and stick: P and Q are the held reactions."""
-    weight, Q, P = np.array([0.5, 2.0, 4.0]), [0.1, -0.3, 0.2], [1.0, 2.0, 3.0]
-    system = small_system(np.eye(6), {"a": [*Q, *P]}, 0.9)
-    system = dataclasses.replace(system, weight=weight)
-    (point,) = summarise(evolve(system, table(system, [0.0, 2.0])))["turning_points"]
-    assert point["p_max"] == pytest.approx(2.0 * 1.0 / 0.5)
-    assert point["q_max"] == pytest.approx(2.0 * 0.1 / 0.5)
-    assert point["q_min"] == pytest.approx(2.0 * -0.3 / 2.0)
-
-
-def test_slip_per_cycle_is_shown_of_nodes_that_touch() -> None:
-    long = evolve(block_system(40, 20), cyclic(12))
-    ends = long.turning_points.load[:, 0] == 1.0
-    touches = np.all(long.turning_points.state[ends] != 2, axis=0)
-    # the length is such that representative nodes would lie beyond the end of the contact too
-    lines = slip_lines(long, length=2.4)
-    assert np.any(~touches & (np.abs(long.x / 2.4 - 0.65) < 0.15))
-    assert len(lines) >= 3 and all(touches[line.node] for line in lines)
 
 
 def test_numbers_that_json_cannot_hold_become_null(record: Record, tmp_path: Path) -> None:

@@ -14,6 +14,7 @@ from replay import objections
 from small import cyclic
 
 import receding_fenicsx as rf
+from receding_fenicsx.interface.normal_form import eliminate_tangential
 from receding_fenicsx.interface.system import ProbeMatrix
 
 pytestmark = pytest.mark.one_rank
@@ -138,6 +139,51 @@ def _check_probes(s: rf.ContactSystem, record: rf.Record) -> None:
         assert np.array_equal(probes.load[rows], part.load)
     assert record.probe("a").points.tolist() == s.probes.points[[0, 2]].tolist()
     assert np.array_equal(record.probe("b").stress[:, 0], probes.stress[:, 1])
+
+
+def test_a_probe_at_an_event_is_that_of_a_path_that_ends_there() -> None:
+    compared = 0
+    for number in NUMBERS:
+        if (pair := played(number)) is None or pair[0].solver.method != "events":
+            continue
+        (p, record), e = pair, pair[1].events
+        for j in np.flatnonzero((e.cycle == 0) & (e.s > 1e-6) & (e.s < 1.0 - 1e-6))[::5]:
+            if record.jumps:
+                continue
+            path = np.vstack([p.history.path[: e.leg[j] + 1], e.load[j]])
+            short = play(replace(p, history=replace(p.history, path=path, loop=path[:0], cycles=0)))
+            a, b = record.probes, short.probes
+            assert a is not None and b is not None
+            k = int(np.flatnonzero((a.cycle == 0) & (a.leg == e.leg[j]) & (a.s == e.s[j]))[-1])
+            assert a.kind[k] == 2 and near(a.stress[k], b.stress[-1], np.abs(a.stress).max())
+            compared += 1
+    assert compared > 5
+
+
+def test_without_friction_tangential_displacements_may_be_eliminated() -> None:
+    compared = 0
+    for number in NUMBERS:
+        p = dressed(number)
+        if p is None or p.system.rigid.size:
+            continue
+        s = replace(p.system, f=0.0 * p.system.f, f_backward=None)
+        try:
+            models = (s, eliminate_tangential(s))
+            full, small = (play(replace(p, system=model)) for model in models)
+        except rf.SolveError:
+            continue
+        compared += 1
+        assert small.modelled_dofs == np.sum(~s.held[s.n :])
+        for name in ("turning_points", "samples"):
+            a, b = getattr(full, name), getattr(small, name)
+            assert not b.Q.any() and np.array_equal(a.state == OPEN, b.state == OPEN)
+            for key in ("P", "p", "v", "w", "load_displacement"):
+                assert near(getattr(b, key), getattr(a, key), np.abs(a.w).max()), (number, key)
+        kept = [record.probes for record in (full, small) if record.probes is not None]
+        kinds = [probes.kind < 2 for probes in kept]
+        a, b = (probes.stress[kind] for probes, kind in zip(kept, kinds, strict=True))
+        assert near(b, a)
+    assert compared > 5
 
 
 def image_of(s: rf.ContactSystem) -> tuple[np.ndarray, np.ndarray]:

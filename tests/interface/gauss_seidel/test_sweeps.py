@@ -3,7 +3,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from law import random_system
 from models import block_system
 from small import cyclic, small_system, table
 
@@ -127,75 +126,6 @@ def test_the_error_of_the_energy_identity_falls_with_the_step() -> None:
     errors = [rf.evolve(BLOCK, cyclic(1), gauss_seidel(n)).energy_error_max for n in (10, 40, 160)]
     assert errors[1] < 0.4 * errors[0] and errors[2] < 0.4 * errors[1]
     assert errors[2] < 1e-4
-
-
-def scaled(
-    system: rf.ContactSystem, stiffness: float, force: float, length: float
-) -> tuple[rf.ContactSystem, float]:
-    """Scale stiffness, the forces per load factor, and positions; return also u's factor."""
-    u = force / stiffness
-    return replace(
-        system,
-        K=stiffness * system.K,
-        r_star=force * system.r_star,
-        x=length * system.x,
-        points=length * system.points,
-        weight=length * system.weight,
-        g0=u * system.g0,
-        load_compliance=force * u * system.load_compliance,
-    ), u
-
-
-def gapped() -> tuple[rf.ContactSystem, rf.History]:
-    """Return a random system with initial gaps and a history in two loads."""
-    system = random_system(3, 12, 0.49)
-    system = replace(system, g0=np.where(np.arange(12) % 3 == 0, 0.05, 0.0))
-    path = [[0.0, 0.0], [1.0, 0.2]]
-    return system, table(system, path, [[1.0, 0.2], [0.4, -0.3], [1.0, 0.2]], 2)
-
-
-@pytest.mark.parametrize("method", ["gauss-seidel", "events"])
-@pytest.mark.parametrize("case", ["block", "gaps"])
-def test_powers_of_two_change_only_exponents(method: str, case: str) -> None:
-    system, history = (BLOCK, cyclic(2)) if case == "block" else gapped()
-    options = rf.SolverOptions(method=method, steps_per_leg=6)
-    output = replace(ALL, samples_per_leg=6)
-    reference = rf.evolve(system, history, options, output)
-    big, small = 2.0**30, 2.0**-30
-    for stiffness, force, length in (
-        (big, 1.0, 1.0),
-        (small, 1.0, 1.0),
-        (1.0, big, 1.0),
-        (1.0, small, small),
-        (big, small, big),
-    ):
-        other, u = scaled(system, stiffness, force, length)
-        record = rf.evolve(other, history, options, output)
-        a, b = record.samples, reference.samples
-        assert np.array_equal(a.state, b.state) and np.array_equal(a.s, b.s)
-        for field, factor in (("P", force), ("Q", force), ("v", u), ("w", u)):
-            assert np.array_equal(getattr(a, field), factor * getattr(b, field)), field
-        assert np.array_equal(record.cycles.dissipation, force * u * reference.cycles.dissipation)
-        assert np.array_equal(record.events.s, reference.events.s)
-        assert np.array_equal(record.x, length * reference.x)
-
-
-@pytest.mark.parametrize("method", ["gauss-seidel", "events"])
-def test_powers_of_ten_change_nothing_but_round_off(method: str) -> None:
-    options = rf.SolverOptions(method=method, steps_per_leg=6)
-    output = replace(ALL, samples_per_leg=6)
-    for system, history in ((BLOCK, cyclic(2)), gapped()):
-        reference = rf.evolve(system, history, options, output)
-        for stiffness, force in ((1e9, 1.0), (1e-9, 1.0), (1.0, 1e9), (1.0, 1e-9), (1e9, 1e-9)):
-            other, u = scaled(system, stiffness, force, 1.0)
-            record = rf.evolve(other, history, options, output)
-            a, b = record.samples, reference.samples
-            assert np.array_equal(a.state, b.state)
-            for field, factor in (("P", force), ("Q", force), ("v", u), ("w", u)):
-                x, y = getattr(a, field), factor * getattr(b, field)
-                assert np.abs(x - y).max() <= 1e-9 * np.abs(y).max(), field
-            wanted = force * u * reference.cycles.dissipation
-            assert record.cycles.dissipation == pytest.approx(wanted, rel=1e-9)
 
 
 @pytest.mark.parametrize("method", ["gauss-seidel", "events"])
