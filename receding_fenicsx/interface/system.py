@@ -344,6 +344,7 @@ def softest_motion(K: Array, held: NDArray[np.bool_], rigid: Array) -> float:
         rigid: (2N, n) rigid motions that supports leave.
     """
     held, rigid = held[-len(K) :], rigid[-len(K) :]
-    stiffness = np.linalg.eigvalsh(K[np.ix_(~held, ~held)])[np.linalg.matrix_rank(rigid) :]
+    free = np.linalg.matrix_rank(rigid) if rigid.size else 0
+    stiffness = np.linalg.eigvalsh(K[np.ix_(~held, ~held)])[free:]
     largest = float(stiffness.max(initial=0.0))
     return float(stiffness[0]) / largest if largest > 0.0 else 1.0
