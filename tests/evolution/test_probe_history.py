@@ -15,13 +15,10 @@ import numpy as np
 import pytest
 
 import receding_fenicsx as rf
-from receding_fenicsx.bulk.fields import fields_at
-from receding_fenicsx.bulk.from_scene import bulk_of
 from receding_fenicsx.evolution.evolve import continue_history
 from receding_fenicsx.evolution.journal import Journal, JournalFile
 from receding_fenicsx.evolution.problem import problem_of_scene
 from receding_fenicsx.store.run_folder import write_probes
-from receding_fenicsx.timing import Timer
 
 comm = MPI.COMM_WORLD
 
@@ -79,51 +76,6 @@ def test_history_has_every_turning_point_sample_and_event_of_the_record() -> Non
     assert {kinds[place] for place in corners} == {"turning point"}
     assert {kinds[place] for place in events - corners - samples} == {"event"}
     assert np.array_equal(probe.load[probe.kind == "turning point"], record.turning_points.load)
-
-
-@pytest.mark.parametrize("method", ["events", "gauss-seidel"])
-@pytest.mark.parametrize("friction", [0.35, 0.0])
-def test_values_at_samples_and_events_are_those_of_the_replayed_field(
-    method: str, friction: float
-) -> None:
-    """Without friction the tangential displacements are eliminated, and come by the slip map."""
-    changes = [f"contact.friction={friction}", f"solver.method={method}"]
-    if method == "gauss-seidel":
-        changes.append("solver.steps_per_leg=6")
-    elif friction:
-        # in cycle 2 the exact path then leaves out the nodes that keep their states
-        changes += ["mesh.contact_elements=60", "history.cycles=2"]
-    # the corners of the bottom edge are vertices: the fields hold means over cells there too
-    scene = small(*changes, "solver.symmetry=none")
-    system = rf.condense(scene)
-    record = None if system is None else rf.evolve(system, scene)
-    wanted: list[tuple[np.ndarray, np.ndarray]] = []
-    values = []
-    if record is not None and system is not None:
-        probe = record.probe("edge")
-        kinds = ("sample", "turning point", *(("event",) if method == "events" else ()))
-        for kind in kinds:
-            rows = np.flatnonzero((probe.kind == kind) & (probe.cycle == probe.cycle[-1]))
-            for i in rows[:: max(1, len(rows) // 3)]:
-                leg, s = str(probe.leg[i]), float(probe.s[i])
-                at = rf.instant_of(scene, system, record, int(probe.cycle[i]), leg, s)
-                wanted.append((at.load, np.concatenate([at.v, at.state.w])))
-                values.append((probe.displacement[i], probe.stress[i]))
-    wanted = comm.bcast(wanted)
-    assert len(wanted) >= (6 if method == "events" and friction else 4)
-    bulk = bulk_of(scene, comm, Timer())
-    fields = [fields_at(bulk, load, u) for load, u in wanted]
-    bulk.destroy()
-    for field, (displacement, stress) in zip(fields, values, strict=False):
-        if field is None:
-            continue
-        points = record.probe("edge").points if record is not None else np.zeros((0, 2))
-        near = [int(np.argmin(np.hypot(*(field.points - point).T))) for point in points]
-        known = np.column_stack([field.stress[key][near] for key in ("sxx", "syy", "szz", "sxy")])
-        scale = max(np.abs(a).max() for a in field.stress.values())
-        assert np.abs(stress - known).max() < 1e-11 * scale
-        far = np.abs(field.displacement).max()
-        assert np.abs(displacement - field.displacement[near]).max() < 1e-10 * far
 
 
 def test_half_and_whole_model_give_the_same_histories() -> None:

@@ -100,18 +100,6 @@ def test_a_millionth_of_what_soft_springs_carry_may_be_round_off() -> None:
     assert reachable(system, u, force) == 1e-6
 
 
-def test_frictionless_contact_needs_no_tangential_freedoms() -> None:
-    whole = block_system(40, 10, f=0.0, half=False)
-    # without friction, three-point bending of an off-centre pressure would rotate but not slide
-    small = evolve(eliminate_tangential(whole), cyclic(2))
-    full = evolve(block_system(20, 10, f=0.0), cyclic(2))
-    for field in ("P", "w", "v"):
-        a, b = getattr(small.samples, field), getattr(full.samples, field)
-        assert np.abs(a - b).max() <= 1e-10 * np.abs(b).max()
-    assert small.modelled_dofs == 41 and full.modelled_dofs > 21
-    assert not small.samples.Q.any() and np.ptp(small.samples.state) == 1
-
-
 def test_frictional_form_holds_the_eliminated_freedoms() -> None:
     normal = eliminate_tangential(block_system(20, 10, f=0.0))
     form = frictional_form(normal)
@@ -131,14 +119,6 @@ def test_pushing_a_frictionless_body_along_the_plane_is_refused() -> None:
     record = evolve(eliminate_tangential(squeezed), table(squeezed, [[0.0], [1.0]]))
     # v1 - v2 = d with Q1 = 0.2 + d = 0, the mean of v staying at zero
     assert record.turning_points.v[0] == pytest.approx([-0.1, 0.1])
-
-
-def test_load_displacement_goes_over_into_the_frictionless_one() -> None:
-    slight, none = block_system(20, 10, f=1e-9), block_system(20, 10, f=0.0)
-    history = table(none, [0.0, 1.0])
-    a = evolve(slight, history).turning_points.load_displacement[0, 0]
-    b = evolve(eliminate_tangential(none), history).turning_points.load_displacement[0, 0]
-    assert abs(a - b) < 1e-6 * abs(b)
 
 
 @pytest.mark.parametrize("name", [field.name for field in fields(ContactSystem)])
