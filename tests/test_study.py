@@ -82,6 +82,10 @@ HELD = (rf.Support("x", "a.left"),)
             "the body is free to move off the contact",
         ),
         (
+            {"contacts": (replace(PAIR.contacts[0], interference=0.0),), "loads": ()},
+            "interference: is zero everywhere",
+        ),
+        (
             {
                 "contacts": (replace(PAIR.contacts[0], friction=0.0),),
                 "loads": (rf.Load("q", "a.left", pressure=1.0),),

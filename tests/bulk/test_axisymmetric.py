@@ -9,14 +9,11 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 from bodies import CELLS, NU, ONCE, RADIUS, ROUND, YOUNG, built, condense, cylinder, make_mesh
-from dolfinx import fem
 from numpy.typing import NDArray
 
-from receding_fenicsx.bulk import _dolfinx
 from receding_fenicsx.bulk.body import back_substitute
 from receding_fenicsx.bulk.elasticity import build
 from receding_fenicsx.bulk.stress import STRESSES, stresses
-from receding_fenicsx.errors import InputError
 from receding_fenicsx.evolution.evolve import evolve
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.interface.measures.zones import on_axis
@@ -33,9 +30,7 @@ from receding_fenicsx.scene.model import (
     OutputOptions,
     Scene,
     SolverOptions,
-    Support,
 )
-from receding_fenicsx.scene.validate import validate
 from receding_fenicsx.studies.run import condense as condense_scene
 
 comm = MPI.COMM_WORLD
@@ -101,41 +96,6 @@ def test_pressure_on_the_mantle_gives_uniform_stress(cell: str, degree: int, nu:
     for name, value in zip(STRESSES, expected, strict=True):
         for function in (found.cell[name], found.nodal[name]):
             assert np.abs(function.x.array - value).max() < 1e-11, name
-    bulk.destroy()
-
-
-@pytest.mark.parametrize("cell", CELLS)
-@pytest.mark.parametrize("degree", [1, 2])
-def test_stiffness_has_the_energy_of_a_given_field(cell: str, degree: int) -> None:
-    """U . A u = 2 W of one radian, by Hooke's law and Gauss's rule on the whole rectangle."""
-    bulk = built(cylinder(cell, degree), half=True)
-    a, b, c, d = 0.3, -0.2, 0.7, 0.5
-    q, s, t = (0.4, -0.6, 0.9) if degree == 2 else (0.0, 0.0, 0.0)
-    field = fem.Function(bulk.space)
-    field.interpolate(
-        lambda x: np.array(
-            [
-                a * x[0] + x[0] * (q * x[0] + s * x[1]),
-                b + c * x[0] + d * x[1] + t * x[0] * x[1],
-            ]
-        )
-    )
-    u, force = bulk.stiffness.createVecRight(), bulk.stiffness.createVecLeft()
-    u.getArray()[:] = _dolfinx.owned_values(field)
-    bulk.stiffness.mult(u, force)
-    energy = bulk.young * u.dot(force)
-    point, weight = np.polynomial.legendre.leggauss(6)
-    r, z = np.meshgrid(1.0 + point, 0.5 + 0.5 * point)
-    weights = 0.5 * np.outer(weight, weight)
-    err, ett, ezz = a + 2.0 * q * r + s * z, a + q * r + s * z, d + t * r
-    erz = 0.5 * (s * r + c + t * z)
-    mu = 0.5 * YOUNG / (1.0 + NU)
-    lam = 2.0 * mu * NU / (1.0 - 2.0 * NU)
-    twice = lam * (err + ett + ezz) ** 2
-    twice += 2.0 * mu * (err**2 + ett**2 + ezz**2 + 2.0 * erz**2)
-    assert energy == pytest.approx(np.sum(weights * twice * r), rel=1e-12)
-    for thing in (u, force):
-        thing.destroy()
     bulk.destroy()
 
 
@@ -250,28 +210,6 @@ def test_node_on_the_axis_has_a_contact_condition_only_where_it_has_weight(degre
     bulk.destroy()
 
 
-@pytest.mark.parametrize("degree", [1, 2])
-def test_two_cylinders_press_each_other_uniformly(degree: int) -> None:
-    """No lateral strain is hindered, so friction carries nothing; twice the height sinks."""
-    upper, lower = (Body(name=n, width=4.0, height=1.0) for n in ("a", "b"))
-    scene = cylinder(
-        degree=degree,
-        body=upper,
-        others=(replace(lower, position=(0.0, -1.0)),),
-        contacts=(Contact(edge="a.bottom", against="b.top", friction=0.4),),
-        loads=(Load("p", "a.top", pressure=1.0),),
-        supports=(Support("y", edge="b.bottom"),),
-    )
-    record = evolved(scene)
-    if record is not None:
-        area = np.pi * RADIUS**2
-        assert record.turning_points.p[-1] == pytest.approx(1.0, rel=1e-10)
-        assert record.turning_points.P[-1].sum() == pytest.approx(area, rel=1e-11)
-        assert record.turning_points.load_displacement[-1, 0] == pytest.approx(
-            2.0 / YOUNG * area, rel=1e-11
-        )
-
-
 def test_cyclic_dissipation_by_loop_area_and_by_load_steps() -> None:
     """Radial slip: the work of the load on the full circle, and Gauss-Seidel's steps."""
     scene = cylinder(
@@ -295,35 +233,7 @@ def test_cyclic_dissipation_by_loop_area_and_by_load_steps() -> None:
     assert stepped.cycles.dissipation[0] == pytest.approx(D[0], rel=2e-3)
 
 
-@pytest.mark.parametrize("degree", [1, 2])
-def test_shear_vanishes_on_the_axis(degree: int) -> None:
-    top = Load("p", "top", (0.0, 1.0), pressure=1.0)
-    record = evolved(cylinder("triangle", degree, contacts=(Contact(),), loads=(top,)))
-    if record is None:
-        return
-    table = record.turning_points
-    if degree == 1:  # else the axis has no contact node
-        assert record.x[0] == 0.0 and table.q[-1, 0] == 0.0 and table.Q[-1, 0] == 0.0
-    assert np.all(np.abs(table.Q) <= record.f * table.P + 1e-11 * table.P.max())
-
-
 def test_value_on_the_axis_of_an_even_field() -> None:
     x = np.array([0.0, 0.5, 1.0, 1.5, 2.0, 2.5, 9.0])
     field = np.stack([3.0 - 2.0 * x**2, np.where(x == 0.0, 7.0, 1.0)])
     assert on_axis(x, field) == pytest.approx([3.0, 1.0])
-
-
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        ({"loads": (Load("p", "left", pressure=1.0),)}, '"left" is the axis'),
-        ({"supports": (Support("y", edge="left"),)}, '"left" is the axis'),
-        ({"supports": (Support("y", point=(-1.0, 1.0)),)}, "0 <= x <= 2"),
-        ({"contacts": (Contact(edge="left"),)}, '"left" is the axis'),
-        ({"loads": (Load("p", "top", (-1.0, 1.0), pressure=1.0),)}, "runs from 0 to 2"),
-        ({"material": replace(ROUND, poisson=0.5)}, "below 0.5"),
-    ],
-)
-def test_what_a_body_of_revolution_has_not_is_refused(change: dict, message: str) -> None:
-    with pytest.raises(InputError, match=message):
-        validate(cylinder(**change))

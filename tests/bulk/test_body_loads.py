@@ -34,7 +34,6 @@ from receding_fenicsx.scene.model import (
     Support,
 )
 from receding_fenicsx.scene.symmetry import is_half_meshed, is_mirror_symmetric
-from receding_fenicsx.scene.toml_file import from_toml, to_toml
 from receding_fenicsx.studies.run import condense
 
 comm = MPI.COMM_WORLD
@@ -342,34 +341,6 @@ def test_body_cut_in_two_layers(kind: str) -> None:
     assert b.turning_points.P[-1].sum() == pytest.approx(known[1], rel=1e-8)
     moved = [r.turning_points.load_displacement[-1, 0] for r in (a, b)]
     assert kind == "force" or moved[0] == pytest.approx(moved[1], rel=1e-9)
-
-
-def test_scene_file_keeps_loads_on_bodies() -> None:
-    scene = pressed("force")
-    text = to_toml(scene)
-    assert 'body_force = ["0.6*x", "0.3*y"]' in text and 'edge = ""' not in text
-    assert from_toml(text) == scene
-
-
-@pytest.mark.parametrize(
-    ("load", "words"),
-    [
-        ({"body_force": (1.0, "1/0*x")}, "load 'T' body_force: .* is not a finite number"),
-        ({"thermal_strain": "log(y - 2)"}, "load 'T' thermal_strain: .* is not a finite number"),
-        ({"body_force": (0.0, 0.0)}, "load 'T' body_force: is zero everywhere"),
-        ({"thermal_strain": {"x": [0.0, 1.0], "value": [0.0, 1.0]}}, "runs along an edge"),
-        ({"thermal_strain": 1.0, "edge": "top"}, "acts on a whole body; remove edge"),
-        ({"thermal_strain": 1.0, "body_force": (1.0, 0.0)}, "remove thermal_strain"),
-        ({"thermal_strain": 1.0, "body": "a"}, "load 'T' body: the scene has one body only"),
-        ({"pressure": 1.0, "edge": "top", "body": "a"}, "body: is for body_force and thermal"),
-        ({"pressure": 1.0}, "load 'T': the key 'edge' is missing; add it"),
-    ],
-)
-def test_bad_loads_are_refused(load: dict[str, Any], words: str) -> None:
-    scene = block(load=Load("T", **load))
-    with pytest.raises(InputError, match=words) as error:
-        condense(scene, comm)
-    assert "\n" not in str(error.value)
 
 
 def test_profile_that_fails_on_a_mesh_is_refused_on_all_ranks() -> None:

@@ -303,31 +303,6 @@ def test_saved_system_serves_other_shortenings(shared_tmp_path: Any) -> None:
         read_system(shared_tmp_path / "bolts.h5", replace(scene, bolts=scene.bolts[:1]))
 
 
-@pytest.mark.parametrize(
-    ("parts", "words"),
-    [
-        ({"shortening": 0.0}, "bolt 'x' shortening: must be positive"),
-        ({"shortening": None}, "bolt 'x': give exactly one of preload and shortening"),
-        ({"preload": 1.0}, "bolt 'x': give exactly one of preload and shortening"),
-        ({"shortening": None, "preload": -1.0}, "bolt 'x' preload: must be positive"),
-        ({"tightening": (0.1,)}, "bolt 'x' tightening: is found from the preload; remove it"),
-        ({"stiffness": -1.0}, "bolt 'x' stiffness: must be positive"),
-        ({"axis": (0.0, 0.0)}, "bolt 'x' axis: has no direction"),
-        ({"head": "topp"}, "bolt 'x' head: .* unknown"),
-        ({"nut": "bottom"}, "bolt 'x' nut: overlaps the contact"),
-        ({"name": "p0"}, "bolt 'p0': a load or another bolt has this name"),
-        ({"name": " "}, r"\[\[bolt\]\] name: is missing or empty"),
-        ({"name": "interference"}, "bolt 'interference': the name is reserved"),
-        ({"head_span": (1.0, 0.0)}, "bolt 'x' head_span: .* is empty"),
-    ],
-)
-def test_bad_bolts_are_refused(parts: dict[str, Any], words: str) -> None:
-    bolt = replace(Bolt("x", "left", "right", 0.1), **parts)
-    with pytest.raises(InputError, match=words) as error:
-        condense(block(bolts=(bolt,)), comm)
-    assert "\n" not in str(error.value)
-
-
 TIE = Bolt("a", "left", "right", 0.1, axis=(1.0, 0.0))
 
 
@@ -362,8 +337,3 @@ def test_bolts_whose_forces_are_not_determined_are_refused(
     with pytest.raises(InputError, match=words) as error:
         condense(block(**parts), comm)
     assert "\n" not in str(error.value)
-
-
-def test_bolt_without_patches_is_refused() -> None:
-    with pytest.raises(InputError, match=r"bolt 'x': the key 'head' is missing; add it"):
-        from_toml('[[load]]\nname = "p"\nedge = "top"\npressure = 1\n[[bolt]]\nname = "x"\n')

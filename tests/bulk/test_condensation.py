@@ -299,23 +299,6 @@ def test_scaling_by_powers_of_two_leaves_the_bits(cell: str, degree: int) -> Non
     assert np.array_equal(smaller.rigid, base.rigid)
 
 
-def test_other_units_leave_the_numbers() -> None:
-    scene = block(degree=2)
-    base = system_of(scene)
-    factor = 1e-9
-    other = system_of(
-        replace(
-            scene,
-            body=Body(width=4.0 * factor, height=factor),
-            material=Material(2.0 / factor, 0.3),
-            loads=(Load("p0", "top", (-factor, factor), pressure=1.0),),
-        )
-    )
-    if base is not None and other is not None:
-        assert off(factor * other.K, base.K) < 1e-12
-        assert off(other.r_star / factor, base.r_star) < 1e-12
-
-
 @pytest.mark.parametrize("degree", [1, 2])
 def test_a_turned_body_has_the_same_system(degree: int) -> None:
     """A block on its side, with contact on that side, is the block; left and top are mirrored."""

@@ -419,17 +419,3 @@ def test_tension_without_friction_is_a_uniform_stress(kinematics: str) -> None:
     moved = at.displacement[-1] - at.displacement[-2]
     known = np.array([[0.4 * along, 0.3 * across], [-0.2 * along, 1.1 * across]])
     np.testing.assert_allclose(moved, known, atol=1e-12)
-
-
-@pytest.mark.parametrize(
-    ("change", "told"),
-    [
-        ("load.S.tension=0.0", "load 'S' tension: is zero"),
-        ("load.S.tension=nan", "tension"),
-        ("load.S.force=[1.0, 0.0]", "has force and tension"),
-    ],
-)
-def test_tensions_that_cannot_be_are_refused(change: str, told: str) -> None:
-    text = stretched(ONE, "far", '"P", "S"', "[1.0, 0.0], [1.0, 1.0]")
-    with pytest.raises(rf.InputError, match=told):
-        rf.condense(rf.from_toml(text, [change]))

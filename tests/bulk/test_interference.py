@@ -259,11 +259,6 @@ def test_saved_system_belongs_to_its_interference(shared_tmp_path: Path) -> None
 @pytest.mark.parametrize(
     ("parts", "words"),
     [
-        ({"supports": ()}, "interference: the body is free to move off the contact"),
-        ({"contacts": (Contact(interference=-0.1),)}, "interference: is -0.1 .* not be negative"),
-        ({"contacts": (Contact(interference=0.0),)}, "interference: is zero everywhere"),
-        ({"contacts": (Contact(interference="1/x"),)}, "interference: .* not a finite number"),
-        ({"loads": (Load("interference", "top", pressure=1.0),)}, "name is reserved"),
         ({"loads": (Load("P", "top", gap=0.1),)}, "load 'P' edge: unknown edge of a"),
         ({"loads": (Load("P", "bottom", gap=0.0),)}, "load 'P' gap: is zero everywhere"),
         ({"loads": (Load("P", "bottom", gap="1/x"),)}, "load 'P' gap: .* not a finite number"),

@@ -249,24 +249,6 @@ def test_top_pushed_down_over_a_smooth_plane_gives_uniform_stress(
     bulk.destroy()
 
 
-@pytest.mark.parametrize("degree", [1, 2])
-@pytest.mark.parametrize("kinematics", ["plane strain", "axisymmetric"])
-def test_platen_on_a_body_without_lateral_strain_gives_uniform_pressure(
-    degree: int, kinematics: str
-) -> None:
-    """With nu = 0 nothing hinders: p = F / area; the force is that of the whole body."""
-    area = 4.0 if kinematics == "plane strain" else np.pi * 2.0**2
-    scene = block(degree=degree, loads=(PRESS,), material=Material(2.0, 0.0, kinematics))
-    bulk = built(scene, half=True)
-    system = condense(bulk)
-    bulk.destroy()
-    if system is not None:
-        r = system.r_star[0]
-        whole = 2.0 * np.pi if kinematics == "axisymmetric" else 2.0
-        assert r[system.n :] == pytest.approx(system.weight / area, rel=1e-11)
-        assert whole * system.load_compliance[0, 0] == pytest.approx(1.0 / area / 2.0, rel=1e-11)
-
-
 def test_half_of_a_platen_is_half_of_the_whole() -> None:
     even = replace(WEIGHT, pressure="1 + x**2")
     history = HistoryOptions(kind="table", columns=("P", "p"), rows=((1.0, 0.2), (0.3, 0.5)))
@@ -329,22 +311,6 @@ def test_platen_may_be_pressed_by_a_force_and_moved_along() -> None:
         r = load @ system.r_star + system.K @ u
         assert by[1] == pytest.approx(-r[: system.n].sum(), rel=1e-10)
     bulk.destroy()
-
-
-@pytest.mark.parametrize("route", ["schur", "solve"])
-def test_any_number_of_ranks_gives_the_same_system(route: str) -> None:
-    apart = Load("d", "right", (-0.25, 0.25), displacement=(1.0, 0.5))
-    scene = block(degree=2, loads=(PRESS, SHEAR, apart))
-    systems = []
-    for on in (comm, MPI.COMM_SELF):
-        bulk = built(scene, comm=on)
-        systems.append(condense(bulk, route))
-        bulk.destroy()
-    together, alone = systems
-    if together is not None and alone is not None:
-        for name in ("K", "r_star", "load_compliance", "rigid", "load_sign"):
-            a, b = getattr(together, name), getattr(alone, name)
-            assert np.abs(a - b).max(initial=0.0) <= 1e-12 * np.abs(b).max(initial=1.0), name
 
 
 @pytest.mark.parametrize(

@@ -290,29 +290,3 @@ def test_tangential_springs_across_a_gap_are_refused() -> None:
     assert _across(spring, edge, below[::-1], down).tolist() == [1, 0]
     with pytest.raises(InputError, match=r"tangential: .* are 0.1 apart, where forces"):
         _across(replace(spring, tangential=1.0), edge, below, down)
-
-
-@pytest.mark.parametrize(
-    ("spring", "words"),
-    [
-        (Spring("top", normal=-1.0), r"normal: must be 0 or more, not -1"),
-        (Spring("top"), r"\[\[spring\]\]: has no stiffness"),
-        (Spring("topp", normal=1.0), r"\[\[spring\]\] edge: .topp. is unknown"),
-        (Spring("top", (0.0, 3.0), normal=1.0), "span: .* reaches beyond edge"),
-        (Spring("top", normal=float("nan")), "normal: must be a finite number"),
-        (Spring(normal=1.0), "has neither of edge and point"),
-        (Spring("top", x=1.0), "x: is not for an edge; give normal and tangential"),
-        (Spring(point=(0.0, 1.0), normal=1.0), "normal: is not for a point; give x and y"),
-        (Spring(point=(0.0, 1.0)), "has no stiffness; give x, y or both"),
-        (
-            Spring(point=(0.0, 3.0), x=1.0),
-            "lies outside the body",
-        ),
-        (Spring(point="pin", x=1.0), "a rectangle has no named points"),
-        (Spring("top", normal=1.0, against="bottom"), "must be an edge of another body"),
-    ],
-)
-def test_bad_springs_are_refused(spring: Spring, words: str) -> None:
-    with pytest.raises(InputError, match=words) as error:
-        condense(block(springs=(spring,)), comm)
-    assert "\n" not in str(error.value)

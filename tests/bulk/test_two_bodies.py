@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from bodies import ELEMENTS, condense, displacements, reactions
 from models import q1_stiffness
-from msh import rectangle, turned, write_msh
+from msh import rectangle, write_msh
 
 from receding_fenicsx import evolve, read_scene
 from receding_fenicsx.bulk.body import Bulk, back_substitute
@@ -22,10 +22,8 @@ from receding_fenicsx.bulk.stack import Stack, build_all
 from receding_fenicsx.errors import InputError, SolveError
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.interface.law import State
-from receding_fenicsx.interface.mirror import mirror_of
 from receding_fenicsx.interface.system import ContactSystem
 from receding_fenicsx.mpi import on_root
-from receding_fenicsx.output.plots.labels import pressure_of
 from receding_fenicsx.scene.model import (
     Body,
     Contact,
@@ -124,29 +122,6 @@ def test_mirrored_bodies_and_loads_are_one_body_on_a_frictionless_plane(
         gap = np.abs(a.w).max()
         assert np.abs(2.0 * a.w - b.w).max() < 1e-10 * gap
         assert b.load_displacement == pytest.approx(2.0 * a.load_displacement, rel=1e-10)
-
-
-@pytest.mark.parametrize("stiffer", ["upper", "lower"])
-def test_body_on_a_much_stiffer_one_is_on_a_rigid_plane(stiffer: str) -> None:
-    scene = pair_scene("quadrilateral", 2)
-    held = Support("xy", edge="upper.top")
-    ratio = 1e7
-    young = 2.0 * (ratio if stiffer == "lower" else 1.0 / ratio)
-    scene = replace(scene, materials=(Material(young, 0.3, name="lower"),))
-    if stiffer == "upper":
-        # the soft body is now the lower one, and what is stiff above has to be held
-        load = Load("p0", "lower.left", pressure=1.0)
-        scene = replace(scene, supports=(*scene.supports, held), loads=(load,))
-    soft = "upper" if stiffer == "lower" else "lower"
-    pair = built(scene)
-    system = condense(pair)
-    single = condense(pair.parts[0 if soft == "upper" else 1])
-    pair.destroy()
-    if system is not None and single is not None:
-        scale = np.abs(single.K).max()
-        assert np.abs(system.K - single.K).max() < 10.0 / ratio * scale * system.n
-        largest = np.abs(single.r_star).max()
-        assert np.abs(system.r_star).max() == pytest.approx(largest, rel=10.0 / ratio)
 
 
 @pytest.mark.parametrize("young", [1e-9, 1e-18])
@@ -389,23 +364,6 @@ def test_fields_of_both_bodies_carry_the_reactions_of_the_pair(young: float, sid
 # -- histories -----------------------------------------------------------------------------------
 
 
-def test_half_of_a_symmetric_pair_gives_the_whole() -> None:
-    scene = pair_scene("triangle", 2)
-    records = [
-        record_of(replace(scene, solver=SolverOptions(symmetry=symmetry)))
-        for symmetry in ("auto", "none")
-    ]
-    half, whole = records
-    if half is not None and whole is not None:
-        assert half.half and not whole.half
-        scale = np.abs(whole.turning_points.P).max()
-        for name in ("P", "Q"):
-            a, b = getattr(half.turning_points, name), getattr(whole.turning_points, name)
-            assert np.abs(a - b).max() < 1e-9 * scale
-        assert half.cycles.dissipation == pytest.approx(whole.cycles.dissipation, rel=1e-8)
-        assert half.energy_error_max < 1e-10 and whole.energy_error_max < 1e-10
-
-
 @pytest.mark.parametrize("span", [None, (-1.0, 1.0)])
 def test_platen_on_a_pair_carries_what_the_contact_does(span: tuple[float, float] | None) -> None:
     scene = pair_scene("triangle", 2)
@@ -437,51 +395,6 @@ def test_platen_on_a_pair_carries_what_the_contact_does(span: tuple[float, float
     for record in (moved, pressed):
         assert record.energy_error_max < 1e-10
         assert len(record.x) == (25 if span is None else 13)
-
-
-def test_turned_pair_gives_the_same_history(shared_tmp_path: Path) -> None:
-    scene = pair_scene("triangle", 1, solver=SolverOptions(symmetry="none"))
-    shear = Load("s", "upper.right", pressure=0.2)
-    scene = replace(scene, loads=(*scene.loads, shear))
-    table = HistoryOptions("table", columns=("p0", "s"), rows=((1.0, 0.0), (1.0, 1.0), (0.5, -1.0)))
-    scene = replace(scene, history=table)
-
-    def write() -> None:
-        for body in scene.bodies:
-            mesh = rectangle(part_of(scene, body))
-            points = turned(mesh.points, 30.0, (1.0, -2.0))
-            write_msh(shared_tmp_path / f"{body.name}.msh", points, [mesh.cells], mesh.edges)
-
-    on_root(comm, write)
-    comm.barrier()
-    files = [
-        Body(body.name, mesh=str(shared_tmp_path / f"{body.name}.msh")) for body in scene.bodies
-    ]
-    upright = record_of(scene)
-    oblique = record_of(replace(scene, body=files[0], others=(files[1],)))
-    if upright is not None and oblique is not None:
-        a, b = upright.turning_points, oblique.turning_points
-        assert np.abs(upright.x - oblique.x).max() < 1e-12
-        assert np.array_equal(a.state, b.state)
-        for name in ("P", "Q", "v", "w", "load_displacement"):
-            expected = getattr(a, name)
-            assert np.abs(getattr(b, name) - expected).max() < 1e-9 * np.abs(expected).max()
-        assert len(np.unique(a.state)) > 2
-
-
-def test_tractions_are_divided_by_a_pressure_only_where_its_parts_agree() -> None:
-    part = Load("p0", "upper.top", pressure=2.0)
-    for other, expected in ((2.0, (2.0, "p_{0}")), (1.0, (1.0, ""))):
-        loads = (part, Load("p0", "lower.left", pressure=other))
-        assert pressure_of(pair_scene(loads=loads), ("p0",)) == expected
-
-
-def test_axis_node_of_a_half_pair_is_held() -> None:
-    system = system_of(pair_scene(), half=True)
-    if system is not None:
-        assert np.flatnonzero(system.held).tolist() == [0]
-        assert system.rigid.shape[1] == 1
-        assert mirror_of(system).axis.sum() == 1
 
 
 def test_two_surfaces_of_one_file_balance_the_pull_on_their_oblique_pads() -> None:
@@ -536,10 +449,3 @@ def test_pairs_that_cannot_be_modelled_are_refused(change: dict, words: str) -> 
         system_of(pair_scene(**change))
     assert words in str(caught.value)
     assert len(set(comm.allgather(str(caught.value)))) == 1
-
-
-def test_load_that_is_a_force_here_and_a_displacement_there_is_refused() -> None:
-    scene = pair_scene()
-    moved = Load("p0", "lower.right", (-0.5, 0.5), displacement=(0.01, "free"))
-    with pytest.raises(InputError, match=r"is a force on .* and a displacement on"):
-        system_of(replace(scene, loads=(*scene.loads, moved)))

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from receding_fenicsx.errors import InputError
 from receding_fenicsx.scene.history import History, history_from_scene
 from receding_fenicsx.scene.model import Harmonic, HistoryOptions
 from receding_fenicsx.scene.toml_file import from_toml, to_toml
@@ -114,28 +113,3 @@ def test_scene_made_in_python_equals_that_of_the_file() -> None:
     loads = {"P": Harmonic(1.0, 0.5, 20.0), "Q 1": Harmonic(amplitude=0.25, phase=110.0)}
     options = HistoryOptions(kind="harmonic", cycles=3, harmonic=loads)
     assert from_toml(f"{BODY}{OUT_OF_PHASE}").history == options
-
-
-@pytest.mark.parametrize(
-    ("changes", "words"),
-    [
-        (["harmonic.P.amplitude=0", "harmonic.Q 1.amplitude=0"], ["no load has an amplitude"]),
-        (["harmonic={}"], ["harmonic: is missing"]),
-        (["harmonic.R.mean=1"], ["no load is named 'R'"]),
-        (["harmonic={P={amplitude=1}}"], ["load 'Q 1'", "not driven"]),
-        (["constant.P=1"], ["constant", "'P' varies"]),
-        (["constant={R=1}"], ["constant", "no load is named 'R'"]),
-        (["constant={P=1, 'Q 1'=1}"], ["constant", "names every load"]),
-        (["corners=3"], ["corners", "need 4"]),
-        (["maximum=2"], ["maximum", '"cyclic" or "monotonic" only']),
-        (["columns=['P']"], ["columns", '"table" only']),
-        (["kind=cyclic"], ["harmonic", '"harmonic" only']),
-        (["kind=table", "harmonic={}", "corners=8"], ["corners", '"harmonic" only']),
-    ],
-)
-def test_bad_harmonic_history_is_refused_in_one_line(changes: list[str], words: list[str]) -> None:
-    with pytest.raises(InputError) as caught:
-        made(OUT_OF_PHASE, *(f"history.{change}" for change in changes))
-    for word in words:
-        assert word in str(caught.value), str(caught.value)
-    assert "\n" not in str(caught.value)

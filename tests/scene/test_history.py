@@ -60,61 +60,6 @@ def test_table_may_begin_at_zero_and_repeat_the_start_of_the_cycle() -> None:
     np.testing.assert_array_equal(history.loop, [[1.0], [0.5], [0.75], [1.0]])
 
 
-@pytest.mark.parametrize(
-    ("history", "words"),
-    [
-        ("minimum = 1.0", ["minimum", "not below maximum"]),
-        ('load = "p1"', ["load", "no load is named 'p1'", "p0"]),
-        ("rows = [[1.0]]", ["rows", 'kind = "table"']),
-        ('kind = "table"', ["columns", "missing"]),
-        ('kind = "table"\ncolumns = ["p0"]', ["rows", "missing"]),
-        ('kind = "table"\ncolumns = ["p0"]\nload = "p0"\nrows = [[1.0]]', ["load", "columns"]),
-        (
-            'kind = "table"\ncolumns = ["q"]\nrows = [[1.0]]',
-            ["columns", "named 'q'", "are p0"],
-        ),
-        ('kind = "table"\ncolumns = ["p0", "p0"]\nrows = [[1, 1]]', ["columns", "twice"]),
-        ('kind = "table"\ncolumns = ["p0"]\nrows = [[0.0]]', ["rows", "all load factors are zero"]),
-        ('kind = "table"\ncolumns = ["p0"]\nrows = [[1.0, 2.0]]', ["rows row 1", "1 column"]),
-        (
-            'kind = "table"\ncolumns = ["p0"]\nrows = [[1.0], [1.0]]',
-            ["rows", "p0 = 1 occurs twice in a row"],
-        ),
-        (
-            'kind = "table"\ncolumns = ["p0"]\nrows = [[1.0]]\ncycle_rows = [[0.5], [0.9]]',
-            ["cycle_rows", "not closed", "ends at p0 = 0.9", "end at p0 = 1"],
-        ),
-        (
-            'kind = "table"\ncolumns = ["p0"]\nrows = [[1.0]]\ncycle_rows = [[0.5], [1.0]]\n'
-            "cycles = 0",
-            ["cycles", "at least 1"],
-        ),
-    ],
-)
-def test_bad_history_is_refused_in_one_line(history: str, words: list[str]) -> None:
-    with pytest.raises(InputError) as caught:
-        made(history)
-    for word in words:
-        assert word in str(caught.value), str(caught.value)
-    assert "\n" not in str(caught.value)
-
-
-@pytest.mark.parametrize("history", ['load = "p0"', 'kind = "monotonic"\nload = "p0"'])
-def test_load_that_nothing_drives_is_refused(history: str) -> None:
-    with pytest.raises(InputError, match="load 'shear': is not driven"):
-        made(history, SHEAR)
-
-
-def test_table_without_a_column_for_a_load_is_refused() -> None:
-    with pytest.raises(InputError, match="load 'shear': is not driven"):
-        made('kind = "table"\ncolumns = ["p0"]\nrows = [[1.0]]', SHEAR)
-
-
-def test_driven_load_must_be_named_among_several() -> None:
-    with pytest.raises(InputError, match="several loads"):
-        made('kind = "cyclic"', SHEAR)
-
-
 def test_history_takes_lists_and_refuses_rows_of_unequal_length_and_text() -> None:
     system = small_system(np.eye(4), {"P": [0.0, 0.0, 1.0, 1.0], "Q": [0.1, 0.1, 0.0, 0.0]}, 0.3)
     path, loop = [[0, 0], [1, 0], [1, 1]], [[1, 1], [1, -1], [1, 1]]

@@ -47,8 +47,30 @@ TABLE = "contact.friction={"
 REFINE = "mesh.refine=[{at="
 LOAD = '[[load]]\nname = "p0"\nedge = "right"\n'
 WEIGHT = '[[load]]\nname = "p0"\nbody_force = [0.0, -1.0]\n'
+BARE = BLOCK[: BLOCK.index("[history]")]
+SHEARED = BARE + '[[load]]\nname = "Q 1"\nedge = "top"\ntraction = [1.0, 0.0]\n'
+HARMONIC = (
+    SHEARED
+    + """
+[history]
+kind = "harmonic"
+[history.harmonic.p0]
+mean = 1.0
+amplitude = 0.5
+[history.harmonic."Q 1"]
+amplitude = 0.25
+phase = 110
+"""
+)
 BASES = {"block": BLOCK, "two": TWO, "far": FAR, "round": ROUND, "several": SEVERAL}
-POLYGON = 'kind="table"\ncolumns = ["p0"]\nrows = '
+BASES |= {"bare": BARE, "sheared": SHEARED, "harmonic": HARMONIC}
+HISTORY = "[history]\n"
+POLYGON = '[history]\nkind = "table"\ncolumns = ["p0"]\nrows = '
+PROBE = '[[probe]]\nname = "one"\n'
+BOTH = '[history]\nload = "p0"\nconstant = {"Q 1" = 1.0}'
+TENSION = '[[load]]\nname = "p0"\nedge = "far"\ntension = '
+HELD = '[[support]]\nedge = "right"\nfix = "x"\n'
+SHAKE = "shakedown.mean={p0=1.0} & "
 
 RULES: list[tuple[str, str, str, str]] = [
     # base, what is added to it (refused), the words, the nearest that is accepted
@@ -228,6 +250,155 @@ RULES: list[tuple[str, str, str, str]] = [
     ("block", "output.cycles=[401]", "cycle 401 does not occur", "output.cycles=[0, 400]"),
     ("block", "history.cycles=0", "[history] cycles", "history.cycles=1"),
     ("block", "history.cycles=1e9", "[history] cycles", "history.cycles=500"),
+    # numbers and names beyond use
+    (
+        "block",
+        "load.p0.pressure=exp(300*x)",
+        "load 'p0' pressure: 1.94243e+130 is beyond 1e+50",
+        "",
+    ),
+    ("block", "load.p0.pressure=1e-300", "load 'p0' pressure: is zero everywhere", ""),
+    ("block", "material.young=1e-300", "[material] young: 1e-300 is below 1e-50", ""),
+    ("block", "history.maximum=1e60", "[history] maximum: 1e+60 is beyond 1e+50", ""),
+    ("block", "body.position=[1e60, 0]", "[body] position entry 1: 1e+60 is beyond 1e+50", ""),
+    ("block", 'body.mesh="a\\u0000b.msh"', "[body] mesh: holds a NUL character", ""),
+    ("block", 'load.p0.name="a\\nb"', "[[load]] name: 'a\\nb' holds a character", ""),
+    ("block", "output.samples_per_leg=2000000000", "must be at most 1000000, not 2000", ""),
+    ("block", "solver.steps_per_leg=2000000000", "steps_per_leg: must be at most 1000000", ""),
+    ("block", "history.cycles=1000000000000", "[history] cycles: must be at most 1000000000", ""),
+    (
+        "bare",
+        "[history]\ncycles = 1000000000",
+        "[history] cycles: requires a record of",
+        '[history]\ncycles = 1000000000\nuntil = "steady"',
+    ),
+    ("block", 'history.cycles={file = "rows.csv"}', "cycles: must be a whole number, not", ""),
+    # bodies of revolution, half-planes
+    (
+        "round",
+        '[[support]]\nedge = "left"\nfix = "y"',
+        '"left" is the axis',
+        HELD,
+    ),
+    ("round", '[[support]]\npoint = [-1.0, 1.0]\nfix = "y"', "0 <= x <= 2", ""),
+    ("round", "contact.edge=left", '"left" is the axis', ""),
+    ("far", TENSION + "0.0", "load 'p0' tension: is zero", ""),
+    ("far", TENSION + "nan", "tension", ""),
+    ("far", "load.p0.tension=1.0", "has force and tension", ""),
+    # supports
+    (
+        "block",
+        HELD + LOAD + "traction = [1.0, 0.0]",
+        'a support holds "right" in the direction',
+        HELD + LOAD + "traction = [1.0, -1.0]",
+    ),
+    ("block", HELD.replace('"x"', '"xy"') + LOAD + "pressure = 1.0", "a support holds", ""),
+    # loads on bodies, bolts, springs, interference
+    ("block", WEIGHT.replace("0.0", '"1/0*x"'), "load 'p0' body_force: ", ""),
+    ("block", "load.p0.thermal_strain=log(y - 2)", "load 'p0'", ""),
+    ("block", WEIGHT + 'body = "a"', "load 'p0' body: the scene has one body only", ""),
+    ("two", BOLT.replace("preload", "shortening").replace("1.0", "0.0"), "shortening: must be", ""),
+    ("two", BOLT + "tightening = [0.1]", "bolt 'b' tightening: is found from the preload", ""),
+    ("two", BOLT.replace('"b"\nh', '" "\nh'), "[[bolt]] name: is missing or empty", ""),
+    ("two", BOLT.replace('"b"\nh', '"interference"\nh'), "the name is reserved", ""),
+    ("two", BOLT.replace('head = "a.left"', ""), "bolt 'b': the key 'head' is missing; add it", ""),
+    ("two", 2 * BOLT, "bolt 'b': a load or another bolt has", ""),
+    ("block", SPRING.replace("left", "lft") + "normal = 1.0", "[[spring]] edge: ", ""),
+    ("block", SPRING + "span = [0.0, 3.0]\nnormal = 1.0", "reaches beyond edge", ""),
+    ("block", SPRING + "normal = nan", "normal: must be a finite number", ""),
+    ("block", "[[spring]]\npoint = [0.0, 1.0]\nnormal = 1.0", "normal: is not for a point", ""),
+    ("block", "[[spring]]\npoint = [0.0, 1.0]", "has no stiffness; give x, y or both", ""),
+    ("block", '[[spring]]\npoint = "pin"\nx = 1.0', "a rectangle has no named points", ""),
+    ("block", SPRING + 'normal = 1.0\nagainst = "top"', "an edge of another body", ""),
+    ("block", "contact.interference=-0.1", "interference: is -0.1", ""),
+    ("block", "contact.interference=1/x", "interference: ", ""),
+    # refinements
+    ("block", REFINE + '"middle", size=0.1}]', '"middle" is unknown; use "ends"', ""),
+    ("block", REFINE + "1, size=0.1, growth=1.0}]", "growth: must be at least 1.01", ""),
+    ("block", REFINE + '1, size=0.1, edge="botom"}]', "did you mean 'bottom'", ""),
+    ("block", REFINE + "1, size=0.1, grow=2}]", "did you mean 'growth'", ""),
+    ("block", REFINE + "true, size=0.1}]", "at: must be a number", ""),
+    ("block", "mesh.refine=0.1", "must be a list", "mesh.refine=[{size=0.1}]"),
+    # histories
+    ("bare", HISTORY + 'load = "p1"', "no load is named 'p1'", ""),
+    ("bare", HISTORY + "rows = [[1.0]]", 'kind = "table"', ""),
+    ("bare", HISTORY + 'kind = "table"', "[history] columns: is missing", ""),
+    ("bare", HISTORY + 'kind = "table"\ncolumns = ["p0"]', "[history] rows: is missing", ""),
+    ("bare", POLYGON + '[[1.0]]\nload = "p0"', "[history] load", POLYGON + "[[1.0]]"),
+    ("bare", POLYGON.replace("p0", "q") + "[[1.0]]", "named 'q'", ""),
+    ("bare", POLYGON.replace('"p0"', '"p0", "p0"') + "[[1, 1]]", "twice", ""),
+    ("bare", POLYGON + "[[0.0]]", "all load factors are zero", ""),
+    ("bare", POLYGON + "[[1.0, 2.0]]", "rows row 1", ""),
+    ("bare", POLYGON + "[[1.0], [1.0]]", "p0 = 1 occurs twice in a row", ""),
+    (
+        "bare",
+        POLYGON + "[[1.0]]\ncycle_rows = [[0.5], [0.9]]",
+        "ends at p0 = 0.9",
+        POLYGON + "[[1.0]]\ncycle_rows = [[0.5], [1.0]]",
+    ),
+    ("bare", POLYGON + "[[1]]\ncycle_rows = [[0.5], [1]]\ncycles = 0", "at least 1", ""),
+    ("sheared", HISTORY + 'load = "p0"', "load 'Q 1': is not driven", BOTH),
+    ("sheared", HISTORY + 'kind = "monotonic"\nload = "p0"', "is not driven", BOTH),
+    ("sheared", POLYGON + "[[1.0]]", "load 'Q 1': is not driven", BOTH),
+    ("sheared", HISTORY + 'kind = "cyclic"', "several loads", BOTH),
+    (
+        "harmonic",
+        "history.harmonic.p0.amplitude=0 & history.harmonic.Q 1.amplitude=0",
+        "no load has an amplitude",
+        "history.harmonic.p0.amplitude=0",
+    ),
+    ("harmonic", "history.harmonic={}", "harmonic: is missing", ""),
+    ("harmonic", "history.harmonic.R.mean=1", "no load is named 'R'", ""),
+    ("harmonic", "history.harmonic={p0={amplitude=1}}", "load 'Q 1': is not driven", ""),
+    ("harmonic", "history.constant.p0=1", "'p0' varies", ""),
+    ("harmonic", "history.constant={R=1}", "no load is named 'R'", ""),
+    ("harmonic", "history.constant={p0=1, 'Q 1'=1}", "names every load", ""),
+    ("harmonic", "history.corners=3", "need 4", "history.corners=4"),
+    ("harmonic", "history.maximum=2", '"cyclic" or "monotonic" only', ""),
+    ("harmonic", "history.columns=['p0']", '"table" only', ""),
+    ("harmonic", "history.kind=cyclic", '"harmonic" only', ""),
+    # probes
+    ("block", "[[probe]]\npoint = [0.0, 0.0]", "[[probe]] number 1: the key 'name' is missing", ""),
+    ("block", PROBE, "has none of point, points, segment, edge; give exactly one", ""),
+    ("block", PROBE + "point = [0, 0]\npoints = [[0, 0]]", "has point and points of", ""),
+    ("block", PROBE + "point = [0, 0]\ncount = 3", "count: belongs to a segment; remove it", ""),
+    (
+        "block",
+        PROBE + "segment = [[0, 0], [1, 1]]",
+        "count: a segment needs its number of points",
+        PROBE + "segment = [[0, 0], [1, 1]]\ncount = 2",
+    ),
+    ("block", PROBE + "segment = [[0, 0], [0, 0]]\ncount = 2", "needs two different ends", ""),
+    ("block", PROBE + "point = [0, 1.1]", "(0, 1.1) lies outside the body, -2 <= x", ""),
+    ("round", PROBE + "point = [-0.1, 0]", "outside the body, 0 <= x <= 2", ""),
+    (
+        "block",
+        PROBE
+        + "point = [0, 0]\n"
+        + PROBE.upper().replace("[[PROBE]]\nNAME", "[[probe]]\nname")
+        + "point = [0, 0]",
+        "probe 'ONE': two probes have this name; rename one",
+        PROBE + "point = [0, 0]",
+    ),
+    ("block", '[[probe]]\nname = "a/b"\npoint = [0, 0]', "'a/b' cannot be the name of a file", ""),
+    ("block", PROBE + 'point = [0, 0]\nbody = "a"', "one' body: the scene has one body only", ""),
+    ("two", PROBE + "point = [0, 0]", "body: must name the body of the point; give one", ""),
+    ("two", PROBE + 'point = [0, 0]\nbody = "a"', "'one': (0, 0) lies outside the body, -2", ""),
+    (
+        "block",
+        PROBE + "segment = [[0, 0], [1, 1]]\ncount = 1001",
+        "at most 1000, not 1001",
+        "",
+    ),
+    # accuracy, load ranges
+    ("block", "accuracy.tolerance=0", "must be positive, not 0", "accuracy.tolerance=0.9"),
+    ("block", "accuracy.tolerance=nan", "must be a finite number, not NaN", ""),
+    ("block", "accuracy.tolerance=2", "must be below 1", ""),
+    ("block", 'accuracy.numbers=["contact_width"]', "did you mean 'contact_half_width'", ""),
+    ("block", 'accuracy.numbers=["load_displacement[q]"]', "unknown load 'q'", ""),
+    ("block", "accuracy.budget_seconds=0", "budget_seconds: must be positive", ""),
+    ("block", SHAKE + "shakedown.range=[{sheer=1.0}]", "range: unknown load 'sheer'", ""),
+    ("block", SHAKE + "shakedown.diagram=q", "[shakedown] diagram: unknown load 'q'", ""),
 ]
 """Refused by the key that is named; the last column is the neighbour, or nothing at all."""
 

@@ -67,19 +67,6 @@ def test_scene_keeps_its_load_range() -> None:
     assert "[shakedown]" not in rf.to_toml(replace(scene, shakedown=rf.ShakedownOptions()))
 
 
-@pytest.mark.parametrize(
-    ("change", "words"),
-    [
-        ("shakedown.range=[{sheer=1.0}]", "[shakedown] range: unknown load 'sheer'; did you"),
-        ("shakedown.diagram=q", "[shakedown] diagram: unknown load 'q'"),
-    ],
-)
-def test_wrong_tables_are_refused(change: str, words: str) -> None:
-    with pytest.raises(rf.InputError) as caught:
-        rf.from_toml(SCENE, [change])
-    assert words in str(caught.value)
-
-
 def test_command_writes_what_the_next_run_can_start_from(
     shared_tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

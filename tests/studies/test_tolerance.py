@@ -190,31 +190,6 @@ def test_a_tolerance_beyond_the_budget_keeps_the_best_run(
     assert not (shared_tmp_path / "run.part").exists()
 
 
-@pytest.mark.parametrize(
-    ("words", "message"),
-    [
-        (["--tolerance", "-0.001"], "must be positive, not -0.001"),
-        (["--tolerance", "0"], "must be positive, not 0"),
-        (["--tolerance", "nan"], "must be a finite number, not NaN"),
-        (["--tolerance", "2"], "must be below 1"),
-        (["--set", 'accuracy.numbers=["contact_width"]'], "did you mean 'contact_half_width'"),
-        (["--set", 'accuracy.numbers=["colour"]'], "known are centre_pressure, largest_pressure"),
-        (["--set", 'accuracy.numbers=["load_displacement[q]"]'], "unknown load 'q'"),
-        (["--set", 'accuracy.numbers=["centre_pressure[top]"]'], "is one number"),
-        (["--set", "accuracy.budget_seconds=0"], "budget_seconds: must be positive"),
-        (["--tolerance", "1e-3", "--system", "some.h5"], "makes its own systems"),
-    ],
-)
-def test_bad_input_is_refused_before_anything_is_written(
-    words: list[str], message: str, shared_tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    out = shared_tmp_path / "run"
-    assert cli.main(["run", str(DEMOS / "block.toml"), "--out", str(out), *words]) == 2
-    if COMM.rank == 0:
-        assert message in capsys.readouterr().err
-    assert not out.exists() and not out.with_name("run.part").exists()
-
-
 def test_a_number_that_the_run_lacks_leaves_nothing_behind(shared_tmp_path: Path) -> None:
     out = shared_tmp_path / "run"
     with pytest.raises(InputError, match="no 'dissipation_ratio'; it has centre_pressure"):

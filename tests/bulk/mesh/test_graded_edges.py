@@ -16,8 +16,6 @@ import receding_fenicsx as rf
 from receding_fenicsx.bulk.mesh.grading import Base, graded
 from receding_fenicsx.bulk.mesh.meshing import raw_meshes
 from receding_fenicsx.bulk.mesh.user_mesh import read_user_meshes
-from receding_fenicsx.errors import InputError
-from receding_fenicsx.studies.accuracy.meshes import scaled_mesh
 
 comm = MPI.COMM_WORLD
 DEMOS = Path(__file__).parents[3] / "demos"
@@ -167,46 +165,3 @@ def test_a_span_over_the_whole_edge_leaves_the_sizes_at_corners() -> None:
     spanned = raw_meshes(replace(scene, contacts=contacts), False)
     for a, b in zip(raw_meshes(scene, False), spanned, strict=True):
         assert np.array_equal(a.points, b.points)
-
-
-@pytest.mark.parametrize(
-    ("places", "parts", "message"),
-    [
-        ([rf.Refinement(0.0)], {}, r"entry 1.size: must be positive"),
-        ([rf.Refinement(1e-9)], {}, r"size: 1e-09 is less than 1e-06 of the contact edge"),
-        ([rf.Refinement(0.1, (1.0, 0.5))], {}, r"at: is empty"),
-        ([rf.Refinement(0.1, "middle")], {}, r'"middle" is unknown; use "ends"'),
-        ([rf.Refinement(0.1, "corners")], {}, r"rectangles have no re-entrant corners"),
-        ([rf.Refinement(0.1, growth=1.0)], {}, r"growth: must be at least 1.01"),
-        ([rf.Refinement(0.1, edge="botom")], {}, r"did you mean 'bottom'"),
-        (
-            [rf.Refinement(0.1, 2.5)],
-            {},
-            r"at: 2.5 lies beyond the contact edge, which runs from -2 to 2",
-        ),
-        ([rf.Refinement(0.1)], {"cell": "quadrilateral"}, r"refine: is for triangles"),
-    ],
-)
-def test_messages(places: list[rf.Refinement], parts: dict[str, str], message: str) -> None:
-    scene = refined(*places)
-    scene = replace(scene, mesh=replace(scene.mesh, **parts))  # type: ignore[arg-type]
-    with pytest.raises(InputError, match=message):
-        rf.condense(scene)
-
-
-def test_refine_is_read_and_written() -> None:
-    loaded = '[[load]]\nname = "a"\nedge = "top"\npressure = 1.0\n'
-    text = loaded + "[mesh]\nrefine = [{size = 0.1}, {at = [0.1, 0.2], size = 0.2, growth = 1.5}]"
-    scene = rf.from_toml(text)
-    assert scene.mesh.refine == (rf.Refinement(0.1), rf.Refinement(0.2, (0.1, 0.2), 1.5))
-    assert rf.from_toml(rf.to_toml(scene)).mesh == scene.mesh
-    for wrong, message in (
-        ("[{at = 1.0}]", r"entry 1: the key 'size' is missing"),
-        ("[{size = 1.0, grow = 2}]", "did you mean 'growth'"),
-        ("[{size = 1.0, at = true}]", "at: must be a number"),
-        ("0.1", "must be a list"),
-    ):
-        with pytest.raises(InputError, match=message):
-            rf.from_toml(f"{loaded}[mesh]\nrefine = {wrong}")
-    # estimates compare meshes whose sizes are all enlarged alike
-    assert scaled_mesh(scene, 80).mesh.places[1] == rf.Refinement(0.4, (0.1, 0.2), 2.0)
