@@ -99,7 +99,7 @@ def probes_table(
     kind = np.repeat(np.array([TURNING_POINT, SAMPLE, EVENT], dtype=np.int8), counts)
     cycle, leg, s = every["cycle"].astype(np.int64), every["leg"].astype(np.int64), every["s"]
     rows = _in_order(kind, cycle, leg, s)
-    values = every["probed"][rows].reshape(len(rows), -1, 6)
+    values = every["probed"][rows].reshape(len(rows), len(probes.points), 6)
     return Probes(
         names=probes.names,
         points=probes.points,

@@ -17,19 +17,14 @@ from receding_fenicsx.bulk.stress import STRESSES, stresses
 from receding_fenicsx.evolution.evolve import evolve
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.interface.measures.zones import on_axis
-from receding_fenicsx.output.plots.series import loop_of
 from receding_fenicsx.output.report.summary import summarise
-from receding_fenicsx.scene.history import history_from_scene
 from receding_fenicsx.scene.model import (
     Body,
     Contact,
-    HistoryOptions,
     Load,
     Material,
     MeshOptions,
-    OutputOptions,
     Scene,
-    SolverOptions,
 )
 from receding_fenicsx.studies.run import condense as condense_scene
 
@@ -208,29 +203,6 @@ def test_node_on_the_axis_has_a_contact_condition_only_where_it_has_weight(degre
     rigid = np.concatenate([np.zeros(n), np.ones(n)])
     assert contact.rigid == pytest.approx(rigid[:, None])
     bulk.destroy()
-
-
-def test_cyclic_dissipation_by_loop_area_and_by_load_steps() -> None:
-    """Radial slip: the work of the load on the full circle, and Gauss-Seidel's steps."""
-    scene = cylinder(
-        degree=2,
-        mesh=MeshOptions(32, "triangle", 2, 1.3),
-        contacts=(Contact(friction=0.3),),
-        loads=(Load("p", "top", (0.0, 1.0), pressure=1.0),),
-        history=HistoryOptions(kind="cyclic", cycles=60, until="steady", minimum=0.1),
-    )
-    system = condense_scene(scene)
-    if system is None:
-        return
-    exact = evolve(system, replace(scene, output=OutputOptions(samples_per_leg=200)))
-    D = exact.cycles.dissipation
-    loop = loop_of(exact, len(D))
-    assert exact.energy_error_max < 1e-10
-    assert loop.area().sum() == pytest.approx(D[-1], rel=1e-3)
-    solver = SolverOptions(method="gauss-seidel", steps_per_leg=80)
-    history = replace(history_from_scene(scene), cycles=1)
-    stepped = evolve(system, history, solver)
-    assert stepped.cycles.dissipation[0] == pytest.approx(D[0], rel=2e-3)
 
 
 def test_value_on_the_axis_of_an_even_field() -> None:

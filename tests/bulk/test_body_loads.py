@@ -19,7 +19,6 @@ from receding_fenicsx.bulk.stack import build_all
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.mpi import given
-from receding_fenicsx.output.plots.series import loop_of
 from receding_fenicsx.scene.model import (
     Body,
     Contact,
@@ -27,10 +26,8 @@ from receding_fenicsx.scene.model import (
     Load,
     Material,
     MeshOptions,
-    OutputOptions,
     Probe,
     Scene,
-    SolverOptions,
     Support,
 )
 from receding_fenicsx.scene.symmetry import is_half_meshed, is_mirror_symmetric
@@ -258,36 +255,6 @@ def test_full_disc_rotates_inside_a_tight_ring(kinematics: str, tmp_path: Path) 
 
 # -- halves, wholes, pairs, work -----------------------------------------------------------------
 
-CYCLE = HistoryOptions(kind="cyclic", load="T", maximum=1.0, minimum=-1.0, cycles=3)
-PRESSED = replace(CYCLE, constant={"P": 1.0})
-CASES = {
-    "heat": Load("T", thermal_strain="0.02*(1 + x**2)*(2 - y)"),
-    "force": Load("T", body_force=("0.6*x", "0.3*y")),
-}
-
-
-def pressed(kind: str, **parts: Any) -> Scene:
-    loads = (Load("P", "top", pressure=0.5), CASES[kind])
-    return block(degree=2, loads=loads, history=PRESSED, **parts)
-
-
-@pytest.mark.one_rank
-@pytest.mark.parametrize("kind", CASES)
-def test_half_and_whole_are_equal(kind: str) -> None:
-    scene = pressed(kind, probes=(replace(POINTS, points=((-0.3, 0.4), (0.3, 0.4))),))
-    assert is_mirror_symmetric(scene)
-    whole = replace(scene, solver=SolverOptions(symmetry="none"))
-    a, b = played(scene), played(whole)
-    assert a.half and not b.half
-    for name in ("P", "Q", "v", "w", "load_displacement"):
-        one, two = (getattr(r.turning_points, name) for r in (a, b))
-        np.testing.assert_allclose(one, two, atol=1e-9 * np.abs(two).max())
-    one, two = at_probe(a), at_probe(b)
-    for name in ("ux", "sxx", "syy", "szz", "sxy"):
-        np.testing.assert_allclose(one[name], two[name], atol=1e-9 * np.abs(two["syy"]).max())
-    means = [np.sort(stresses_of(x, r)["cell syy"]) for x, r in ((scene, a), (whole, b))]
-    np.testing.assert_allclose(means[0], means[1], atol=1e-8 * np.abs(means[1]).max())
-
 
 @pytest.mark.parametrize(
     "load",
@@ -299,17 +266,6 @@ def test_half_and_whole_are_equal(kind: str) -> None:
 )
 def test_uneven_loads_are_not_mirror_symmetric(load: Load) -> None:
     assert not is_mirror_symmetric(block(load=load))
-
-
-@pytest.mark.one_rank
-@pytest.mark.parametrize("kind", CASES)
-def test_work_over_a_cycle_is_its_dissipation(kind: str) -> None:
-    scene = pressed(kind, solver=SolverOptions(symmetry="none"))
-    record = played(replace(scene, output=OutputOptions(samples_per_leg=400)))
-    assert record.energy_error_max < 1e-9
-    D = record.cycles.dissipation[-1]
-    assert D > 1e-6
-    assert loop_of(record, 3).area().sum() == pytest.approx(D, rel=1e-3)
 
 
 @pytest.mark.parametrize("kind", ["heat", "force"])

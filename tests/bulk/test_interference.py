@@ -18,7 +18,6 @@ from receding_fenicsx.bulk.mesh.meshing import make_meshes
 from receding_fenicsx.bulk.stack import build_all
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.mpi import given, on_root
-from receding_fenicsx.output.plots.series import loop_of
 from receding_fenicsx.scene.history import history_from_scene
 from receding_fenicsx.scene.identity import body_difference
 from receding_fenicsx.scene.model import (
@@ -28,10 +27,8 @@ from receding_fenicsx.scene.model import (
     Load,
     Material,
     MeshOptions,
-    OutputOptions,
     Probe,
     Scene,
-    SolverOptions,
     Support,
 )
 from receding_fenicsx.scene.symmetry import is_half_meshed
@@ -155,22 +152,6 @@ def test_first_leg_closes_the_interference_alone() -> None:
 
 
 @pytest.mark.one_rank
-def test_half_and_whole_are_equal() -> None:
-    scene = wedged()
-    a, b = played(scene), played(replace(scene, solver=SolverOptions(symmetry="none")))
-    assert a.half and not b.half and a.turning_points.p.max() > 0.0
-    for name in ("P", "Q", "v", "w", "load_displacement"):
-        one, two = (getattr(r.turning_points, name) for r in (a, b))
-        np.testing.assert_allclose(one, two, atol=1e-9 * np.abs(two).max())
-    one, two = a.probe("s"), b.probe("s")
-    for name in ("displacement", "stress"):
-        x, y = getattr(one, name), getattr(two, name)
-        np.testing.assert_allclose(x[-1], y[-1], atol=1e-9 * np.abs(y).max())
-    assert a.energy_error_max < 1e-10
-    assert a.cycles.dissipation[-1] > 0.0
-
-
-@pytest.mark.one_rank
 @pytest.mark.parametrize("friction", [0.0, 0.3])
 def test_pushing_the_far_side_by_the_depth_gives_the_same(friction: float) -> None:
     """A uniform interference against the displacement of the held edge by the same."""
@@ -214,15 +195,6 @@ def test_a_gap_that_a_load_closes_is_an_interference(shape: str) -> None:
         np.testing.assert_allclose(one, two, atol=1e-12 * np.abs(two).max())
     one, two = a.probe("s"), b.probe("s")
     np.testing.assert_allclose(one.displacement[-1], two.displacement[-1], atol=1e-14)
-
-
-@pytest.mark.one_rank
-def test_work_over_a_cycle_is_its_dissipation() -> None:
-    scene = wedged(output=OutputOptions(samples_per_leg=400))
-    record = played(scene)
-    D = record.cycles.dissipation[-1]
-    assert D > 1e-7
-    assert loop_of(record, 3).area().sum() == pytest.approx(D, rel=1e-3)
 
 
 @pytest.mark.one_rank

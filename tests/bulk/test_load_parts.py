@@ -16,7 +16,6 @@ from receding_fenicsx.evolution.evolve import evolve
 from receding_fenicsx.interface.system import ContactSystem
 from receding_fenicsx.mpi import given
 from receding_fenicsx.scene.model import HistoryOptions, Load, Scene, SolverOptions
-from receding_fenicsx.scene.symmetry import is_mirror_symmetric
 from receding_fenicsx.scene.toml_file import from_toml, to_toml
 from receding_fenicsx.studies.run import condense
 
@@ -107,21 +106,6 @@ def test_halves_of_an_edge_are_the_whole_edge(whole: Load) -> None:
     np.testing.assert_allclose(two.r_star, one.r_star, atol=1e-10 * scale)
     np.testing.assert_allclose(two.load_compliance, one.load_compliance, rtol=1e-9)
     np.testing.assert_allclose(two.K, one.K, atol=1e-10 * np.abs(one.K).max())
-
-
-def test_halves_of_a_symmetric_load_model_half_of_the_body_only_where_each_is_symmetric() -> None:
-    middle = Load("p", "top", (-0.5, 0.5), pressure=1.0)
-    strips = tuple(Load("p", "top", span, pressure=1.0) for span in ((-1.5, -1.0), (1.0, 1.5)))
-    assert is_mirror_symmetric(block(loads=(middle, Load("p", "top", traction=(0.0, -0.1)))))
-    once = HistoryOptions(kind="monotonic")
-    for loads in ((middle, Load("p", "top", traction=("0.1*x", -0.1))), (middle, *strips)):
-        scene = block(loads=loads, history=once)
-        whole = replace(scene, solver=replace(scene.solver, symmetry="none"))
-        a, b = (evolve(system_of(s), s).turning_points for s in (scene, whole))
-        np.testing.assert_allclose(a.P, b.P, atol=1e-10)
-        np.testing.assert_allclose(a.Q, b.Q, atol=1e-10)
-        np.testing.assert_allclose(a.load_displacement, b.load_displacement, rtol=1e-9)
-    assert not is_mirror_symmetric(block(loads=(middle, replace(strips[0], name="p"))))
 
 
 SIDES = (

@@ -29,7 +29,6 @@ from receding_fenicsx.scene.model import (
     Load,
     Material,
     Scene,
-    SolverOptions,
     Support,
 )
 from receding_fenicsx.scene.symmetry import is_mirror_symmetric
@@ -247,24 +246,6 @@ def test_top_pushed_down_over_a_smooth_plane_gives_uniform_stress(
     for name, value in (("sxx", 0.0), ("syy", -p), ("sxy", 0.0)):
         assert np.abs(found.nodal[name].x.array - value).max() < 1e-11, name
     bulk.destroy()
-
-
-def test_half_of_a_platen_is_half_of_the_whole() -> None:
-    even = replace(WEIGHT, pressure="1 + x**2")
-    history = HistoryOptions(kind="table", columns=("P", "p"), rows=((1.0, 0.2), (0.3, 0.5)))
-    scene = block(degree=2, loads=(PRESS, even), history=history)
-    tables = []
-    for symmetry in ("auto", "none"):
-        asked = replace(scene, solver=SolverOptions(symmetry=symmetry))
-        system = condense_scene(asked)
-        if system is not None:
-            assert system.half == (symmetry == "auto")
-            tables.append(evolve(system, asked).turning_points)
-    if tables:
-        half, whole = tables
-        for name in ("p", "q", "v", "load_displacement"):
-            a, b = getattr(half, name), getattr(whole, name)
-            assert np.abs(a - b).max() < 1e-9 * np.abs(b).max(), name
 
 
 @pytest.mark.parametrize(

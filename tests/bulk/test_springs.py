@@ -13,18 +13,14 @@ from bodies import block, cylinder, played
 
 from receding_fenicsx.bulk.springs import _across
 from receding_fenicsx.errors import InputError
-from receding_fenicsx.mpi import given
-from receding_fenicsx.output.plots.series import loop_of
 from receding_fenicsx.scene.model import (
     Body,
     Contact,
     HistoryOptions,
     Load,
     Material,
-    OutputOptions,
     Probe,
     Scene,
-    SolverOptions,
     Spring,
     Support,
 )
@@ -90,36 +86,6 @@ def test_stiff_springs_are_a_support_and_soft_ones_none() -> None:
     soft = played(replace(scene, springs=(replace(rigid, normal=1e-9, tangential=1e-9),)))
     none = played(scene)
     np.testing.assert_allclose(soft.turning_points.P, none.turning_points.P, atol=1e-8)
-
-
-@pytest.mark.one_rank
-def test_half_whole_and_work() -> None:
-    scene = block(
-        degree=2,
-        loads=(
-            Load("P", "top", (-1.0, 1.0), pressure=0.5),
-            Load("T", "top", (-1.0, 1.0), traction=("0.5*x", 0.0)),
-        ),
-        springs=(
-            Spring("top", (-1.0, 1.0), 0.2, 0.1),
-            Spring("left", (0.0, 0.5), 0.3),
-            Spring("right", (0.0, 0.5), 0.3),
-        ),
-        history=HistoryOptions(
-            kind="cyclic", load="T", minimum=-1.0, constant={"P": 1.0}, until="steady"
-        ),
-        output=OutputOptions(samples_per_leg=400),
-    )
-    a, b = played(scene), played(replace(scene, solver=SolverOptions(symmetry="none")))
-    assert a.half and not b.half
-    for name in ("P", "Q", "v", "w", "load_displacement"):
-        one, two = (getattr(r.turning_points, name) for r in (a, b))
-        np.testing.assert_allclose(one, two, atol=1e-9 * np.abs(two).max())
-    D = a.cycles.dissipation[-1]
-    assert D > 1e-6 and a.energy_error_max < 1e-10
-    assert loop_of(a, len(a.cycles.dissipation)).area().sum() == pytest.approx(D, rel=1e-3)
-    uneven = replace(scene, springs=scene.springs[:2])
-    assert not given(condense(uneven, MPI.COMM_SELF)).half
 
 
 def test_springs_hold_a_pair() -> None:
@@ -221,36 +187,6 @@ def test_springs_between_bodies_balance_whichever_edge_names_them() -> None:
     table = a.turning_points
     np.testing.assert_allclose(force[1], table.P[-1].sum() - 1.2, rtol=1e-9)
     np.testing.assert_allclose(force[0], table.Q[-1].sum() + 0.4, rtol=1e-9)
-
-
-@pytest.mark.one_rank
-def test_what_springs_between_bodies_hold_does_not_depend_on_the_unit_of_length() -> None:
-    """Powers of two leave K, a force over a displacement for unit thickness, to the bit."""
-    scene, unit = tied(E), 2.0**-40
-    bodies = [
-        replace(
-            b, width=b.width * unit, height=b.height * unit, position=(0.0, b.position[1] * unit)
-        )
-        for b in scene.bodies
-    ]
-    small = replace(
-        scene,
-        body=bodies[0],
-        others=(bodies[1],),
-        contacts=(replace(scene.contacts[0], span=(-0.5 * unit, 0.5 * unit)),),
-        springs=tuple(
-            replace(
-                s,
-                span=(given(s.span)[0] * unit, given(s.span)[1] * unit),
-                normal=s.normal / unit,
-                tangential=s.tangential / unit,
-            )
-            for s in scene.springs
-        ),
-    )
-    a, b = (given(condense(s, comm)) for s in (scene, small))
-    assert a.rigid.shape == b.rigid.shape == (2 * a.n, 0)
-    assert np.abs(a.K - b.K).max() <= 1e-12 * np.abs(a.K).max()
 
 
 @pytest.mark.one_rank

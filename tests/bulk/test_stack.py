@@ -170,21 +170,6 @@ def test_a_stack_that_nothing_holds_carries_balanced_loads(symmetry: str) -> Non
         rf.condense(replace(scene, loads=parts[:1]))
 
 
-def test_half_of_a_stack_is_the_whole_one() -> None:
-    half, whole = (
-        played(layers((1.0, 1.0, 0.7), loads=LOADS, solver=rf.SolverOptions(symmetry=s)))
-        for s in ("auto", "none")
-    )
-    assert half.half and not whole.half
-    for key in ("P", "Q", "v", "w"):
-        a, b = (getattr(record.turning_points, key) for record in (half, whole))
-        assert np.abs(a - b).max() < 1e-9 * np.abs(b).max()
-    assert np.array_equal(half.turning_points.state, whole.turning_points.state)
-    assert max(half.residual_max, whole.residual_max) < 1e-12
-    assert max(half.energy_error_max, whole.energy_error_max) < 1e-11
-    assert whole.cycles.dissipation[-1] > 0.0
-
-
 @pytest.mark.one_rank
 def test_the_record_of_a_stack_keeps_the_laws_by_code_that_shares_nothing() -> None:
     solver, mesh = rf.SolverOptions(symmetry="none"), rf.MeshOptions(4, degree=2)

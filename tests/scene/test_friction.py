@@ -7,7 +7,6 @@ from pathlib import Path
 
 from mpi4py import MPI
 
-import numpy as np
 import pytest
 
 import receding_fenicsx as rf
@@ -21,13 +20,6 @@ COARSE = ["mesh.contact_elements=24", "history.cycles=2", "output.samples_per_le
 
 def block(friction: str, *changes: str) -> rf.Scene:
     return rf.read_scene(BLOCK, [*COARSE, f"contact.friction={friction}", *changes])
-
-
-def test_both_directions_are_read_and_written() -> None:
-    tables = '{forward = "0.3 + 0.1*x", backward = {x = [-2, 2], value = [0.5, 0.1]}}'
-    scene = block(tables)
-    assert rf.from_toml(rf.to_toml(scene)) == scene
-    assert isinstance(scene.contacts[0].friction, dict)
 
 
 def test_values_of_a_direction_may_come_from_a_file(tmp_path: Path) -> None:
@@ -81,33 +73,6 @@ def test_half_is_modelled_only_where_forward_is_the_image_of_backward() -> None:
     assert not is_mirror_symmetric(block('{forward = "0.3 + 0.05*x*x", backward = "0.3"}'))
 
 
-@pytest.mark.parametrize("method", ["events", "gauss-seidel"])
-def test_the_modelled_half_tells_of_the_whole(method: str, tmp_path: Path) -> None:
-    friction = '{forward = "0.4 + 0.1*x", backward = "0.4 - 0.1*x"}'
-    records = {}
-    for symmetry in ("auto", "none"):
-        scene = block(friction, f"solver.symmetry={symmetry}", f"solver.method={method}")
-        record = rf.run(scene, tmp_path / symmetry, rf.RunOptions(pictures=False))
-        assert record is not None and record.half == (symmetry == "auto")
-        records[symmetry] = record
-    half, whole = records["auto"], records["none"]
-    for name in ("f", "f_backward"):
-        a, b = getattr(half, name), getattr(whole, name)
-        assert np.abs(a - b).max() <= 1e-14, name
-        assert np.abs(a - 0.4 + (-1.0 if name == "f" else 1.0) * 0.1 * half.x).max() <= 1e-12
-    a, b = half.turning_points, whole.turning_points
-    for name in ("P", "Q", "v", "w"):
-        left, right = getattr(a, name), getattr(b, name)
-        # at order 2 on triangles both meshes are the same
-        assert np.abs(left - right).max() <= 1e-8 * np.abs(right).max(), name
-    assert half.cycles.dissipation == pytest.approx(whole.cycles.dissipation, rel=1e-7)
-    read = rf.read_record(tmp_path / "auto" / "record.h5")
-    assert read.f_backward is not None and half.f_backward is not None
-    assert np.array_equal(read.f_backward, half.f_backward)
-    system = rf.read_system(tmp_path / "auto" / "system.h5", rf.from_toml(half.scene_toml))
-    assert system.f_backward is not None and np.any(system.f_backward != system.f)
-
-
 def test_record_and_figures_of_friction_with_two_directions(tmp_path: Path) -> None:
     scene = block("{forward = 0.4, backward = 0.1}")
     record = rf.run(scene, tmp_path / "run", rf.RunOptions(pictures=True, snapshots=False))
@@ -117,15 +82,6 @@ def test_record_and_figures_of_friction_with_two_directions(tmp_path: Path) -> N
     assert ahead.any() and back.any()
     assert pressed.Q[ahead] == pytest.approx(-0.4 * pressed.P[ahead], rel=1e-9)
     assert pressed.Q[back] == pytest.approx(0.1 * pressed.P[back], rel=1e-9)
-
-
-def test_friction_with_one_direction_adds_no_array_to_the_record(tmp_path: Path) -> None:
-    record = rf.run(block("0.3"), tmp_path / "run", rf.RunOptions(pictures=False))
-    assert record is not None and record.f_backward is None
-    import h5py
-
-    with h5py.File(tmp_path / "run" / "record.h5") as file:
-        assert "f_backward" not in file["nodes"]
 
 
 def test_no_ratio_is_told_of_a_dissipation_that_is_round_off() -> None:

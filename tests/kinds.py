@@ -1,0 +1,296 @@
+"""A small scene of every kind, and the same scenes in other units or seen in a mirror."""
+
+from __future__ import annotations
+
+import dataclasses
+import re
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from bodies import block
+
+import receding_fenicsx as rf
+
+CYCLE = rf.HistoryOptions("cyclic", load="T", minimum=-1.0, cycles=2, constant={"P": 1.0})
+PRESS = rf.Load("P", "top", pressure=0.2)
+PROBES = (rf.Probe("s", points=((-0.75, 0.4), (0.3, 0.25), (1.1, 0.75))),)
+
+
+def simple(*loads: rf.Load, **parts: Any) -> rf.Scene:
+    """A block under a constant pressure, and loads to and fro."""
+    chosen: dict[str, Any] = {"contacts": (rf.Contact(friction=0.3),), "probes": PROBES}
+    chosen |= {"history": CYCLE, "loads": (PRESS, *loads), "degree": 2, "elements": 8}
+    return block(**(chosen | parts))
+
+
+def pair(*loads: rf.Load, **parts: Any) -> rf.Scene:
+    """A layer of other material on a wider one that is held."""
+    bodies = (rf.Body("a", width=4.0, height=0.5, position=(0.0, 0.75)),)
+    bodies += (rf.Body("b", width=6.0, height=0.75),)
+    given: dict[str, Any] = {
+        "body": bodies[0],
+        "others": bodies[1:],
+        "materials": (rf.Material(3.0, 0.2, name="b"),),
+        "contacts": (rf.Contact("a.bottom", friction=0.3, against="b.top"),),
+        "supports": (rf.Support("xy", edge="b.bottom"),),
+        "loads": (replace(PRESS, edge="a.top"), *loads),
+        "probes": (rf.Probe("s", points=((0.25, 0.4),), body="b"),),
+        "degree": 1,
+    }
+    return simple(**(given | parts))
+
+
+EVEN: dict[str, rf.Scene] = {
+    "traction": simple(rf.Load("T", "top", (-1.0, 1.0), traction=("0.3*x", "0.25 - 0.05*x**2"))),
+    "gap": simple(
+        rf.Load("T", "top", (-1.0, 1.0), traction=("0.1*x", 0.15)),
+        contacts=(
+            rf.Contact(span=(-1.5, 1.5), friction="0.3 + 0.1*x**2", initial_gap="0.01*x**2"),
+        ),
+    ),
+    "directions": simple(
+        rf.Load("T", "top", (-1.0, 1.0), traction=("0.05*x", "0.2 - 0.05*x**2")),
+        contacts=(rf.Contact(friction={"forward": "0.2 + 0.05*x", "backward": "0.2 - 0.05*x"}),),
+        history=replace(CYCLE, initial_slip="0.01*x"),
+    ),
+    "displacement": simple(
+        rf.Load("T", "top", (-1.0, 1.0), displacement=("0.02*x", "free")),
+        loads=(
+            rf.Load("P", body_force=(0.0, -0.2)),
+            rf.Load("T", "top", (-1.0, 1.0), displacement=("0.4*x", "0.02*(2 - x**2)")),
+        ),
+    ),
+    "platen": simple(
+        loads=(
+            rf.Load("P", "top", platen=True, force=(0.0, -0.6)),
+            rf.Load("T", body_force=("0.2*x", 0.0)),
+        ),
+    ),
+    "heat": simple(rf.Load("T", thermal_strain="0.02*(1 + x**2)*(2 - y)")),
+    "body force": simple(rf.Load("T", body_force=("0.2*x", "0.03*y"))),
+    "interference": simple(
+        loads=(rf.Load("T", "top", (-1.0, 1.0), traction=("0.06*x", 0.0)),),
+        contacts=(rf.Contact(friction=0.3, interference="0.01*(1 - 0.1*x**2)"),),
+        supports=(rf.Support("y", edge="top"),),
+        history=replace(CYCLE, constant={}),
+    ),
+    "springs": simple(
+        rf.Load("T", "top", (-1.0, 1.0), traction=("0.3*x", 0.3)),
+        springs=(
+            rf.Spring("top", (-1.0, 1.0), 0.2, 0.1),
+            *(rf.Spring(edge, (0.0, 0.5), 0.3) for edge in ("left", "right")),
+        ),
+    ),
+    "two edges": simple(
+        rf.Load("T", "bottom", (-0.5, 0.5), traction=("0.04*x", -0.02)),
+        contacts=(
+            rf.Contact(span=(-2.0, -1.0), friction=0.3),
+            rf.Contact(span=(1.0, 2.0), friction=0.3),
+        ),
+    ),
+    "pair": pair(rf.Load("T", "a.top", (-1.0, 1.0), traction=("0.2*x", 0.2))),
+    "stack": pair(
+        rf.Load("T", "a.top", (-1.0, 1.0), traction=("0.3*x", 0.2)),
+        supports=(),
+        contacts=(
+            rf.Contact("a.bottom", friction=0.3, against="b.top"),
+            rf.Contact("b.bottom", friction=0.2),
+        ),
+    ),
+    "cylinder": simple(
+        rf.Load("T", "top", (0.0, 1.0), traction=("0.3*x", -0.3)),
+        material=rf.Material(2.0, 0.3, "axisymmetric"),
+        springs=(rf.Spring("top", (0.0, 1.0), 0.2, 0.1),),
+        degree=1,
+        probes=(replace(PROBES[0], points=((0.3, 0.25), (1.1, 0.75))),),
+    ),
+}
+"""Scenes of which half is modelled, or a section from the axis."""
+
+SIDE = rf.Load("T", "right", (0.0, 0.5), traction=(0.08, 0.01))
+UNEVEN: dict[str, rf.Scene] = {
+    "shear": simple(
+        SIDE,
+        loads=(replace(PRESS, pressure={"x": [-2.0, 0.5, 2.0], "value": [0.1, 0.3, 0.2]}), SIDE),
+        contacts=(
+            rf.Contact(
+                span=(-2.0, 1.5),
+                friction={"forward": 0.25, "backward": "0.3 + 0.05*x"},
+                initial_gap={"x": [-2.0, 0.0, 1.5], "value": [0.01, 0.0, 0.02]},
+            ),
+        ),
+    ),
+    "slipped": simple(
+        replace(SIDE, edge="left"), history=replace(CYCLE, initial_slip="0.02*(1 + x)*x")
+    ),
+    "rig": simple(
+        loads=(
+            rf.Load("P", "top", platen=True, force=(0.01, -0.6)),
+            rf.Load("T", "top", platen=True, displacement=(0.3, "free")),
+        ),
+    ),
+    "moved side": simple(rf.Load("T", "left", (0.0, 0.5), displacement=(0.1, "0.02*y"))),
+    "weight": simple(rf.Load("T", body_force=("0.05 + 0.01*x", "0.02*x"))),
+    "warm side": simple(rf.Load("T", thermal_strain="0.03*(1 + 0.5*x)*(2 - y)")),
+    "held": simple(
+        rf.Load("T", "top", (0.0, 1.0), traction=(0.2, 0.0)),
+        supports=(rf.Support("x", point=(-2.0, 0.5)), rf.Support("y", point=(1.5, 1.0))),
+        springs=(rf.Spring("left", (-0.25, 0.25), 0.2, 0.1), rf.Spring(point=(2.0, 1.0), y=0.1)),
+        mesh=rf.MeshOptions(8, growth=1.3, refine=(rf.Refinement(0.1, 1.0, 1.5),)),
+    ),
+    "fibres": simple(
+        rf.Load("T", "top", (-1.0, 0.5), traction=(0.1, 0.0)),
+        material=rf.Material(8.0, 0.25, "plane stress", young_2=2.0, shear=0.7, angle=30.0),
+    ),
+    "bolts": pair(
+        rf.Load("T", "a.left", traction=(0.02, 0.0)),
+        bolts=(
+            rf.Bolt("one", "a.top", "b.bottom", 0.02, (-1.0, 0.0), (-1.5, 0.0), stiffness=2.0),
+            rf.Bolt("two", "a.top", "b.bottom", None, (0.5, 1.5), (0.0, 1.5), preload=0.01),
+        ),
+        loads=(rf.Load("T", "a.left", traction=(0.006, 0.0)),),
+        supports=(rf.Support("xy", edge="b.right"),),
+        history=replace(CYCLE, constant={}),
+    ),
+    "between bodies": pair(
+        rf.Load("T", "a.right", traction=(0.15, 0.01)),
+        springs=(rf.Spring("a.bottom", (1.0, 2.0), 0.4, 0.3, against="b.top"),),
+        contacts=(rf.Contact("a.bottom", (-2.0, 0.5), friction=0.3, against="b.top"),),
+    ),
+    "tied": pair(
+        rf.Load("T", "a.right", traction=(0.15, 0.01)),
+        ties=(rf.Tie("a.bottom", against="b.top"),),
+        contacts=(rf.Contact("b.bottom", friction=0.2),),
+        supports=(),
+    ),
+    "half-planes": rf.Scene(
+        body=rf.Body("a", shape="half-plane", width=2.5),
+        others=(rf.Body("b", shape="half-plane", width=2.5),),
+        material=rf.Material(200.0, 0.3),
+        materials=(rf.Material(100.0, 0.2, name="b"),),
+        mesh=rf.MeshOptions(contact_elements=20),
+        contacts=(rf.Contact("a.bottom", None, 0.4, "(x - 0.25)**2/200", "b.top"),),
+        loads=(
+            rf.Load("P", "a.far", platen=True, force=(0.0, -1.0)),
+            rf.Load("T", "a.far", platen=True, force=(0.2, 0.0)),
+            rf.Load("S", "b.far", tension=0.5),
+        ),
+        supports=(rf.Support("xy", edge="b.far"),),
+        history=replace(CYCLE, constant={"P": 1.0, "S": 1.0}),
+        probes=(rf.Probe("s", points=((0.3, -0.4), (-0.2, -0.7)), body="b"),),
+    ),
+}
+
+DIMENSIONS: dict[type, dict[str, tuple[int, int]]] = {
+    rf.Body: {"width": (1, 0), "height": (1, 0), "position": (1, 0)},
+    rf.Material: {"young": (0, 1), "young_2": (0, 1), "shear": (0, 1)},
+    rf.Contact: {"span": (1, 0), "initial_gap": (1, 0), "interference": (1, 0), "friction": (0, 0)},
+    rf.Load: {
+        "span": (1, 0),
+        "pressure": (0, 1),
+        "traction": (0, 1),
+        "displacement": (1, 0),
+        "force": (1, 1),
+        "tension": (0, 1),
+        "body_force": (-1, 1),
+        "thermal_strain": (0, 0),
+    },
+    rf.Support: {"point": (1, 0)},
+    rf.Spring: {
+        "span": (1, 0),
+        "normal": (-1, 1),
+        "tangential": (-1, 1),
+        "point": (1, 0),
+        "x": (0, 1),
+        "y": (0, 1),
+    },
+    rf.Bolt: {
+        "shortening": (1, 0),
+        "head_span": (1, 0),
+        "nut_span": (1, 0),
+        "stiffness": (0, 1),
+        "preload": (1, 1),
+    },
+    rf.Refinement: {"size": (1, 0), "at": (1, 0)},
+    rf.HistoryOptions: {"initial_slip": (1, 0)},
+    rf.Probe: {"points": (1, 0)},
+}
+"""Powers of a length and of a stress in the numbers of a scene, in the plane."""
+
+
+def scaled(value: Any, length: float, stress: float, powers: tuple[int, int] = (0, 0)) -> Any:
+    """Return a scene, or what a key of it holds, in other units of length and stress."""
+    factor = length ** powers[0] * stress ** powers[1]
+    if dataclasses.is_dataclass(value) and not isinstance(value, type):
+        known = DIMENSIONS.get(type(value), {})
+        parts = {f.name: getattr(value, f.name) for f in dataclasses.fields(value)}
+        chosen = parts if isinstance(value, rf.Scene) else {k: parts[k] for k in known}
+        if getattr(value, "shape", "") == "half-plane":
+            chosen.pop("height")
+        changed = {k: scaled(v, length, stress, known.get(k, (0, 0))) for k, v in chosen.items()}
+        if isinstance(value, rf.MeshOptions) and value.refine:
+            changed["refine"] = tuple(scaled(place, length, stress) for place in value.refine)
+        return replace(value, **changed)
+    if isinstance(value, dict) and "x" in value:
+        x, values = (np.array(value[name]) for name in ("x", "value"))
+        return {"x": (length * x).tolist(), "value": (factor * values).tolist()}
+    if isinstance(value, dict):
+        return {k: scaled(part, length, stress, powers) for k, part in value.items()}
+    if isinstance(value, tuple):
+        return tuple(scaled(part, length, stress, powers) for part in value)
+    if isinstance(value, str) and re.search(r"[0-9]", value):
+        return f"{factor!r}*({re.sub(r'[xy]', lambda m: f'({m[0]}/{length!r})', value)})"
+    return factor * value if type(value) in (float, int) else value
+
+
+SIDES = {"left": "right", "right": "left"}
+FLIPPED = ("traction", "displacement", "force", "body_force", "axis")
+"""Keys that hold a vector."""
+
+
+def mirrored(value: Any, key: str = "", level: bool = True) -> Any:
+    """Return a scene, or what a key of it holds, with x taken for -x."""
+    if dataclasses.is_dataclass(value) and not isinstance(value, type):
+        parts = {f.name: getattr(value, f.name) for f in dataclasses.fields(value)}
+        level = not str(parts.get("edge") or "").endswith(("left", "right"))
+        if isinstance(value, rf.Material):
+            return replace(value, angle=-value.angle)
+        if isinstance(value, rf.MeshOptions):
+            return replace(value, refine=mirrored(value.refine))
+        if isinstance(value, rf.HistoryOptions):
+            slip = mirrored(value.initial_slip)
+            return replace(value, initial_slip=slip and f"-({slip})")
+        names = {"x", "y", "maximum", "minimum", "title"}
+        own = {k: mirrored(v, k, level) for k, v in parts.items() if k not in names}
+        return replace(value, **own)
+    if key in ("position", "point") and isinstance(value, tuple):
+        return (-value[0], value[1])
+    if key == "points":
+        return tuple((-x, y) for x, y in value)
+    if key.endswith("span") or (key == "at" and isinstance(value, tuple)):
+        return (-value[1], -value[0]) if value and level else value
+    if key == "at" and isinstance(value, float):
+        return -value
+    if key in FLIPPED and isinstance(value, tuple):
+        first, second = (mirrored(part) for part in value)
+        return (
+            (f"-({first})" if isinstance(first, str) and first != "free" else first, second)
+            if (isinstance(first, str))
+            else (-first, second)
+        )
+    if isinstance(value, dict) and "x" in value:
+        x = [-at for at in value["x"][::-1]] if level else value["x"]
+        return {"x": x, "value": value["value"][::-1] if level else value["value"]}
+    if isinstance(value, dict) and "forward" in value:
+        forward, backward = (mirrored(value[k]) for k in ("backward", "forward"))
+        return {"forward": forward, "backward": backward}
+    if isinstance(value, tuple):
+        return tuple(mirrored(part, key, level) for part in value)
+    if isinstance(value, str):
+        if key in ("edge", "against", "head", "nut"):
+            body, dot, edge = value.rpartition(".")
+            return f"{body}{dot}{SIDES.get(edge, edge)}"
+        if re.search(r"[0-9]", value):
+            return re.sub("x", "(-x)", value)
+    return value
