@@ -17,6 +17,10 @@ PRESS = rf.Load("P", "top", pressure=0.2)
 PROBES = (rf.Probe("s", points=((-0.75, 0.4), (0.3, 0.25), (1.1, 0.75))),)
 
 
+OUTWARD: Any = {"forward": "0.2 + 0.05*x", "backward": "0.2 - 0.05*x"}
+UNLIKE: Any = {"forward": 0.25, "backward": "0.3 + 0.05*x"}
+
+
 def simple(*loads: rf.Load, **parts: Any) -> rf.Scene:
     """A block under a constant pressure, and loads to and fro."""
     chosen: dict[str, Any] = {"contacts": (rf.Contact(friction=0.3),), "probes": PROBES}
@@ -26,7 +30,7 @@ def simple(*loads: rf.Load, **parts: Any) -> rf.Scene:
 
 def pair(*loads: rf.Load, **parts: Any) -> rf.Scene:
     """A layer of other material on a wider one that is held."""
-    bodies = (rf.Body("a", width=4.0, height=0.5, position=(0.0, 0.75)),)
+    bodies: tuple[rf.Body, ...] = (rf.Body("a", width=4.0, height=0.5, position=(0.0, 0.75)),)
     bodies += (rf.Body("b", width=6.0, height=0.75),)
     given: dict[str, Any] = {
         "body": bodies[0],
@@ -51,7 +55,7 @@ EVEN: dict[str, rf.Scene] = {
     ),
     "directions": simple(
         rf.Load("T", "top", (-1.0, 1.0), traction=("0.05*x", "0.2 - 0.05*x**2")),
-        contacts=(rf.Contact(friction={"forward": "0.2 + 0.05*x", "backward": "0.2 - 0.05*x"}),),
+        contacts=(rf.Contact(friction=OUTWARD),),
         history=replace(CYCLE, initial_slip="0.01*x"),
     ),
     "displacement": simple(
@@ -116,7 +120,7 @@ UNEVEN: dict[str, rf.Scene] = {
         contacts=(
             rf.Contact(
                 span=(-2.0, 1.5),
-                friction={"forward": 0.25, "backward": "0.3 + 0.05*x"},
+                friction=UNLIKE,
                 initial_gap={"x": [-2.0, 0.0, 1.5], "value": [0.01, 0.0, 0.02]},
             ),
         ),
