@@ -79,6 +79,12 @@ EVEN: dict[str, rf.Scene] = {
         supports=(rf.Support("y", edge="top"),),
         history=replace(CYCLE, constant={}),
     ),
+    "moved gap": simple(
+        loads=(
+            rf.Load("P", "top", pressure=0.2),
+            rf.Load("T", "bottom", gap="0.02*(1 + x**2)"),
+        ),
+    ),
     "springs": simple(
         rf.Load("T", "top", (-1.0, 1.0), traction=("0.3*x", 0.3)),
         springs=(
@@ -199,6 +205,7 @@ DIMENSIONS: dict[type, dict[str, tuple[int, int]]] = {
         "tension": (0, 1),
         "body_force": (-1, 1),
         "thermal_strain": (0, 0),
+        "gap": (1, 0),
     },
     rf.Support: {"point": (1, 0)},
     rf.Spring: {
