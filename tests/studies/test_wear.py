@@ -142,6 +142,15 @@ def test_the_stick_zone_is_worn_through_where_wear_takes_the_normal_force() -> N
 
 
 @pytest.mark.one_rank
+def test_nothing_wears_where_the_limit_cycle_has_no_slip() -> None:
+    # shear in proportion to the pressing force
+    rows = ["history.rows=[[1.0, 0.3]]", "history.cycle_rows=[[0.5, 0.15], [1.0, 0.3]]"]
+    study = worn(cylinders(30, *rows))
+    assert study.end == "shakedown" and study.cycles.tolist() == [0.0]
+    assert study.dissipation_per_cycle[0] == 0.0
+
+
+@pytest.mark.one_rank
 def test_gross_slip_wears_as_archard_says_explicitly_and_implicitly() -> None:
     # a stroke of one per cent of the contact, far beyond the slip before all nodes slide
     scene = sliding(30, 0.05, "contact.friction=0.002", "wear.cycles=1600")

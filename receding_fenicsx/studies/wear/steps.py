@@ -142,11 +142,14 @@ class NodePairs:
         P = np.array([corner.P for corner in corners])
         row["corner"] = 1 + np.argmax(P.sum(axis=1))
         most = corners[int(row["corner"]) - 1]
-        E = np.maximum(last.dissipation, 0.0)
+        path = np.abs(np.diff(v, axis=0)).sum(axis=0)
+        # less is round-off of a cycle without slip
+        least = 1e-12 * last.totals.force_scale * path.max(initial=0.0)
+        E = np.where(last.dissipation > least, last.dissipation, 0.0)
         slips = E > SLIPS * E.max(initial=0.0)
         zone = np.where(slips, State.FORWARD_SLIP, State.STICK)
         away = np.all([corner.state == State.SEPARATION for corner in corners], axis=0)
-        row["energy"], row["path"] = E, np.abs(np.diff(v, axis=0)).sum(axis=0)
+        row["energy"], row["path"] = E, path
         row["P"] = np.where(most.state == State.SEPARATION, 0.0, np.maximum(most.P, 0.0))
         row["v"] = most.v
         row["zone"] = np.where(away & ~slips, State.SEPARATION, zone)
