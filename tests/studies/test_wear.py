@@ -225,6 +225,62 @@ def test_a_kill_and_resume_repeat_an_undisturbed_study_bit_by_bit(tmp_path: Path
     assert longer.cycles[-1] == 6000.0 and longer.cycles[-2] >= 5000.0
 
 
+@pytest.mark.one_rank
+@pytest.mark.parametrize(
+    ("file", "changes"),
+    [
+        pytest.param(
+            "block.toml",
+            [
+                'material.kinematics="axisymmetric"',
+                "load.p0.span=[0.0, 1.0]",
+                "material.young=10.0",
+            ],
+            id="round",
+        ),
+        pytest.param("lap_joint.toml", [], id="two meshed bodies"),
+        pytest.param(
+            "dovetail.toml",
+            ["material.blade.young=60.0", "material.disc.young=100.0"],
+            id="two contact edges",
+        ),
+    ],
+)
+def test_all_scenes_wear_off_what_the_limit_cycle_of_a_run_dissipates(
+    file: str, changes: list[str]
+) -> None:
+    wear = ["wear.coefficient=1e-9", "wear.cycles=2", "mesh.contact_elements=24"]
+    scene = rf.read_scene(ROOT / "demos" / file, [*wear, *changes])
+    study = worn(scene)
+    limit = replace(scene.history, until="limit", cycles=60)
+    system = rf.condense(scene)
+    assert system is not None
+    record = rf.evolve(system, replace(scene, history=limit))
+    assert study.volume[-1] == pytest.approx(2e-9 * record.cycles.dissipation[-1], rel=1e-8)
+
+
+@pytest.mark.one_rank
+def test_a_worn_contact_has_the_record_and_the_fatigue_of_a_run() -> None:
+    probes = '[[probe]]\nname = "edge"\nedge = "lower.top"\n[fatigue]\n'
+    scene = rf.from_toml(rf.to_toml(cylinders(40, "wear.cycles=8000")) + probes)
+    study = worn(scene)
+    for k in (0, len(study.rows) - 1):
+        record = study.record(k)
+        assert record.cycles.dissipation[-1] == pytest.approx(study.dissipation_per_cycle[k])
+        pressure = record.turning_points.p[-1]
+        assert pressure == pytest.approx(study.pressure[k], abs=1e-9 * pressure.max())
+    run = rf.run(scene)
+    assert run is not None
+    known = rf.summarise(run)["fatigue"]["parameters"]
+    found = study.fatigue()
+    assert found[0]["cycles"] == 0.0 and found[-1]["cycles"] == 8000.0
+    for name, row in known.items():
+        assert found[0]["parameters"][name]["max"] == pytest.approx(row["max"], rel=1e-6), name
+    # wear moves the worst point from the edge of the contact to that of the stick zone
+    places = [abs(one["parameters"]["swt"]["x"]) for one in found]
+    assert places[0] > 0.95 * A and places[-1] < study.stick_half_width[-1] + 0.1
+
+
 def test_half_and_whole_bodies_wear_alike_and_end_at_the_edge_of_the_mesh() -> None:
     block = ROOT / "demos" / "block.toml"
     changes = ["mesh.contact_elements=40", "wear.coefficient=1e-3"]

@@ -32,6 +32,8 @@ class Convected(NodePairs):
         positions: (load factors, s, sliding distance a cycle) along the stroke.
     """
 
+    carried = True
+
     def __init__(self, pairs: NodePairs, share: float, slip: Array, half_width: float) -> None:
         """Place the positions along the loop of load factors.
 
@@ -41,7 +43,8 @@ class Convected(NodePairs):
             slip: mean slips at the corners of the loop.
             half_width: half the width of the contact.
         """
-        self.problem, self.rate, self.share = pairs.problem, pairs.rate, share
+        self.whole, self.problem = pairs.whole, pairs.problem
+        self.rate, self.share = pairs.rate, share
         self.system = system = pairs.problem.system
         self._known: tuple[bytes, Any] = (b"", None)
         loop, found = pairs.problem.history.loop, dict[tuple[bytes, int], list[Any]]()

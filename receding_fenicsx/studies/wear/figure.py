@@ -11,19 +11,13 @@ from receding_fenicsx.interface.law import State
 from receding_fenicsx.output.plots import style
 from receding_fenicsx.studies.wear.result import WearStudy
 
-SHOWN = 5
-"""Rows that the profiles are drawn of."""
-
 
 def profiles_figure(study: WearStudy) -> Figure:
     """Draw worn depth and pressure over x at some numbers of cycles, evenly by the depth."""
-    depth = study.depth.max(axis=1)
-    wanted = np.linspace(0.0, depth[-1], SHOWN)
-    rows = np.unique([np.argmin(np.abs(depth - value)) for value in wanted])
     with mpl.rc_context(style.RC):
         figure = style.new_figure(style.COLUMN, 4.2)
         upper, lower = figure.subplots(2, 1, sharex=True)
-        for row, colour in zip(rows, style.SERIES_COLOURS, strict=False):
+        for row, colour in zip(study.shown(5), style.SERIES_COLOURS, strict=False):
             upper.plot(study.x, study.pressure[row], color=colour)
             label = f"{study.cycles[row]:,.0f} cycles"
             lower.plot(study.x, -study.depth[row], color=colour, label=label)

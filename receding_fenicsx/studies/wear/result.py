@@ -12,9 +12,14 @@ from numpy.typing import NDArray
 
 from receding_fenicsx.arrays import Array, described
 from receding_fenicsx.atomic import new_file
+from receding_fenicsx.errors import InputError
+from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.interface.law import State
 from receding_fenicsx.interface.mirror import Mirror, mirror_of
 from receding_fenicsx.interface.system import ContactSystem
+from receding_fenicsx.measures.fatigue import fatigue_summary
+from receding_fenicsx.scene.toml_file import from_toml
+from receding_fenicsx.studies.wear.steps import NodePairs
 
 COLUMNS = (
     *("cycles", "depth_max", "width", "volume", "dissipation"),
@@ -30,20 +35,23 @@ class WearStudy:
     """The contact over the cycles: n rows, from 0 cycles, and the N nodes of the whole contact.
 
     Attributes:
-        system: the unworn contact.
+        model: the mechanics.
         rows: (n,) rows of :func:`~receding_fenicsx.studies.wear.steps.row_type`.
         share: part of the wear that the first body takes.
         end: why the last row is the last one.
-        carried: whether the profiles are carried along by the stroke.
         coarse: ratio of element sizes, and the study, of a coarser mesh at the same cycles.
     """
 
-    system: ContactSystem
+    model: NodePairs
     rows: NDArray[Any]
     share: float
     end: str
-    carried: bool = False
     coarse: tuple[float, WearStudy] | None = None
+
+    @property
+    def system(self) -> ContactSystem:
+        """The unworn contact."""
+        return self.model.whole.system
 
     @property
     def mirror(self) -> Mirror:
@@ -68,7 +76,7 @@ class WearStudy:
     @property
     def depth_of_bodies(self) -> Array:
         """(n, 2, N) depth that each body has lost."""
-        if self.carried:
+        if self.model.carried:
             return self.mirror.even(self.rows["worn"])
         shares = np.array([self.share, 1.0 - self.share])
         return np.asarray(shares[:, None] * self.depth[:, None])
@@ -170,6 +178,32 @@ class WearStudy:
         columns = {name: getattr(self, name).tolist() for name in COLUMNS}
         return [{name: columns[name][k] for name in COLUMNS} for k in range(len(self.rows))]
 
+    def record(self, row: int) -> Record:
+        """Return the record of the cycle of a row: all that a run knows of the worn contact.
+
+        Raises:
+            InputError: the profiles are carried along by the stroke.
+        """
+        if self.model.carried:
+            raise InputError("wear: profiles that a stroke carries along have no single cycle")
+        return self.model.record(self.rows[row])
+
+    def fatigue(self) -> list[dict[str, Any]]:
+        """Return the fatigue parameters at some of the cycles, evenly by the depth."""
+        scene = from_toml(self.system.scene_toml) if self.system.scene_toml else None
+        if scene is None or scene.fatigue is None or self.model.carried:
+            return []
+        return [
+            {"cycles": float(self.cycles[k]), **fatigue_summary(self.record(k))["fatigue"]}
+            for k in self.shown(11)
+        ]
+
+    def shown(self, count: int) -> NDArray[np.int64]:
+        """Return at most so many rows, the first and the last one among them, evenly by depth."""
+        wanted = np.linspace(0.0, self.depth_max[-1], count)
+        nearest = [np.argmin(np.abs(self.depth_max - value)) for value in wanted]
+        return np.unique([*nearest, len(self.rows) - 1])
+
     def summary(self) -> dict[str, Any]:
         """Return the content of ``wear.json`` but for the scene and the costs."""
         return {
@@ -180,7 +214,8 @@ class WearStudy:
                 "depth_max": float(self.depth_estimate[-1]),
                 "volume": float(self.volume_estimate[-1]),
             },
-            "carried": self.carried,
+            "carried": self.model.carried,
+            "fatigue": self.fatigue(),
             "dissipation_per_cycle": self.dissipation_per_cycle.tolist(),
             "profile": {
                 "x": self.x.tolist(),

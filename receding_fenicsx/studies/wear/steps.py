@@ -14,10 +14,11 @@ from receding_fenicsx.evolution.evolve import continue_history
 from receding_fenicsx.evolution.instants import FinishedCycle, Totals, instant
 from receding_fenicsx.evolution.journal import Journal
 from receding_fenicsx.evolution.problem import Problem
+from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.evolution.run_state import RunState
 from receding_fenicsx.evolution.solvers import make_solver
 from receding_fenicsx.interface.law import State
-from receding_fenicsx.interface.system import ContactState, reactions
+from receding_fenicsx.interface.system import ContactState, ContactSystem, reactions
 from receding_fenicsx.scene.model import OutputOptions
 
 PLAIN_CYCLES, MOST_CYCLES = 4, 60
@@ -55,13 +56,17 @@ class NodePairs:
     """Wear of node pairs that stay opposite each other.
 
     Attributes:
-        problem: the contact without wear, its history and solver.
+        whole: the contact without wear, its history and solver.
+        problem: the same without probes, to be played until cycles repeat.
         rate: (N,) depth per dissipation of a node, c / m; 0 where nothing wears.
+        carried: whether the profiles are carried along by the stroke.
     """
+
+    carried = False
 
     def __init__(self, problem: Problem, coefficient: Array) -> None:
         """Prepare; ``coefficient`` (N,) is the depth per density of dissipated energy."""
-        history = problem.history
+        history, self.whole = problem.history, problem
         self.problem = replace(
             problem,
             system=replace(problem.system, probes=None),
@@ -104,14 +109,7 @@ class NodePairs:
         state.u[n:] -= worn
         after = replace(system, g0=g0 + worn)
         state.r = reactions(after, loop[0], state.u)
-        seed = FinishedCycle(
-            corners=[instant(after, (0, 0, 1.0), loop[0], state)],
-            dissipation=np.zeros(n),
-            slip=np.zeros(n),
-            totals=Totals(force_scale=max(float(row["force"]), leg.force_scale)),
-        )
-        journal = Journal()
-        journal.add(seed)
+        journal = _begun(after, loop[0], state, max(float(row["force"]), leg.force_scale))
         found = row.copy()
         found["depth"] += worn
         return self._row(found, replace(self.problem, system=after), journal)
@@ -157,6 +155,16 @@ class NodePairs:
         row["state"], row["force"] = corners[-1].state, last.totals.force_scale
         return row
 
+    def record(self, row: Row) -> Record:
+        """Return the record of the cycle of a row, with samples, events and probes."""
+        system, history = self.whole.system, self.whole.history
+        worn = replace(system, g0=system.g0 + row["depth"])
+        once = replace(history, cycles=1, until_steady=False, until_limit=False)
+        problem = replace(self.whole, system=worn, history=once, judged=False)
+        state = ContactState(row["u"].ravel(), row["r"].ravel(), row["state"].copy())
+        journal = _begun(worn, history.loop[0], state, float(row["force"]))
+        return continue_history(problem, journal)
+
     def increments(self, row: Row, cycles: float) -> Array:
         """Return depths by implicit Euler with the slips of the row's cycle.
 
@@ -181,6 +189,14 @@ class NodePairs:
     def depth(self, worn: Array) -> Array:
         """Return the depth, which is that of both bodies."""
         return worn
+
+
+def _begun(system: ContactSystem, load: Array, state: ContactState, force: float) -> Journal:
+    """Return the journal of a history that stands at the start of a cycle."""
+    journal, none = Journal(), np.zeros(system.n)
+    corners = [instant(system, (0, 0, 1.0), load, state)]
+    journal.add(FinishedCycle(corners, none, none, Totals(force_scale=force)))
+    return journal
 
 
 def pressures(

@@ -147,10 +147,6 @@ def _wear(
             tell(int(rows[-1]["cycles"]), options.cycles, text + (name == COARSE) * ", coarser")
         return end
 
-    def study_of(model: NodePairs, rows: list[Row], end: str) -> WearStudy:
-        carried = isinstance(model, Convected)
-        return WearStudy(model.problem.system, _as_array(rows), options.share, end, carried)
-
     rows = rows_of(begun[1], ROWS)
     try:
         try:
@@ -158,7 +154,7 @@ def _wear(
         except SolveError as error:
             through = isinstance(error, NoEquilibrium) and np.any(rows[0]["zone"] == State.STICK)
             end, failure = (THROUGH, None) if through else (str(error), error)
-        found = study_of(begun[0], rows, end)
+        found = WearStudy(begun[0], _as_array(rows), options.share, end)
         if other is not None and failure is None:
             # the same numbers of cycles, as far as the coarser mesh goes
             with suppress(SolveError, InputError):
@@ -168,7 +164,10 @@ def _wear(
                     for cycles in found.cycles:
                         end = steps(model, coarse, float(cycles), COARSE)
                 ratio = scene.mesh.contact_elements / other[0].mesh.contact_elements
-                found = replace(found, coarse=(ratio, study_of(model, coarse, end)))
+                found = replace(
+                    found,
+                    coarse=(ratio, WearStudy(model, _as_array(coarse), options.share, end)),
+                )
     except (KeyboardInterrupt, SystemExit) as signalled:
         if folder is None:
             raise
@@ -197,7 +196,7 @@ def _model(scene: Scene, problem: Problem, coefficient: Array) -> tuple[NodePair
     first, system, n = pairs.begin(), problem.system, problem.system.n
     first["step"] = max(1.0, 1e-3 * scene.wear.cycles)
     on = first["P"] > 0.0
-    width = 2.0 * float(WearStudy(system, _as_array([first]), 0.5, "").contact_half_width[0])
+    width = 2.0 * float(WearStudy(pairs, _as_array([first]), 0.5, "").contact_half_width[0])
     stroke = 0.5 * float(first["path"][on].max(initial=0.0))
     if stroke <= LARGEST_STROKE * width:
         return pairs, first
