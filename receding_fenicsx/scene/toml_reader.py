@@ -372,7 +372,9 @@ def scene_schema() -> dict[str, Any]:
             schema = {"$ref": "#/$defs/DefaultMaterial"}
         elif field.name == "body" or (field.name in TABLE_OF and table not in keys):
             one = schema.get("items", {"$ref": schema.get("$ref")})
-            schema = {"anyOf": [one, {"type": "array", "items": one}]}
+            # in place of anyOf, of which editors only say that no alternative fits
+            described = tables[one["$ref"].rpartition("/")[2]]
+            schema = {**described, "type": ["object", "array"], "items": one}
         keys.setdefault(table, schema)
     return {
         "$schema": "https://json-schema.org/draft/2020-12/schema",

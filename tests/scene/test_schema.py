@@ -65,6 +65,15 @@ def test_schema_has_the_ranges_and_choices_and_nothing_that_toml_has_not(
     assert references <= set(schema["$defs"])
 
 
+def test_tables_that_may_be_several_say_which_key_is_wrong_in_each() -> None:
+    schema = scene_schema()
+    for table in ("body", "contact", "load", "probe"):
+        part, name = schema["properties"][table], key_tables.KINDS[table].__name__
+        assert part["type"] == ["object", "array"] and "anyOf" not in part
+        assert part["properties"] == schema["$defs"][name]["properties"]
+        assert part["items"] == {"$ref": f"#/$defs/{name}"}
+
+
 def test_rows_of_a_history_may_be_those_of_a_file() -> None:
     schema = scene_schema()
     keys = schema["$defs"]["HistoryOptions"]["properties"]
