@@ -85,7 +85,7 @@ from .interface.measures.zones import (
     contact_half_width as contact_half_width,
     stick_half_width as stick_half_width,
 )
-from .measures.half_widths import (
+from .measures.ends import (
     half_widths as half_widths,
     half_width_estimates as half_width_estimates,
 )

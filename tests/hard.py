@@ -27,7 +27,7 @@ from ways import choices, rates
 
 import receding_fenicsx as rf
 from receding_fenicsx.evolution.record_data import States
-from receding_fenicsx.interface.normal_form import eliminate_tangential
+from receding_fenicsx.interface.system import eliminate_tangential
 
 SOLVED, SLIDES, PULLS, TIPS = "solved", "gross sliding", "pull the body off", "overturning"
 JUMPS, HOVERS = "no quasi-static continuation", "is not held"

@@ -10,7 +10,6 @@ pytestmark = pytest.mark.one_rank
 MODULES = (
     "bulk.join_bodies",
     "interface.law",
-    "interface.normal_form",
     "interface.system",
 )
 """Modules whose docstrings hold examples."""

@@ -42,7 +42,6 @@ INTERFACE = (
         "system_checks",
         "residual",
         "mirror",
-        "normal_form",
         "equilibrium",
         "lcp",
         "measures",
@@ -79,7 +78,6 @@ MECHANICS = (
     "interface.equilibrium",
     "interface.exact",
     "interface.lcp",
-    "interface.measures.power_fit",
     "interface.measures.zone_ends",
     "reference.corners",
 )

@@ -22,8 +22,7 @@ from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.evolution.record_data import Cycles, Events, PathUniqueness, States, Steady
 from receding_fenicsx.interface.law import MIRRORED, State
 from receding_fenicsx.interface.mirror import Mirror, mirror_of
-from receding_fenicsx.interface.normal_form import frictional_form
-from receding_fenicsx.interface.system import ContactSystem
+from receding_fenicsx.interface.system import ContactSystem, frictional_form
 from receding_fenicsx.interface.uniqueness.watch import Uniqueness
 from receding_fenicsx.scene.model import SolverOptions
 

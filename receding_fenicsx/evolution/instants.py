@@ -15,8 +15,7 @@ from numpy.typing import NDArray
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.interface.law import State
 from receding_fenicsx.interface.measures.steady import CycleEnd, SteadyWatch
-from receding_fenicsx.interface.normal_form import frictional_form
-from receding_fenicsx.interface.system import ContactState, ContactSystem
+from receding_fenicsx.interface.system import ContactState, ContactSystem, frictional_form
 from receding_fenicsx.interface.tolerances import STEADY_TOLERANCE
 from receding_fenicsx.interface.uniqueness.watch import Uniqueness
 from receding_fenicsx.scene.model import SolverOptions

@@ -12,8 +12,7 @@ from receding_fenicsx.arrays import Array, as_numbers
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.interface.branches.choice import FIRST, Chooser, chooser_for
 from receding_fenicsx.interface.measures.zones import begins_on_axis
-from receding_fenicsx.interface.normal_form import eliminate_tangential
-from receding_fenicsx.interface.system import ContactSystem
+from receding_fenicsx.interface.system import ContactSystem, eliminate_tangential
 from receding_fenicsx.interface.system_checks import LARGEST, check_range, check_system
 from receding_fenicsx.interface.tolerances import LIMIT_CYCLE_TOLERANCE
 from receding_fenicsx.scene.history import History, check_history, history_from_scene

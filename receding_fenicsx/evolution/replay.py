@@ -15,10 +15,10 @@ from receding_fenicsx.interface.branches.choice import chooser_for
 from receding_fenicsx.interface.law import SLIP_SIGN, State
 from receding_fenicsx.interface.measures.steady import RATCHETTING
 from receding_fenicsx.interface.mirror import mirror_of
-from receding_fenicsx.interface.normal_form import frictional_form
 from receding_fenicsx.interface.system import (
     ContactState,
     ContactSystem,
+    frictional_form,
     neutral_motions,
     reactions,
 )

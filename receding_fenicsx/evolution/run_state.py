@@ -32,8 +32,7 @@ from receding_fenicsx.evolution.problem import Problem
 from receding_fenicsx.evolution.solvers import make_solver
 from receding_fenicsx.interface.law import SEPARATION, SLIP_SIGN, STATE_NAMES, STICK, State
 from receding_fenicsx.interface.mirror import mirror_of
-from receding_fenicsx.interface.normal_form import frictional_form
-from receding_fenicsx.interface.system import ContactState, ContactSystem, Leg
+from receding_fenicsx.interface.system import ContactState, ContactSystem, Leg, frictional_form
 from receding_fenicsx.interface.tolerances import ON_LIMIT
 from receding_fenicsx.interface.uniqueness.watch import UNKNOWN, Uniqueness, UniquenessWatch
 

@@ -33,7 +33,7 @@ from receding_fenicsx.bulk.from_scene import bulk_of
 from receding_fenicsx.errors import InputError, NotConverged
 from receding_fenicsx.evolution.problem import with_profiles
 from receding_fenicsx.interface.system import ContactSystem
-from receding_fenicsx.modal.modes import Assembled, assembled
+from receding_fenicsx.modal import Assembled, assembled
 from receding_fenicsx.mpi import given
 from receding_fenicsx.scene.model import Scene
 from receding_fenicsx.scene.toml_file import read_scene

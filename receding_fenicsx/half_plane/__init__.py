@@ -28,7 +28,7 @@ Mechanics (1985), sections 2.2 to 2.4 and eq. (5.57).
    $- (k h)^2 / 6$, that of collocation $- (k h)^2 / 12$. On elements of order 1,
    $B_{ij} = \int (\varphi_i \varphi_j + \tfrac{1}{12} h^2 \varphi_i' \varphi_j') dx$ with the
    shortest length $h$ makes it one of order $(k h)^4$ where elements have this length.
-4. `far_field.condense_far_field` eliminates the free motions $a$ of the far field, where
+4. `stiffness.condense_far_field` eliminates the free motions $a$ of the far field, where
    $R^T r$ balances the force $F$ far away:
    $K = A - A R (R^T A R)^{-1} R^T A$ and $r^* = -A R (R^T A R)^{-1} F$.
    $K$ is symmetric and $K R = 0$ to round-off; both do not depend on $d$ then.

@@ -303,7 +303,7 @@ def condense(
     validate(scene)
     comm = comm or world()
     if any(load.mode for load in scene.loads):
-        from receding_fenicsx.modal.modes import mode_system
+        from receding_fenicsx.modal import mode_system
 
         return mpi.on_root(comm, lambda: mode_system(scene)[0])
     system, _ = condensed(scene, comm, Timer(progress if comm.rank == 0 else None))

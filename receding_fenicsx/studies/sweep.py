@@ -30,7 +30,7 @@ from receding_fenicsx.evolution.evolve import evolve
 from receding_fenicsx.evolution.moment import extreme_row
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.evolution.tables import optional
-from receding_fenicsx.measures.half_widths import half_widths
+from receding_fenicsx.measures.ends import half_widths
 from receding_fenicsx.scene.checks import suggestion
 from receding_fenicsx.scene.identity import body_of, identity_of
 from receding_fenicsx.scene.model import OutputOptions, Scene

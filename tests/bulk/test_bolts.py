@@ -14,7 +14,7 @@ from bodies import block, played
 from receding_fenicsx.bulk.fields import fields_at
 from receding_fenicsx.bulk.from_scene import bulk_of
 from receding_fenicsx.errors import InputError, SolveError
-from receding_fenicsx.modal.modes import mode_system
+from receding_fenicsx.modal import mode_system
 from receding_fenicsx.mpi import given
 from receding_fenicsx.output.plots.series import loop_of
 from receding_fenicsx.scene.history import history_from_scene

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 import receding_fenicsx as rf
 from receding_fenicsx.bulk.from_scene import bulk_of
-from receding_fenicsx.modal.modes import _modes
+from receding_fenicsx.modal import _modes
 from receding_fenicsx.mpi import on_root
 from receding_fenicsx.output.report.run import slip_warnings
 from receding_fenicsx.studies.run import condense

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import receding_fenicsx as rf
-from receding_fenicsx.measures.half_widths import contact_betas, half_width_estimates
+from receding_fenicsx.measures.ends import contact_betas, half_width_estimates
 
 closed_forms = rf.reference.closed_forms
 HERTZ = closed_forms.Hertz(force=1.0, radius=100.0, modulus=0.5 * 200.0 / (1.0 - 0.3**2))

@@ -17,7 +17,7 @@ from receding_fenicsx.bulk.fields import gather_fields, solve_fields
 from receding_fenicsx.bulk.mesh.meshing import make_meshes
 from receding_fenicsx.bulk.stack import Stack, build_all
 from receding_fenicsx.evolution.problem import system_for
-from receding_fenicsx.modal.modes import mode_system
+from receding_fenicsx.modal import mode_system
 from receding_fenicsx.mpi import on_root
 from receding_fenicsx.output.snapshots.view import load_arrows
 from receding_fenicsx.scene.history import history_from_scene

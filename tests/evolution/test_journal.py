@@ -14,8 +14,7 @@ from receding_fenicsx.evolution.evolve import Progress, continue_history, evolve
 from receding_fenicsx.evolution.journal import Journal, JournalFile, is_checkpoint
 from receding_fenicsx.evolution.problem import problem_of_history
 from receding_fenicsx.evolution.record import Record
-from receding_fenicsx.interface.normal_form import eliminate_tangential
-from receding_fenicsx.interface.system import ContactSystem
+from receding_fenicsx.interface.system import ContactSystem, eliminate_tangential
 from receding_fenicsx.scene.history import History
 from receding_fenicsx.scene.model import OutputOptions, SolverOptions
 

@@ -12,7 +12,7 @@ from receding_fenicsx.evolution.limit import search
 from receding_fenicsx.evolution.limit.tail import NoLimit, TracedCycle, follow, trace
 from receding_fenicsx.evolution.replay import turning_point
 from receding_fenicsx.interface.exact.segments import Segments
-from receding_fenicsx.interface.normal_form import frictional_form
+from receding_fenicsx.interface.system import frictional_form
 
 pytestmark = pytest.mark.one_rank
 

@@ -12,7 +12,7 @@ from scipy.linalg import eigh
 
 import receding_fenicsx as rf
 from receding_fenicsx import cli
-from receding_fenicsx.modal.modes import mode_system
+from receding_fenicsx.modal import mode_system
 from receding_fenicsx.studies.joint.curve import _driven
 
 pytestmark = pytest.mark.one_rank

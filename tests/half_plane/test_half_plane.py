@@ -10,11 +10,12 @@ from scipy.integrate import quad
 
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.half_plane import interior
-from receding_fenicsx.half_plane.far_field import FarField, condense_far_field
 from receding_fenicsx.half_plane.stiffness import (
+    FarField,
     Surface,
     SurfaceStiffness,
     compliance,
+    condense_far_field,
     plane_material,
     surface_integrals,
     surface_of,

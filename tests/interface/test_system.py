@@ -8,13 +8,17 @@ from small import cyclic, small_system, table
 
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.evolution.evolve import evolve
-from receding_fenicsx.interface.normal_form import eliminate_tangential, frictional_form
 from receding_fenicsx.interface.residual import (
     law_residual,
     reachable,
     round_off,
 )
-from receding_fenicsx.interface.system import ContactSystem, reactions
+from receding_fenicsx.interface.system import (
+    ContactSystem,
+    eliminate_tangential,
+    frictional_form,
+    reactions,
+)
 
 F = 0.3
 

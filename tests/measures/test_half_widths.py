@@ -12,7 +12,7 @@ from small import cyclic, table
 from receding_fenicsx.evolution.evolve import evolve
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.interface.measures.zone_ends import dundurs_beta
-from receding_fenicsx.measures.half_widths import contact_betas, half_width_estimates
+from receding_fenicsx.measures.ends import contact_betas, half_width_estimates
 from receding_fenicsx.output.plots.series import slip_lines
 from receding_fenicsx.output.report.html import report_html
 from receding_fenicsx.output.report.summary import summarise

@@ -12,10 +12,9 @@ import pytest
 from nodal import nodal_forces, with_middles
 
 import receding_fenicsx as rf
-from receding_fenicsx.interface.measures.power_fit import corner_exponent_fit
 from receding_fenicsx.interface.measures.tractions import Tractions
-from receding_fenicsx.interface.measures.zone_ends import kolosov
-from receding_fenicsx.measures.corner_exponents import corners_of
+from receding_fenicsx.interface.measures.zone_ends import corner_exponent_fit, kolosov
+from receding_fenicsx.measures.ends import corners_of
 from receding_fenicsx.output.report.checks import corner_rows
 from receding_fenicsx.reference.corners import corner_exponent
 

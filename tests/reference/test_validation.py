@@ -4,7 +4,7 @@ import pytest
 from demo_runs import demo, sheared_cylinders
 from scipy.optimize import brentq
 
-from receding_fenicsx.measures.half_widths import half_width_estimates
+from receding_fenicsx.measures.ends import half_width_estimates
 from receding_fenicsx.reference import closed_forms
 from receding_fenicsx.reference.layer import contact_half_width
 from receding_fenicsx.studies.run import condense

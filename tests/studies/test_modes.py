@@ -14,7 +14,7 @@ from small import small_system
 
 import receding_fenicsx as rf
 from receding_fenicsx import cli
-from receding_fenicsx.modal.modes import mode_system
+from receding_fenicsx.modal import mode_system
 from receding_fenicsx.studies.joint.curve import _driven
 
 ROOT = Path(__file__).parents[2]

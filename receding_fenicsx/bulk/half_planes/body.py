@@ -19,13 +19,15 @@ from receding_fenicsx.bulk.mesh.meshing import BodyMesh, contact_nodes_of, make_
 from receding_fenicsx.bulk.rigid_motions import free_motions, motions, scaled
 from receding_fenicsx.bulk.stress import Stresses, named_stresses
 from receding_fenicsx.errors import InputError
-from receding_fenicsx.half_plane.far_field import CondensedHalfPlane, FarField, condense_far_field
 from receding_fenicsx.half_plane.interior import Complexes, point_values
 from receding_fenicsx.half_plane.stiffness import (
+    CondensedHalfPlane,
+    FarField,
     HalfPlaneMaterial,
     Surface,
     SurfaceStiffness,
     compliance,
+    condense_far_field,
     plane_material,
     surface_of,
 )

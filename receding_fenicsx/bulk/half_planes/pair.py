@@ -14,8 +14,7 @@ from receding_fenicsx.bulk.join_bodies import (
 )
 from receding_fenicsx.bulk.rigid_motions import scaled
 from receding_fenicsx.errors import InputError
-from receding_fenicsx.half_plane.far_field import FarField, condense_far_field
-from receding_fenicsx.half_plane.stiffness import SurfaceStiffness
+from receding_fenicsx.half_plane.stiffness import FarField, SurfaceStiffness, condense_far_field
 
 
 def join_half_planes(a: HalfPlane, b: HalfPlane, load_names: tuple[str, ...]) -> JoinedBodies:

@@ -26,8 +26,7 @@ from receding_fenicsx.interface.measures.steady import (
     SHAKEDOWN,
     SteadyWatch,
 )
-from receding_fenicsx.interface.normal_form import frictional_form
-from receding_fenicsx.interface.system import ContactState, reactions
+from receding_fenicsx.interface.system import ContactState, frictional_form, reactions
 from receding_fenicsx.interface.tolerances import LIMIT_CYCLE_TOLERANCE
 
 Progress = Callable[[int, int, str], None]

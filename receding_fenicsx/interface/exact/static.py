@@ -10,8 +10,11 @@ from receding_fenicsx.errors import NotConverged
 from receding_fenicsx.interface.exact.drift import drifted
 from receding_fenicsx.interface.exact.pivot_matrix import SingularExchange
 from receding_fenicsx.interface.exact.segments import Segments, States
-from receding_fenicsx.interface.gauss_seidel.direct import solve_directly
-from receding_fenicsx.interface.gauss_seidel.sweeps import GaussSeidelOptions, solve_step
+from receding_fenicsx.interface.gauss_seidel.sweeps import (
+    GaussSeidelOptions,
+    solve_directly,
+    solve_step,
+)
 from receding_fenicsx.interface.law import BACKWARD, FORWARD, SEPARATION, STICK, natural_states
 from receding_fenicsx.interface.lcp.contact import Undecided, solve_states
 from receding_fenicsx.interface.residual import (

@@ -25,8 +25,7 @@ from receding_fenicsx.arrays import Array
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.interface.gauss_seidel.sweeps import GaussSeidelOptions, solve_step
 from receding_fenicsx.interface.law import State
-from receding_fenicsx.interface.normal_form import frictional_form
-from receding_fenicsx.interface.system import ContactState, ContactSystem
+from receding_fenicsx.interface.system import ContactState, ContactSystem, frictional_form
 from receding_fenicsx.interface.system_checks import check_system
 
 

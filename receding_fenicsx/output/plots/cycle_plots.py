@@ -1,17 +1,35 @@
-"""Figures of slip and dissipation per cycle and of the dissipation density."""
+"""Figures of cycles: slip, dissipation and its density; loops of loads; paths of nodes."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import Any, Literal
+
 import matplotlib as mpl
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator, ScalarFormatter
 
+from receding_fenicsx.arrays import Array
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.output.plots import style
-from receding_fenicsx.output.plots.labels import Scales, scales_of
-from receding_fenicsx.output.plots.series import fitted_cycles, slip_lines
+from receding_fenicsx.output.plots.labels import Scales, is_word, load_symbol, scales_of
+from receding_fenicsx.output.plots.series import (
+    Loop,
+    fitted_cycles,
+    loop_of,
+    representative_nodes,
+    requested_cycles,
+    requested_nodes,
+    shown_cycles,
+    slip_lines,
+)
+
+# -- slip and dissipation --------------------------------------------------------------------------
 
 
 @mpl.rc_context(style.RC)
@@ -111,3 +129,216 @@ def dissipation_density(record: Record, scales: Scales | None = None) -> Figure:
     axes.set(xlabel=scales.x_label, ylabel=f"dissipation density\n{symbol}")
     figure.legend(loc="outside upper center", ncols=len(rows))
     return figure
+
+
+# -- hysteresis loops and paths of nodes -----------------------------------------------------------
+
+ROUND_OFF = 1e-9
+"""Part of the largest position, displacement or traction below which a value is round-off."""
+
+
+@mpl.rc_context(style.RC)
+def hysteresis(
+    record: Record, cycles: int | Sequence[int] | None = None, scales: Scales | None = None
+) -> Figure:
+    """Draw each load against its work-conjugate quantity; the areas of the loops are work.
+
+    Forces and stresses are drawn upwards, displacements along, also where they are prescribed.
+
+    Args:
+        record: the record.
+        cycles: cycles with samples; by default first loading, the first and the last cycle.
+        scales: units; by default those of the record.
+
+    Returns:
+        The figure, one row for each load. Right of each loop is the difference from its chord, the
+        straight line between the extreme loads of the last loop, which shows the loop's opening.
+
+    Raises:
+        InputError: the record has no samples of a cycle, or no displacements of the loads.
+    """
+    scales, paths = scales or scales_of(record), _paths(record, cycles)
+    moves = moving_loads(paths)
+    if not moves:
+        raise InputError("hysteresis: no load changes, or the record has no load displacements")
+    height = 1.95  # inches of a row of loops
+    figure = style.new_figure(style.PAGE, 0.75 + height * len(moves))
+    panels = figure.subplots(len(moves), 2, squeeze=False)
+    for n, (k, row) in enumerate(zip(moves, panels, strict=True)):
+        name = record.load_names[k]
+        other = scales.conjugate(k, prescribed=bool(record.load_sign[k] > 0.0))
+        delta = other.symbol if is_word(name) else rf"{other.symbol}_{{{load_symbol(name)}}}"
+        largest, load_label = scales.load_axis(k, name)
+        # displacement per load between the extreme loads of the last loop, and at zero load
+        last, moved = paths[-1].load[:, k], paths[-1].displacement[:, k]
+        low, high = np.argmin(last), np.argmax(last)
+        run = float(last[high] - last[low])
+        slope = float(moved[high] - moved[low]) / run if run else 0.0
+        offset = float(moved[high] - slope * last[high]) / other.unit
+        most = max(float(np.abs(path.displacement[:, k]).max()) for path in paths)
+        for path in paths:
+            load, size = path.load[:, k] / largest, path.displacement[:, k] / other.unit
+            bend = (path.displacement[:, k] - slope * path.load[:, k]) / other.unit - offset
+            bend = _without_round_off(bend, most / abs(other.unit))
+            # first loading is not a loop and lies far from the chord
+            shown = (size, bend) if path.cycle or len(paths) == 1 else (size,)
+            for axes, conjugate in zip(row, shown, strict=False):
+                _draw_path(axes, *_turned(conjugate, load, other.upright), path, paths)
+        notes = (other.name, "less the chord of the last loop")
+        labels = (delta, rf"({delta} - \mathrm{{chord}})")
+        for m, (axes, symbol, note) in enumerate(zip(row, labels, notes, strict=True)):
+            own = f"${symbol}{other.behind}${other.bracket}"
+            along, up = _turned(own, load_label, other.upright)
+            axes.set(xlabel=along, ylabel=style.wrapped([up], height))
+            axis: Literal["x", "y"] = "y" if other.upright else "x"
+            axes.ticklabel_format(axis=axis, scilimits=(-2, 3), useMathText=True)
+            style.ticks(axes.xaxis, 5)
+            panel = style.panel_title(2 * n + m, 2 * len(moves), note)
+            axes.set_title(panel, loc="left", pad=4.0)
+    figure.legend(handles=_cycle_handles(paths), loc="outside lower center", ncols=len(paths))
+    return figure
+
+
+def _turned(along: Any, up: Any, turned: bool) -> tuple[Any, Any]:
+    return (up, along) if turned else (along, up)
+
+
+@mpl.rc_context(style.RC)
+def trajectories(
+    record: Record,
+    nodes: int | Sequence[int] | None = None,
+    cycles: int | Sequence[int] | None = None,
+    scales: Scales | None = None,
+) -> Figure:
+    """Draw paths of nodes in the planes of tractions (q, p) and displacements (v, w).
+
+    Args:
+        record: the record.
+        nodes: contact nodes, one column each; by default representative nodes.
+        cycles: cycles with samples; by default first loading, the first and the last cycle.
+        scales: units; by default those of the record.
+
+    Returns:
+        The figure: above, (q, p) with the friction cone |q| <= f p; below, (v, w) with the plane
+        w = -g0. Dots are turning points.
+
+    Raises:
+        InputError: the record has no samples of a cycle, no such node, or no node in contact.
+    """
+    scales, paths = scales or scales_of(record), _paths(record, cycles)
+    chosen = representative_nodes(record) if nodes is None else requested_nodes(record, nodes)
+    if not chosen:
+        raise InputError("trajectories: no node is in contact in the sampled cycles; give nodes")
+    columns = len(chosen)
+    figure = style.new_figure(max(style.COLUMN, 0.3 + 1.8 * columns), 4.3)
+    panels = figure.subplots(2, columns, squeeze=False)
+    # one range of w for all nodes
+    unit, slip = scales.elastic(1, 1)
+    low, high = (f([f(path.w[:, chosen]) for path in paths]) / unit for f in (np.min, np.max))
+    room = 0.1 * (high - low) or 1.0
+    for n, i in enumerate(chosen):
+        above, below = panels[:, n]
+        _draw_traction_path(above, record, paths, i, scales)
+        _draw_displacement_path(below, record, paths, i, scales)
+        below.set_ylim(low - room, high + room)
+        below.tick_params(labelleft=n == 0)
+        x = _without_round_off(record.x[i], float(np.abs(record.x).max()))
+        where = scales.position(float(x) / scales.length, ".3g")
+        above.set_title(style.panel_title(n, columns, where))
+        for axes in (above, below):
+            style.ticks(axes.xaxis, 3)
+            style.ticks(axes.yaxis, 5)
+            axes.ticklabel_format(scilimits=(-3, 4), useMathText=True)
+    traction = scales.peak_traction()[1]
+    panels[0, 0].set_ylabel(scales.with_unit(f"$p{traction}$", traction, stress=1))
+    panels[1, 0].set_ylabel(scales.with_unit(f"$w{slip}$", slip, length=1))
+    handles: list[Any] = _cycle_handles(paths)
+    if np.any(record.friction.present[chosen]):
+        cone = r"$|q| \leq f p$"
+        if record.f_backward is not None:
+            cone = r"$-f_\mathrm{forward} p \leq q \leq f_\mathrm{backward} p$"
+        handles.append(Patch(label=f"friction cone, {cone}", **style.CONE))
+    figure.legend(handles=handles, loc="outside lower center", ncols=len(handles))
+    return figure
+
+
+def _draw_traction_path(
+    axes: Axes, record: Record, paths: Sequence[Loop], node: int, scales: Scales
+) -> None:
+    """Draw p against q of a node, with its friction cone up to the top of the axes."""
+    unit, divided = scales.peak_traction()
+    largest = float(np.abs([path.p.max() for path in paths]).max())
+    for path in paths:
+        q = _without_round_off(path.q[:, node], largest)
+        _draw_path(axes, q / unit, path.p[:, node] / unit, path, paths)
+    top = 1.05 * max(float(path.p[:, node].max()) for path in paths) / unit or 1.0
+    left, right = axes.get_xlim()
+    low, high = (float(limit) for limit in record.friction[node].limits(np.asarray(top)))
+    reach = 1.15 * max(abs(left), abs(right), -low, high) or 1.0
+    axes.fill_between([low, 0.0, high], [top, 0.0, top], top, zorder=0, **style.CONE)
+    axes.set_xlim(-reach, reach)
+    axes.set_ylim(-0.04 * top, top)
+    axes.set_xlabel(scales.with_unit(f"$q{divided}$", divided, stress=1))
+
+
+def _draw_displacement_path(
+    axes: Axes, record: Record, paths: Sequence[Loop], node: int, scales: Scales
+) -> None:
+    """Draw w against v of a node, with the plane w = -g0 if the node separates from it."""
+    unit, divided = scales.elastic(1, 1)
+    for path in paths:
+        _draw_path(axes, path.v[:, node] / unit, path.w[:, node] / unit, path, paths)
+    if np.any(paths[-1].w[:, node] > -record.g0[node]):
+        axes.axhline(-float(record.g0[node]) / unit, **style.GUIDE)
+    largest = max(float(np.abs(path.v).max()) for path in paths) / unit or 1.0
+    left, right = axes.get_xlim()
+    if right - left < ROUND_OFF * largest:
+        # the node does not move
+        axes.set_xlim(-0.5 * largest, 0.5 * largest)
+    axes.set_xlabel(scales.with_unit(f"$v{divided}$", divided, length=1))
+
+
+def _without_round_off(values: Array, largest: float) -> Array:
+    """Return values with 0 in place of round-off of the largest."""
+    return np.where(np.abs(values) > ROUND_OFF * largest, values, 0.0)
+
+
+def _paths(record: Record, cycles: int | Sequence[int] | None) -> list[Loop]:
+    chosen = shown_cycles(record) if cycles is None else requested_cycles(record, cycles)
+    return [loop_of(record, cycle) for cycle in chosen]
+
+
+def moving_loads(paths: Sequence[Loop]) -> list[int]:
+    """Return the loads that change within the paths and have known displacements."""
+    loops = [path for path in paths if path.cycle] or paths
+    return [
+        k
+        for k in range(paths[0].load.shape[1] if paths else 0)
+        if any(np.ptp(path.load[:, k]) > 0.0 for path in loops)
+        and all(np.all(np.isfinite(path.displacement[:, k])) for path in paths)
+    ]
+
+
+def _draw_path(axes: Axes, x: Array, y: Array, path: Loop, paths: Sequence[Loop]) -> None:
+    look = _look(path, paths)
+    axes.plot(x, y, **look)
+    # largest number of turning points of a cycle that have dots
+    if np.count_nonzero(path.turning) <= 40:
+        dots = 1.6 + look["lw"]
+        axes.plot(x[path.turning], y[path.turning], "o", color=look["color"], ms=dots)
+
+
+def _cycle_handles(paths: Sequence[Loop]) -> list[Line2D]:
+    names = [f"cycle {path.cycle}" if path.cycle else "first loading" for path in paths]
+    looks = [_look(path, paths) for path in paths]
+    return [Line2D([], [], label=name, **look) for name, look in zip(names, looks, strict=True)]
+
+
+def _look(path: Loop, paths: Sequence[Loop]) -> dict[str, Any]:
+    """Return colour and width of a cycle: earlier ones are wider, to be seen below later ones."""
+    if path.cycle == 0:
+        return {"color": style.GUIDE_COLOUR, "lw": 1.4}
+    numbers = [other.cycle for other in paths if other.cycle]
+    place, colours = numbers.index(path.cycle), style.SERIES_COLOURS
+    width = 0.8 + min(1.4 * (len(numbers) - 1 - place), 4.2)
+    return {"color": colours[place % len(colours)], "lw": width}

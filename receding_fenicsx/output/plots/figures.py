@@ -27,9 +27,11 @@ from receding_fenicsx.measures.fatigue import fatigue
 from receding_fenicsx.output.plots.cycle_plots import (
     dissipation_density,
     dissipation_per_cycle,
+    hysteresis,
+    moving_loads,
     slip_per_cycle,
+    trajectories,
 )
-from receding_fenicsx.output.plots.loop_plots import hysteresis, moving_loads, trajectories
 from receding_fenicsx.output.plots.series import (
     first_unloading,
     legs_of,

@@ -9,7 +9,7 @@ import numpy as np
 
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.interface.uniqueness.watch import LARGE_MARGIN
-from receding_fenicsx.measures.corner_exponents import is_singular
+from receding_fenicsx.measures.ends import is_singular
 from receding_fenicsx.measures.limit_nodes import limit_nodes
 from receding_fenicsx.output.report.section import Rows, Section, Summary
 from receding_fenicsx.output.report.turning_points import headline_points

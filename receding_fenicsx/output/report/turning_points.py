@@ -11,9 +11,9 @@ import numpy as np
 from receding_fenicsx.arrays import aligned
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.interface.measures.zones import contact_zones, on_axis
-from receding_fenicsx.measures.corner_exponents import corners_of
-from receding_fenicsx.measures.half_widths import (
+from receding_fenicsx.measures.ends import (
     contact_betas,
+    corners_of,
     estimated_ends,
     half_width_estimates,
     half_widths,

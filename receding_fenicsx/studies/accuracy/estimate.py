@@ -34,8 +34,7 @@ from receding_fenicsx.evolution.record import DISSIPATION_ROUND_OFF, Record
 from receding_fenicsx.interface.law import State
 from receding_fenicsx.interface.measures.zone_ends import zone_end
 from receding_fenicsx.interface.measures.zones import NO_NODES, contact_zone, on_axis, stick_zone
-from receding_fenicsx.measures.corner_exponents import corners_of
-from receding_fenicsx.measures.half_widths import contact_betas, estimates_at, tractions
+from receding_fenicsx.measures.ends import contact_betas, corners_of, estimates_at, tractions
 from receding_fenicsx.studies.accuracy.meshes import is_graded
 
 ROUND_OFF = 1e-10

@@ -20,7 +20,7 @@ from receding_fenicsx.bulk.mesh.user_mesh import takes_elements
 from receding_fenicsx.errors import InputError, MeshMisfit
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.interface.law import State
-from receding_fenicsx.measures.half_widths import contact_betas, estimated_ends
+from receding_fenicsx.measures.ends import contact_betas, estimated_ends
 from receding_fenicsx.scene.model import MIN_REFINED_GROWTH, MOST_REFINEMENTS, Refinement, Scene
 from receding_fenicsx.scene.symmetry import is_cylinder, is_horizontal
 

@@ -8,6 +8,6 @@ r"""Joints: dissipation and stiffness of a preloaded contact over the amplitude 
    macroslip, beyond which there is no equilibrium, and the dissipation that Masing's rule gives.
 3. The curve on a mesh of half as many elements estimates the discretisation error.
 4. :mod:`~receding_fenicsx.studies.joint.curve` draws both over the amplitude.
-5. :mod:`~receding_fenicsx.modal.modes` makes a vibration mode of the stuck joint its drive.
+5. :mod:`~receding_fenicsx.modal` makes a vibration mode of the stuck joint its drive.
 6. :mod:`~receding_fenicsx.studies.joint.fits` fits models of springs and sliders to a curve.
 """

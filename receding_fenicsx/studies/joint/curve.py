@@ -24,7 +24,7 @@ from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.interface.law import State
 from receding_fenicsx.interface.measures.steady import SHAKEDOWN
 from receding_fenicsx.interface.system import ContactSystem
-from receding_fenicsx.modal.modes import mode_number, mode_system, preload_path
+from receding_fenicsx.modal import mode_number, mode_system, preload_path
 from receding_fenicsx.output.plots import style
 from receding_fenicsx.output.plots.labels import load_text
 from receding_fenicsx.output.plots.style import save

@@ -13,7 +13,7 @@ from receding_fenicsx.evolution.checks import energy_error
 from receding_fenicsx.evolution.evolve import evolve
 from receding_fenicsx.evolution.replay import turning_point
 from receding_fenicsx.interface.exact.path import EventPath
-from receding_fenicsx.interface.normal_form import frictional_form
+from receding_fenicsx.interface.system import frictional_form
 
 pytestmark = pytest.mark.one_rank
 

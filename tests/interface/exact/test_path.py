@@ -13,9 +13,8 @@ from receding_fenicsx.evolution.evolve import evolve
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.interface.exact.rolling import at_rest
 from receding_fenicsx.interface.law import State
-from receding_fenicsx.interface.normal_form import eliminate_tangential
 from receding_fenicsx.interface.residual import round_off
-from receding_fenicsx.interface.system import ContactState, ContactSystem
+from receding_fenicsx.interface.system import ContactState, ContactSystem, eliminate_tangential
 from receding_fenicsx.scene.history import History
 from receding_fenicsx.scene.model import OutputOptions, SolverOptions
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from law import random_system
 
-from receding_fenicsx.interface.gauss_seidel.direct import solve_directly
+from receding_fenicsx.interface.gauss_seidel.sweeps import solve_directly
 from receding_fenicsx.interface.system import reactions
 
 
