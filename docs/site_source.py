@@ -12,6 +12,15 @@ from receding_fenicsx.cli import app
 
 DOCS = Path(__file__).resolve().parent
 ROOT = DOCS.parent
+PARTS = {
+    "Tutorials": "install tutorials/block tutorials/own_body tutorials/joint tutorials/fretting "
+    "tutorials/study gallery",
+    "How-to": "usage bodies assemblies loads half_planes grading tolerance limit joints wear "
+    "fatigue shakedown uniqueness sweeps cluster exchange tutorials/extending tutorials/elsewhere",
+    "Reference": "scene command_line formats glossary api/index",
+    "Explanation": "theory accuracy measured contributing changelog",
+}
+"""The four parts of the documents with their pages."""
 
 
 def prepare(source: Path) -> None:
@@ -31,6 +40,10 @@ def prepare(source: Path) -> None:
     for name, path in pages.items():
         text = key_tables.with_tables(relinked(path.read_text(encoding="utf-8")))
         (source / name).write_text(text, encoding="utf-8")
+    with (source / "index.md").open("a", encoding="utf-8") as page:
+        for part, names in PARTS.items():
+            head = f"\n```{{toctree}}\n:hidden:\n:caption: {part}\n\n"
+            page.write("\n".join([head, *names.split(), "```\n"]))
     (source / "command_line.md").write_text(command_line(), encoding="utf-8")
     (source / "tutorials").mkdir()
     for path in (DOCS / "tutorials").glob("*.py"):

@@ -114,6 +114,38 @@ def test_notebooks_run(beside_demos: Path, name: str) -> None:
     run_program(beside_demos, text_of(name))
 
 
+BEFORE = {
+    "exchange": """
+import receding_fenicsx as rf
+scene = rf.read_scene("demos/half_planes.toml", [*CHANGES, "contact.friction=1.2"])
+rf.write_system("block.h5", rf.condense(scene))
+""",
+    "uniqueness": """
+import receding_fenicsx as rf
+scene = rf.read_scene("demos/block.toml", [*CHANGES, "history.cycles=1"])
+system, history = rf.condense(scene), rf.history_from_scene(scene)
+record = rf.evolve(system, scene)
+""",
+}
+"""What a page's programs take for granted, on a coarse mesh."""
+
+
+@pytest.mark.parametrize(
+    "page", ["exchange", "grading", "joints", "shakedown", "tolerance", "uniqueness"]
+)
+def test_programs_of_a_how_to_page_run_one_after_another(beside_demos: Path, page: str) -> None:
+    names: dict[str, object] = {"CHANGES": ["mesh.contact_elements=16"]}
+    for program in [BEFORE.get(page, ""), *programs(f"docs/{page}.md")]:
+        exec(compile(program, page, "exec"), names)
+
+
+@pytest.mark.parametrize("page", ["assemblies", "half_planes"])
+def test_scene_of_a_how_to_page_is_valid(beside_demos: Path, page: str) -> None:
+    (scene,) = re.findall(r"```toml\n(.*?)```", text_of(f"docs/{page}.md"), re.S)
+    (beside_demos / "scene.toml").write_text(scene, encoding="utf-8")
+    assert cli.main(["check", "scene.toml"]) == 0
+
+
 def run_program(folder: Path, program: str) -> str:
     """Run a program in a process of its own, in a folder, and return what it prints."""
     (folder / "program.py").write_text(program, encoding="utf-8")
