@@ -17,8 +17,8 @@ from receding_fenicsx.evolution.record_data import Limit, Steady
 from receding_fenicsx.evolution.run_state import Position, RunState
 from receding_fenicsx.interface.exact.path import EventPath
 from receding_fenicsx.interface.exact.pivot_matrix import SingularExchange
+from receding_fenicsx.interface.exact.rest import carries_nothing, zero_crossing
 from receding_fenicsx.interface.exact.segments import Segments
-from receding_fenicsx.interface.exact.unloading import carries_nothing, zero_crossing
 from receding_fenicsx.interface.law import STICK
 from receding_fenicsx.interface.measures.steady import (
     CYCLIC_SLIP,

@@ -6,11 +6,11 @@ are no load steps. The method, from top to bottom:
 
 1. **What kind of leg** (`path`: `EventPath.trace_leg`). A leg from rest is solved as in 9, one
    through complete unloading is cut there, as in 10. A body with gaps that carries nothing first
-   rolls to where it rests under the load (`rolling.at_rest`). All others are followed from event to
-   event (`walk.Walk`) by one compiled loop (`kernel.follow`), which works on the arrays of a
-   tableau and a memory (`loop.Loop`), and asks where it cannot go on by itself: for rates that are
-   not those of the tableau, for states where changing them one by one does not end, for a choice
-   where a path branches, for round-off to be removed.
+   rolls to where it rests under the load (`free_motions.at_rest`). All others are followed from
+   event to event (`walk.Walk`) by one compiled loop (`kernel.follow`), which works on the arrays of
+   a tableau and a memory (`loop.Loop`), and asks where it cannot go on by itself: for rates that
+   are not those of the tableau, for states where changing them one by one does not end, for a
+   choice where a path branches, for round-off to be removed.
 2. **Quantities** (`segments`: `Segments.values`). Each node has $v$, the gap $g = g_0 + w$ and the
    margins to both friction limits,
    $$A = Q + f_\mathrm{forward} P, \qquad B = f_\mathrm{backward} P - Q ,$$
@@ -36,7 +36,7 @@ are no load steps. The method, from top to bottom:
    of a leg and after an event, nodes on a limit may go either way. Nodes whose rates violate a
    condition change state, all at first, then the worst one; if a set of states returns, the linear
    complementarity problem of the rates decides (`interface.lcp`). Along rigid motions that
-   the states leave free the body drifts as little as the conditions allow (`drift`).
+   the states leave free the body drifts as little as the conditions allow (`free_motions`).
 5. **Next event** (`kernel.looked`). A quantity $y_j \ge 0$ that falls reaches zero
    after
    $$\Delta s_j = -y_j / \dot y_j .$$
@@ -49,7 +49,7 @@ are no load steps. The method, from top to bottom:
    $$D = -\sum_i \tfrac12 (Q_i^a + Q_i^b)(v_i^b - v_i^a), \qquad
      W = \sum_k \tfrac12 (\lambda_k^a + \lambda_k^b)\, r^*_k \cdot (u^b - u^a) .$$
    The balance of forces is followed from event to event.
-7. **Round-off** (`Walk._balanced`, `Walk._refined`, `round_off`). Where the imbalance of $y$ has
+7. **Round-off** (`Walk._balanced`, `Walk._refined`). Where the imbalance of $y$ has
    grown it is removed by iterative refinement, and at the end of a leg where forces that vanish are
    more than round-off: by the tableau, or by a factor of the states there (`loop.ActiveSets`). The
    reactions of the end are evaluated afresh and its residual is checked.
@@ -59,11 +59,11 @@ are no load steps. The method, from top to bottom:
    $$E = -\Delta (\tfrac12 u^T K u) - \sum_k \lambda_k\, r^*_k \cdot \Delta u .$$
    How far equilibrium exists at all is a linear program (`interface.equilibrium`), solved where
    rates alone do not decide or the contact forces of the end do not prove equilibrium.
-9. **First loading** (`first_loading.load_from_rest`). From rest without gaps all grows in
+9. **First loading** (`rest.load_from_rest`). From rest without gaps all grows in
     proportion to the load: one static problem, with the slip counted from the start
     (`static.solve_static`: Newton's method on sets of states, Gauss-Seidel, linear
     complementarity, Newton's method from several starts), dissipation $-\tfrac12 Q \cdot \Delta v$.
-10. **Complete unloading** (`unloading`). Where all loads vanish on a free body without gaps, $P = Q
+10. **Complete unloading** (`rest`). Where all loads vanish on a free body without gaps, $P = Q
     = 0$ and $K u = 0$: all nodes reach all limits together. The leg stops at a remaining load of
     $10^{-9}$, its end is set to the rigid sliding reached, and the next leg is a first loading.
 """

@@ -454,7 +454,7 @@ def on_limits(y: Array, on: Array) -> int:
 
 @compiled
 def tied(contact: Contact, way: Way, path: Path, hit: int) -> None:
-    """Note nodes on a limit besides the one that has reached its own, see ``ties.tied``."""
+    """Note nodes on a limit besides the one that has reached its own, see ``segments.tied``."""
     n, y, on, state = len(path.state), path.y, way.on_limit, path.state
     for i in range(n):
         on_A, on_B = y[A * n + i] <= on[A * n + i], y[B * n + i] <= on[B * n + i]

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.errors import NoEquilibrium, NoQuasiStaticContinuation, SolveError
 from receding_fenicsx.interface.equilibrium import Limit, furthest, is_balanced
-from receding_fenicsx.interface.exact.first_loading import load_from_rest
+from receding_fenicsx.interface.exact.free_motions import at_rest
 from receding_fenicsx.interface.exact.jumps import check_jumps, find_jump, no_state_beyond
 from receding_fenicsx.interface.exact.legs import (
     Chooser,
@@ -21,17 +21,16 @@ from receding_fenicsx.interface.exact.legs import (
     unchanged,
 )
 from receding_fenicsx.interface.exact.pivot_matrix import SingularExchange
-from receding_fenicsx.interface.exact.rolling import at_rest
-from receding_fenicsx.interface.exact.segments import Segments
-from receding_fenicsx.interface.exact.ties import ties_at
-from receding_fenicsx.interface.exact.unloading import (
+from receding_fenicsx.interface.exact.rest import (
     carries_nothing,
     is_at_rest,
     is_closed,
     keeps_limits,
+    load_from_rest,
     stops_short,
     zero_crossing,
 )
+from receding_fenicsx.interface.exact.segments import Segments, ties_at
 from receding_fenicsx.interface.law import SEPARATION
 from receding_fenicsx.interface.residual import largest_force
 from receding_fenicsx.interface.system import Changes, ContactState, ContactSystem, Leg, reactions

@@ -26,6 +26,7 @@ from receding_fenicsx.interface.law import (
     limit_distances,
 )
 from receding_fenicsx.interface.system import (
+    Changes,
     ContactState,
     ContactSystem,
     has_rigid,
@@ -307,3 +308,37 @@ class Segments:
         gap = np.where(contact & (self.frictional | self.smooth), 0.0, self.system.g0 + state.w)
         # a gap keeps its round-off: times the stiffness it would be a force out of balance
         return np.concatenate([state.v, gap, forward, backward])
+
+
+def tied(
+    segments: Segments, places: Array, states: NDArray[np.int8], on: NDArray[np.bool_]
+) -> Changes:
+    """Return the ties of several instants, as changes to the state that a node may take as well.
+
+    That is a direction of slip, or SEPARATION where it has neither gap nor pressure and may take
+    any.
+
+    Args:
+        segments: of the condensed body.
+        places: (k,) of the instants.
+        states: (k, N) states.
+        on: (k, 3N) gap, A and B that are within round-off of zero, B of nodes without friction too.
+    """
+    n, frictional = segments.system.n, segments.frictional
+    gap, A, B = on[:, :n], on[:, n : 2 * n], on[:, 2 * n :]
+    touches = np.where(states == SEPARATION, gap, A & B)
+    near = touches | (A | B) & (states == STICK) & frictional
+    near &= frictional | segments.smooth
+    rows, nodes = near.nonzero()
+    if not len(rows):
+        return Changes.none()
+    side = np.where(A[rows, nodes], FORWARD, BACKWARD)
+    other = np.where(touches[rows, nodes], SEPARATION, side)
+    return Changes(places[rows], nodes, states[rows, nodes], other.astype(np.int8))
+
+
+def ties_at(segments: Segments, s: float, y: Array, state: States, force_scale: float) -> Changes:
+    """Return the ties at one place, with quantities y (4N,) and states (N,), see :func:`tied`."""
+    n = len(state)
+    on = y[n:] <= segments.limit[n:] * force_scale
+    return tied(segments, np.array([s]), state[None], on[None])

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.errors import NotConverged
-from receding_fenicsx.interface.exact.drift import drifted
+from receding_fenicsx.interface.exact.free_motions import drifted
 from receding_fenicsx.interface.exact.pivot_matrix import SingularExchange
 from receding_fenicsx.interface.exact.segments import Segments, States
 from receding_fenicsx.interface.gauss_seidel.sweeps import (

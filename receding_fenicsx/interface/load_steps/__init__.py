@@ -7,7 +7,7 @@ bottom:
 
 1. **Leg** (`path`: `GaussSeidelPath.trace_leg`). The leg is divided into equal load steps, and cut
    at complete unloading: a step across it would keep slip that unloading undoes. A body with gaps
-   that carries nothing first rolls to where it rests (`exact.rolling.at_rest`).
+   that carries nothing first rolls to where it rests (`exact.free_motions.at_rest`).
 2. **Equilibrium** (`steps`: `LegInSteps.check_equilibrium`). A step beyond the load at which
    no reactions balance the loads (`interface.equilibrium.furthest`) is an error.
 3. **Sweeps** (`steps`: `StepTrials.attempt`, `gauss_seidel.sweeps.solve_step`). With the load at

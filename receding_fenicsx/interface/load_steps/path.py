@@ -17,10 +17,10 @@ import numpy as np
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.errors import SolveError
 from receding_fenicsx.interface.equilibrium import Limit, furthest
+from receding_fenicsx.interface.exact.free_motions import at_rest
 from receding_fenicsx.interface.exact.legs import LegProblem
-from receding_fenicsx.interface.exact.rolling import at_rest
-from receding_fenicsx.interface.exact.ties import tied
-from receding_fenicsx.interface.exact.unloading import carries_nothing, zero_crossing
+from receding_fenicsx.interface.exact.rest import carries_nothing, zero_crossing
+from receding_fenicsx.interface.exact.segments import tied
 from receding_fenicsx.interface.gauss_seidel.sweeps import GaussSeidelOptions, solve_step
 from receding_fenicsx.interface.law import BACKWARD, FORWARD, STICK
 from receding_fenicsx.interface.load_steps.steps import LegInSteps, StepTrials

@@ -29,11 +29,10 @@ from receding_fenicsx.errors import (
     SolveError,
 )
 from receding_fenicsx.interface.equilibrium import Limit
-from receding_fenicsx.interface.exact.first_loading import load_from_rest
 from receding_fenicsx.interface.exact.jumps import check_jumps, find_jump
 from receding_fenicsx.interface.exact.legs import LegProblem
+from receding_fenicsx.interface.exact.rest import is_at_rest, is_closed, load_from_rest, stops_short
 from receding_fenicsx.interface.exact.segments import Segments
-from receding_fenicsx.interface.exact.unloading import is_at_rest, is_closed, stops_short
 from receding_fenicsx.interface.gauss_seidel.sweeps import (
     GaussSeidelOptions,
     Stalled,

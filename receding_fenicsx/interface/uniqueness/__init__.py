@@ -3,7 +3,7 @@ r"""Uniqueness of a path: one solution of every rate problem, or several.
 1. **Instants** (`instants.InstantsOfLegs`). The rates are decided anew at the start of a leg and
    wherever states change. All nodes on a limit there are undecided together, whether the path
    changes their states or not: at the start they are read from the state, at events the path notes
-   them (`exact.ties.tied`). A slipping node, one that begins to slip, or a stuck one at its
+   them (`exact.segments.tied`). A slipping node, one that begins to slip, or a stuck one at its
    friction limit may slip or stick; one without gap and pressure may do anything. Only instants
    that were not met before are looked at.
 2. **Certificate of a set of states** (`certificate.Certificate`). Separated nodes, and tangential

@@ -17,10 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from receding_fenicsx.arrays import Array, Ints
-from receding_fenicsx.interface.exact.segments import Segments
+from receding_fenicsx.interface.exact.rest import carries_nothing, zero_crossing
+from receding_fenicsx.interface.exact.segments import Segments, ties_at
 from receding_fenicsx.interface.exact.static import end_in_states, states_by_newton
-from receding_fenicsx.interface.exact.ties import ties_at
-from receding_fenicsx.interface.exact.unloading import carries_nothing, zero_crossing
 from receding_fenicsx.interface.law import BACKWARD, FORWARD, SEPARATION, STICK
 from receding_fenicsx.interface.lcp.all_solutions import all_solutions
 from receding_fenicsx.interface.lcp.contact import (

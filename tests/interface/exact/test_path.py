@@ -11,7 +11,7 @@ from small import cyclic, named_loads, small_system, table, walker
 from receding_fenicsx.errors import NoEquilibrium, NoQuasiStaticContinuation, SolveError
 from receding_fenicsx.evolution.evolve import evolve
 from receding_fenicsx.evolution.record import Record
-from receding_fenicsx.interface.exact.rolling import at_rest
+from receding_fenicsx.interface.exact.free_motions import at_rest
 from receding_fenicsx.interface.law import State
 from receding_fenicsx.interface.residual import round_off
 from receding_fenicsx.interface.system import ContactState, ContactSystem, eliminate_tangential

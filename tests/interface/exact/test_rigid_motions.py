@@ -10,7 +10,7 @@ from small import small_system, table
 from receding_fenicsx.errors import NoEquilibrium, NoQuasiStaticContinuation
 from receding_fenicsx.evolution.evolve import evolve
 from receding_fenicsx.evolution.record import Record
-from receding_fenicsx.interface.exact.drift import _least
+from receding_fenicsx.interface.exact.free_motions import _least
 from receding_fenicsx.interface.gauss_seidel.sweeps import solve_directly
 from receding_fenicsx.interface.system import ContactSystem
 from receding_fenicsx.scene.history import History
