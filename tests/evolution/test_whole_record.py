@@ -14,8 +14,7 @@ from replay import objections
 from small import cyclic
 
 import receding_fenicsx as rf
-from receding_fenicsx.interface.normal_form import eliminate_tangential
-from receding_fenicsx.interface.system import ProbeMatrix
+from receding_fenicsx.interface.system import ProbeMatrix, eliminate_tangential
 
 pytestmark = pytest.mark.one_rank
 
