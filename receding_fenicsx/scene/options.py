@@ -500,6 +500,7 @@ class WearOptions(Table):
         coefficient: depth that both bodies lose together, per density of dissipated energy.
         archard: the same per pressure and sliding distance, instead of ``coefficient``.
         cycles: number of cycles, 1 to 1 000 000 000.
+        depth: largest depth of both bodies together, at which wear ends before.
         tolerance: largest estimated error of the depth in a step, over the depth that the step
             wears off.
         share: part of the wear that the first body takes, the one of ``edge``; 0 to 1.
@@ -508,6 +509,7 @@ class WearOptions(Table):
     coefficient: Positive | None = None
     archard: Positive | None = None
     cycles: Annotated[int, Ge(1), Le(MAX_CYCLES)] = 1_000_000
+    depth: Positive | None = None
     tolerance: Tolerance = 0.05
     share: Annotated[float, Ge(0.0), Le(1.0)] = 0.5
 

@@ -235,7 +235,12 @@ def play_scene(
         # turning points only: enough for the columns of measure_record
         every = scene.output.checkpoint_cycles
         scene = replace(scene, output=OutputOptions(1, (), checkpoint_cycles=every))
-    return cells_of((measure or measure_record)(evolve(system, scene)), taken)
+    numbers = (measure or measure_record)(evolve(system, scene))
+    if measure is None and (scene.wear.coefficient or scene.wear.archard):
+        from receding_fenicsx.studies.wear.study import wear_numbers
+
+        numbers = {**numbers, **wear_numbers(system, scene)}
+    return cells_of(numbers, taken)
 
 
 def cells_of(measured: Any, taken: Iterable[str]) -> dict[str, Cell]:

@@ -76,7 +76,9 @@ FULL = Scene(
 UNITS = {"units.length", "units.stress", "units.force"}
 RANGE = {f"shakedown.{key}" for key in ("mean", "range", "separated", "largest_slip", "diagram")}
 ACCURACY = {"accuracy.tolerance", "accuracy.numbers", "accuracy.budget_seconds", "mode.count"}
-WEAR = {f"wear.{key}" for key in ("coefficient", "archard", "cycles", "tolerance", "share")}
+WEAR = {
+    f"wear.{key}" for key in ("coefficient", "archard", "cycles", "depth", "tolerance", "share")
+}
 FREE = {"title", "history.cycles", "history.until", "output.cycles", *UNITS, *RANGE}
 FREE |= ACCURACY | WEAR | {"fatigue"}
 """What a run may be gone on with: README, "Long runs"."""

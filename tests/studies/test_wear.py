@@ -260,6 +260,20 @@ def test_all_scenes_wear_off_what_the_limit_cycle_of_a_run_dissipates(
 
 
 @pytest.mark.one_rank
+def test_a_sweep_has_the_wear_life_of_its_cases() -> None:
+    table = rf.sweep(
+        cylinders(40, "wear.cycles=1000000", "wear.depth=6e-4"),
+        {"wear.coefficient": [1e-3, 2e-3], "contact.friction": [0.5, 0.8]},
+    )
+    assert table is not None and set(table["wear_end"]) == {"depth reached"}
+    assert np.asarray(table["wear_depth_max"], float) == pytest.approx(6e-4, rel=1.01e-3)
+    life = table.grid("wear_cycles").astype(float)
+    # a coefficient only scales the cycles; with more friction less slips
+    assert life[0] == pytest.approx(2.0 * life[1], rel=0.02)
+    assert np.all(life[:, 1] > 1.2 * life[:, 0])
+
+
+@pytest.mark.one_rank
 def test_a_worn_contact_has_the_record_and_the_fatigue_of_a_run() -> None:
     probes = '[[probe]]\nname = "edge"\nedge = "lower.top"\n[fatigue]\n'
     scene = rf.from_toml(rf.to_toml(cylinders(40, "wear.cycles=8000")) + probes)

@@ -32,7 +32,7 @@ from receding_fenicsx.studies.wear.result import WearStudy, ends_of_edges
 from receding_fenicsx.studies.wear.steps import NodePairs, Row, advance, row_type
 from receding_fenicsx.timing import Countdown, Timer
 
-CYCLES, THROUGH = "cycles done", "stick zone worn through"
+CYCLES, THROUGH, DEEP = "cycles done", "stick zone worn through", "depth reached"
 SHAKEDOWN, EDGE = "shakedown", "contact past the fine mesh"
 """Ends of a study."""
 LARGEST_STROKE = 0.05
@@ -83,11 +83,19 @@ def wear(
             if partner is not None and coarse is not None:
                 other = replace(partner, history=own.history), coarse
             with timer("wear"):
-                return _wear(own, begun, other, runner, timer)
+                return _wear(own, begun, other, runner.folder, timer)
 
         return Study("wear study", "wear_of.json", same, combine, results=RESULTS)
 
     return run_study(begin, out, options=options)
+
+
+def wear_numbers(system: ContactSystem, scene: Scene) -> dict[str, float | str]:
+    """Return the end of the wear of a condensed scene, for the table of a sweep."""
+    own, _ = with_corners(system, scene)
+    found = _wear(own, _begin(own, system), None, None, Timer())
+    last = found.table()[-1] | {"end": found.end, "volume_estimate": found.volume_estimate[-1]}
+    return {f"wear_{name}": value for name, value in last.items()}
 
 
 def _begin(scene: Scene, system: ContactSystem) -> tuple[NodePairs, Row]:
@@ -121,11 +129,11 @@ def _wear(
     scene: Scene,
     begun: tuple[NodePairs, Row],
     other: tuple[Scene, ContactSystem] | None,
-    runner: Runner,
+    folder: Path | None,
     timer: Timer,
 ) -> WearStudy:
     """Take step after step on both meshes; write what there is, also where a step fails."""
-    options, folder, failure = scene.wear, runner.folder, None
+    options, failure = scene.wear, None
     tell = Countdown(timer.say, "wear: cycle", "at most")
 
     def rows_of(first: Row, name: str) -> list[Row]:
@@ -139,8 +147,13 @@ def _wear(
         return [row for row in found if row["cycles"] <= options.cycles]
 
     def steps(model: NodePairs, rows: list[Row], last: float, name: str) -> str:
-        while not (end := _end(model.problem.system, rows, last)):
-            rows.append(advance(model, rows[-1], options.tolerance, last))
+        depth = np.inf if options.depth is None or name == COARSE else options.depth
+        while not (end := _end(model.problem.system, rows, last, depth)):
+            row, until = rows[-1], last
+            growth = model.rate * row["energy"]
+            if depth < np.inf and (rate := growth[row["depth"].argmax()] or growth.max()) > 0.0:
+                until = min(last, float(row["cycles"] + (depth - row["depth"].max()) / rate))
+            rows.append(advance(model, row, options.tolerance, until))
             if folder is not None:
                 _append(folder / name, rows[-1])
             text = f"depth {rows[-1]['depth'].max():.4g}"
@@ -213,9 +226,11 @@ def _model(scene: Scene, problem: Problem, coefficient: Array) -> tuple[NodePair
     return found, found.settled(first, np.zeros(2 * n))
 
 
-def _end(system: ContactSystem, rows: list[Row], cycles: float) -> str:
+def _end(system: ContactSystem, rows: list[Row], cycles: float, depth: float) -> str:
     """Return why a study ends with its last row, "" where it goes on."""
     first, last = rows[0], rows[-1]
+    if last["depth"].max() >= (1.0 - 1e-3) * depth:  # within a thousandth
+        return DEEP
     energy, before = last["energy"].sum(), first["energy"].sum()
     if energy <= NO_MORE * before:
         return SHAKEDOWN
