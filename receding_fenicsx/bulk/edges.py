@@ -118,37 +118,43 @@ def measure(scene: Scene, points: Array) -> Array:
     return points[:, :1] if scene.axisymmetric else np.ones((len(points), 1))
 
 
-def integrate(facets: EdgeFacets, traction: Callable[[Array, Array], Array]) -> Array:
+def integrate(
+    facets: EdgeFacets,
+    traction: Callable[[Array, Array], Array],
+    part: tuple[Array, Array] | None = None,
+) -> Array:
     """Integrate a traction times each nodal shape function by Gauss's rule.
 
     Args:
         facets: the facets.
         traction: function of points (m, 2) and outward normals (m, 2) that returns (m, k) values.
+        part: where the integral begins and ends in each facet (n,), from 0 to 1; default: all.
 
     Returns:
         (n, nodes, k) nodal forces.
     """
     s, weight = gauss()
     n, nodes = facets.nodes.shape
-    shape = shape_functions(nodes)
+    begin, end = part or (np.zeros(n), np.ones(n))
+    s = begin[:, None] + (end - begin)[:, None] * s
+    shape = shape_functions(nodes, s)
     a, b = facets.points[:, 0], facets.points[:, 1]
-    points = a[:, None, :] + s[None, :, None] * (b - a)[:, None, :]
+    points = a[:, None, :] + s[:, :, None] * (b - a)[:, None, :]
     normals = np.repeat(facets.outward, GAUSS_POINTS, axis=0)
     values = np.asarray(traction(points.reshape(-1, 2), normals))
     values = values.reshape(n, GAUSS_POINTS, values.shape[-1])
-    length = np.hypot(b[:, 0] - a[:, 0], b[:, 1] - a[:, 1])
-    return length[:, None, None] * np.einsum("iq,q,nqk->nik", shape, weight, values)
+    length = (end - begin) * np.hypot(b[:, 0] - a[:, 0], b[:, 1] - a[:, 1])
+    return length[:, None, None] * np.einsum("inq,q,nqk->nik", shape, weight, values)
 
 
 def facet_mass(scene: Scene, facets: EdgeFacets) -> Array:
     """Return int N_i N_j dA (n, nodes, nodes) of each facet."""
-    shapes = np.tile(shape_functions(facets.nodes.shape[1]).T, (len(facets), 1))
+    shapes = np.tile(shape_functions(facets.nodes.shape[1], gauss()[0]).T, (len(facets), 1))
     return integrate(facets, lambda points, _: measure(scene, points) * shapes)
 
 
-def shape_functions(nodes: int) -> Array:
-    """Return the values (nodes, points) of a facet's shape functions at Gauss's points."""
-    s, _ = gauss()
+def shape_functions(nodes: int, s: Array) -> Array:
+    """Return the values (nodes, ...) of a facet's shape functions at s (...), from 0 to 1."""
     if nodes == 2:
         return np.array([1.0 - s, s])
     return np.array([(1.0 - s) * (1.0 - 2.0 * s), s * (2.0 * s - 1.0), 4.0 * s * (1.0 - s)])

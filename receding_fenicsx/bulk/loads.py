@@ -35,6 +35,7 @@ from receding_fenicsx.bulk.edges import (
 from receding_fenicsx.bulk.material import stiffness_in, unit_stress
 from receding_fenicsx.bulk.mesh.curved_edges import Arcs
 from receding_fenicsx.bulk.mesh.meshing import BodyMesh
+from receding_fenicsx.errors import InputError
 from receding_fenicsx.mpi import on_all
 from receding_fenicsx.scene.model import Load, Scene
 from receding_fenicsx.scene.profiles import Profile, evaluate, evaluate_checked
@@ -79,12 +80,30 @@ def add_load(
         _add(vector, *on_all(comm, lambda: _domain_forces(space, body, scene, load)))
         return
 
+    if load.travel and load.edge not in body.lines:
+        raise InputError(f"{load.label} travel: '{load.edge}' is not straight; split it")
+    profiles = (load.pressure, *(load.traction or ()))
+    moved = load.travel[0] * body.lines[load.edge].direction if load.travel else 0.0
+
     def traction(points: Array, normals: Array) -> Array:
-        return measure(scene, points) * _traction(load, body, points, normals)
+        return measure(scene, points) * _traction(load, body, points - moved, normals)
 
     def forces() -> tuple[Ints, Array]:
-        facets = edge_facets(space, body, load.edge, load.span)
-        values = integrate(facets, traction)
+        facets = edge_facets(space, body, load.edge, None if load.travel else load.span)
+        part = None
+        tables = [profile for profile in profiles if isinstance(profile, dict)]
+        if (load.travel or tables) and len(facets):
+            # pieces of facets between the ends of the span and the kinks of tables
+            low, high = load.span or (-np.inf, np.inf)
+            kinks = np.unique([s for table in tables for s in table["x"] if low < s < high])
+            cuts = np.concatenate([[low], kinks, [high]])
+            a, b = (along(body, load.edge, facets.points[:, k] - moved) for k in (0, 1))
+            at = ((cuts - a[:, None]) / (b - a)[:, None]).clip(0.0, 1.0)
+            begin, end = np.minimum(at[:, :-1], at[:, 1:]), np.maximum(at[:, :-1], at[:, 1:])
+            facet, piece = np.nonzero(end - begin > 1e-12)
+            facets = EdgeFacets(facets.points[facet], facets.nodes[facet], facets.outward[facet])
+            part = begin[facet, piece], end[facet, piece]
+        values = integrate(facets, traction, part)
         if body.arcs is not None:
             values += _beyond_chords(facets, body.arcs, scene, traction, values)
         return facets.nodes, values

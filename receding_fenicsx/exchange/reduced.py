@@ -91,13 +91,16 @@ def reduced_model(scene: Scene) -> ReducedModel:
 
     Raises:
         InputError: a body has no density or no mesh, a load prescribes displacements, there are
-            bolts or an interference, or the bodies have fewer freedoms.
+            bolts or driven gaps, or the bodies have fewer freedoms.
         NotConverged: the modes were not found.
     """
     validate(scene)
     check_modes(scene, "reduced model")
-    if scene.bolts or any(contact.interference for contact in scene.contacts):
-        raise InputError("reduced model: bolts and interference are no loads of it; remove them")
+    gaps = [load.gap for load in scene.loads if load.gap is not None]
+    if scene.preloads or gaps:
+        raise InputError(
+            "reduced model: gaps, bolts and interference are no loads of it; remove them"
+        )
     if scene.ties:
         raise InputError("reduced model: ties are not in it; make the tied bodies one mesh")
     scene = replace(scene, solver=replace(scene.solver, symmetry="none"))
@@ -107,7 +110,7 @@ def reduced_model(scene: Scene) -> ReducedModel:
             for name in part.prescribed:
                 raise InputError(f"load '{name}': prescribes a displacement; reduce it as a force")
         whole = assembled(bulk)
-        names = tuple(dict.fromkeys(load.name for load in scene.loads))
+        names = scene.driven_names
         loads = names, np.array([_forces(bulk, whole, name) for name in names])
         system = with_profiles(scene, given(stack.condense(bulk)))
         return _reduced(whole, _relative(bulk, whole, system), loads, system, scene.mode.count)

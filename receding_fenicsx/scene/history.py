@@ -208,6 +208,8 @@ def history_from_scene(scene: Scene) -> History:
       polygon that stands for the ellipse. Where the scene does not fix the number of corners, the
       polygon is the coarsest one: :func:`~receding_fenicsx.evolution.histories.with_corners` finds
       how many are needed.
+    * "travel": zero load, each position of the loads that travel, zero load; so are the path and
+      each cycle.
 
     Loads in ``constant`` are applied first, on a leg of their own, and kept. Before them each of
     the scene's preloads has a leg of its own.
@@ -228,6 +230,8 @@ def history_from_scene(scene: Scene) -> History:
         raise InputError("[history] constant: names every load; leave out the one that varies")
     if not names:
         path, loop = np.zeros((1, 0)), np.zeros((0, 0))
+    elif options.kind == "travel" or any(len(load.travel) > 1 for load in scene.loads):
+        path = loop = _travel(scene, varying)
     elif options.kind == "harmonic":
         path, loop = _harmonic(options, varying)
     elif options.kind == "table":
@@ -330,6 +334,27 @@ def _range(options: HistoryOptions, names: tuple[str, ...]) -> tuple[Array, Arra
     if low >= high:
         raise InputError(f"[history] minimum: {low:g} is not below maximum = {high:g}; reduce it")
     return np.array([[0.0], [high]]), np.array([[high], [low], [high]])
+
+
+def _travel(scene: Scene, names: tuple[str, ...]) -> Array:
+    """Return the pass of loads that are put on, travel side by side, and are taken off."""
+    units = [load.units for load in scene.loads if len(load.travel) > 1]
+    if not units:
+        raise InputError("[history] kind: no load travels; give one travel = [FROM, TO]")
+    if scene.history.kind != "travel":
+        name = next(load.name for load in scene.loads if len(load.travel) > 1)
+        raise InputError(f"load '{name}': travels, which needs [history] kind = \"travel\"")
+    _check_driven({unit.name for part in units for unit in part}, names, scene.history, "kind")
+    counts = sorted({len(part) for part in units})
+    if len(counts) > 1:
+        raise InputError(
+            f"[history] kind: loads travel in {' and '.join(str(n - 1) for n in counts)} steps; "
+            "give them the same number of steps"
+        )
+    rows = np.zeros((counts[0] + 2, len(names)))
+    for part in units:
+        rows[np.arange(counts[0]) + 1, [names.index(unit.name) for unit in part]] = 1.0
+    return rows
 
 
 def _table(options: HistoryOptions, names: tuple[str, ...]) -> tuple[Array, Array]:

@@ -6,7 +6,7 @@ means: ``docs/scene.md`` and the JSON Schema of scene files are written from the
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from typing import Annotated
 
 from annotated_types import Ge, Gt, Le, Lt
@@ -326,24 +326,30 @@ class Scene(Table):
         )
 
     @property
-    def applied(self) -> tuple[Load, ...]:
+    def given(self) -> tuple[Load, ...]:
         """Loads, and the unit tensions of the bolts."""
         return (*self.loads, *(patch for bolt in self.bolts for patch in bolt.patches))
 
     @property
+    def applied(self) -> tuple[Load, ...]:
+        """The same with the unit loads of those that travel."""
+        return tuple(unit for load in self.given for unit in load.units)
+
+    @property
     def edge_loads(self) -> tuple[Load, ...]:
         """Of these the ones on edges, without those on whole bodies and gaps."""
-        return tuple(part for part in self.applied if not part.on_body and part.gap is None)
+        return tuple(part for part in self.given if not part.on_body and part.gap is None)
 
     @property
     def edge_parts(self) -> tuple[Load | Spring, ...]:
-        """What acts on edges or parts of them: loads and springs."""
-        return (*self.edge_loads, *(spring for spring in self.springs if spring.edge))
+        """What acts on edges or parts of them, travelling loads on all of theirs: with springs."""
+        loads = (replace(part, span=None) if part.travel else part for part in self.edge_loads)
+        return (*loads, *(spring for spring in self.springs if spring.edge))
 
     @property
     def driven_names(self) -> tuple[str, ...]:
         """Names of the loads, each once: the parts of a load share its name."""
-        return tuple(dict.fromkeys(load.name for load in self.loads))
+        return tuple(dict.fromkeys(unit.name for load in self.loads for unit in load.units))
 
     @property
     def load_names(self) -> tuple[str, ...]:

@@ -44,7 +44,7 @@ def part_of(scene: Scene, body: Body) -> Scene:
             if edge is not None:
                 contacts.append(Contact(edge, span))
     # the joined system has the gaps and bolts
-    for load in scene.applied if scene.others else scene.loads:
+    for load in scene.given if scene.others else scene.loads:
         if load.gap is not None:
             continue
         edge = None if load.on_body else own(load.edge)

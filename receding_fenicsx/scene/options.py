@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass, field
-from math import hypot
+from dataclasses import dataclass, field, replace
+from itertools import pairwise
+from math import ceil, hypot
 from typing import Annotated
 
 from annotated_types import Ge, Gt, Le, Lt, MaxLen
@@ -76,6 +77,8 @@ def in_unit(name: str, unit: str | None) -> str:
     return f"{name} ({unit})" if unit else name
 
 
+MOST_UNITS = 1000
+"""Largest number of unit loads of one that travels: each costs a solve with the bulk."""
 FREE = "free"
 """Component of a prescribed displacement that is not prescribed."""
 INTERFERENCE = "interference"
@@ -110,6 +113,11 @@ class Load(Table):
         gap: gap that the contacts on the edge have besides ``initial_gap``, a length, a profile
             like that one; negative closes. "-x/200" with the factor s on the gap "x^2/400" is a
             cylinder of radius 200 that rolls by s.
+        travel: positions along a straight edge, from the first to the last of which a pressure or
+            traction travels in each cycle of a history of the kind "travel"; its ``span`` and
+            profile are relative to that position.
+        steps: number of straight pieces of the history on that way; default: as many as keep the
+            moment of a pressure over ``span`` within 1e-3 of itself between two of them.
         body: name of the body with a body force or thermal strain, needed when there are several.
         body_force: [x, y]: forces per volume, profiles without tables; ["0.4*x", 0.0] for a
             rotation with rho omega^2 = 0.4.
@@ -129,6 +137,8 @@ class Load(Table):
     force: Pair | None = None
     tension: Number | None = None
     gap: Profile | None = None
+    travel: tuple[Number, ...] = ()
+    steps: Count | None = None
     body: str | None = None
     body_force: tuple[Profile, Profile] | None = None
     thermal_strain: Profile | None = None
@@ -144,6 +154,28 @@ class Load(Table):
     def label(self) -> str:
         """Name in messages."""
         return f"load '{self.name}'"
+
+    @property
+    def units(self) -> tuple[Load, ...]:
+        """The load; of one that travels a unit load at each end of a piece of its way.
+
+        Between two ends s apart the load is interpolated. A uniform pressure over the length l is
+        then off by s^2 / 8 in its second integral, of which the largest is l^2 / 2.
+        """
+        if len(self.travel) < 2:
+            return (self,)
+        way = sum(abs(b - a) for a, b in pairwise(self.travel))
+        low, high = self.span or (0.0, way)
+        step = way / self.steps if self.steps else 2.0 * 1e-3**0.5 * (high - low)
+        step = max(step, way / (MOST_UNITS + 1), 1e-300)
+        places = [self.travel[0]]
+        for a, b in pairwise(self.travel):
+            # round-off of a number of steps is not one more
+            n = max(ceil(abs(b - a) / step - 1e-9), 1)
+            places += [a + (b - a) * k / n for k in range(1, n)] + [b]
+        return tuple(
+            replace(self, name=f"{self.name} {k}", travel=(s,)) for k, s in enumerate(places)
+        )
 
     @property
     def on_body(self) -> bool:
@@ -306,7 +338,8 @@ class HistoryOptions(Table):
     Attributes:
         kind: "cyclic": 0 to maximum, then maximum, minimum, maximum; "monotonic": 0 to maximum;
             "table": a polyline of the factors of several loads; "harmonic": mean, amplitude and
-            phase of each load.
+            phase of each load; "travel": loads that travel are put on, pass and are taken off, on
+            the first path and in each cycle.
         load: name of the load that varies; needed when there are several that are not
             ``constant``.
         maximum: largest load factor, positive; to reverse a load, change its own sign.
@@ -333,7 +366,7 @@ class HistoryOptions(Table):
             has no load.
     """
 
-    kind: Annotated[str, OneOf("cyclic", "monotonic", "table", "harmonic")] = "cyclic"
+    kind: Annotated[str, OneOf("cyclic", "monotonic", "table", "harmonic", "travel")] = "cyclic"
     load: str | None = None
     maximum: Positive = 1.0
     minimum: Number = 1.0 / 3.0

@@ -98,7 +98,7 @@ def is_mirror_symmetric(scene: Scene) -> bool:
     x-components of tractions must be odd. Every support needs its mirror image. Expressions are
     compared at sample points.
     """
-    if scene.bolts or any(load.mode for load in scene.loads):
+    if scene.bolts or any(load.mode or load.travel for load in scene.loads):
         return False
     materials = (scene.material, *scene.materials)
     if any(m.young_2 is not None and m.angle % 90.0 != 0.0 for m in materials):

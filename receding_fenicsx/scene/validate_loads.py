@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from math import hypot
 
 import numpy as np
@@ -18,7 +19,7 @@ from receding_fenicsx.scene.model import (
     Spring,
     Support,
 )
-from receding_fenicsx.scene.options import KINDS, ON_BODY
+from receding_fenicsx.scene.options import KINDS, MOST_UNITS, ON_BODY
 from receding_fenicsx.scene.profiles import check_table, evaluate_checked
 from receding_fenicsx.scene.symmetry import (
     HORIZONTAL,
@@ -51,7 +52,8 @@ def check_load(load: Load, scene: Scene) -> None:
         raise InputError(f"{where} body: is for body_force and thermal_strain; write BODY.EDGE")
     on_contact = HORIZONTAL if load.gap is not None else (FAR,)
     check_edge(scene, load.edge, f"{where} edge", on_contact)
-    check_span(scene, load.edge, load.span, f"{where} span")
+    if not load.travel:
+        check_span(scene, load.edge, load.span, f"{where} span")
     _check_kind(scene, load, where)
     kind = _kinds(load)[0]
     if load.gap is not None:
@@ -100,7 +102,7 @@ def _check_off_contact(scene: Scene, load: Load, where: str) -> None:
     for joint, label in zip(scene.joints, scene.joint_labels, strict=True):
         if scene.find_edge(load.edge) == scene.find_edge(joint.edge):
             whole = edge_range(scene, load.edge)
-            (a, b), (c, d) = load.span or whole, joint.span or whole
+            (a, b), (c, d) = (not load.travel and load.span) or whole, joint.span or whole
             if min(b, d) - max(a, c) > LENGTH_TOLERANCE * (whole[1] - whole[0]):
                 what = "contact" if "contact" in label else "tie"
                 raise InputError(
@@ -144,6 +146,20 @@ def _check_kind(scene: Scene, load: Load, where: str) -> None:
             "of them"
         )
     kind = kinds[0]
+    if load.steps and len(load.travel) < 2:
+        raise InputError(f"{where} steps: are those of its travel; remove them, or give travel")
+    if load.travel and kind not in ("pressure", "traction"):
+        raise InputError(f"{where} travel: is for a pressure or a traction, not {kind}; remove it")
+    if len(load.travel) > 1:
+        if not load.steps and not load.span:
+            raise InputError(f"{where} steps: are needed to travel without a span; give them")
+        if any(a == b for a, b in pairwise(load.travel)):
+            raise InputError(f"{where} travel: stays at a position; write each once")
+        if len(load.units) > MOST_UNITS:
+            raise InputError(
+                f"{where} travel: takes {len(load.units)} unit loads, {MOST_UNITS} are the most; "
+                "shorten it, or give fewer steps"
+            )
     far = scene.find_edge(load.edge)[0].is_half_plane
     if load.tension is not None and not far:
         raise InputError(f"{where} tension: acts on the far field of a half-plane; use traction")

@@ -17,7 +17,7 @@ from receding_fenicsx.arrays import Array
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.output.plots import style
-from receding_fenicsx.output.plots.labels import Scales, is_word, load_symbol, scales_of
+from receding_fenicsx.output.plots.labels import MOST_TOLD, Scales, is_word, load_symbol, scales_of
 from receding_fenicsx.output.plots.series import (
     Loop,
     fitted_cycles,
@@ -160,7 +160,10 @@ def hysteresis(
     scales, paths = scales or scales_of(record), _paths(record, cycles)
     moves = moving_loads(paths)
     if not moves:
-        raise InputError("hysteresis: no load changes, or the record has no load displacements")
+        raise InputError(
+            f"hysteresis: no load or more than {MOST_TOLD} change, or the record has no load "
+            "displacements"
+        )
     height = 1.95  # inches of a row of loops
     figure = style.new_figure(style.PAGE, 0.75 + height * len(moves))
     panels = figure.subplots(len(moves), 2, squeeze=False)
@@ -309,14 +312,18 @@ def _paths(record: Record, cycles: int | Sequence[int] | None) -> list[Loop]:
 
 
 def moving_loads(paths: Sequence[Loop]) -> list[int]:
-    """Return the loads that change within the paths and have known displacements."""
+    """Return the loads that change within the paths and have known displacements.
+
+    None of more than ``MOST_TOLD``, such as the unit loads of one that travels.
+    """
     loops = [path for path in paths if path.cycle] or paths
-    return [
+    found = [
         k
         for k in range(paths[0].load.shape[1] if paths else 0)
         if any(np.ptp(path.load[:, k]) > 0.0 for path in loops)
         and all(np.all(np.isfinite(path.displacement[:, k])) for path in paths)
     ]
+    return found if len(found) <= MOST_TOLD else []
 
 
 def _draw_path(axes: Axes, x: Array, y: Array, path: Loop, paths: Sequence[Loop]) -> None:

@@ -93,7 +93,8 @@ def kind_of(scene: Scene | None, name: str, axisymmetric: bool) -> LoadKind:
     lengths = 3 if axisymmetric else 2
     if scene and name in [bolt.name for bolt in scene.bolts]:
         return LoadKind(1.0, (0, 1), "force of the bolt", (1, lengths - 1), "F")
-    parts = [load for load in scene.loads if load.name == name] if scene else []
+    units = [unit for load in scene.loads for unit in load.units] if scene else []
+    parts = [unit for unit in units if unit.name == name]
     found = {_size_and_kind(part) for part in parts}
     size, kind = found.pop() if len(found) == 1 else (0.0, "factor")
     if (len(parts) > 1 and kind in ("force", "displacement")) or size == 0.0:
@@ -350,10 +351,15 @@ def load_pieces(record: Record, moment: Moment, scales: Scales) -> tuple[str, li
     return _place(record, moment.cycle, moment.leg, moment.s), found
 
 
+MOST_TOLD = 8
+"""Number of loads of which all are named; of more only those that act."""
+
+
 def told_loads(scene: Scene | None, names: tuple[str, ...], load: Array) -> list[int]:
     """Return the numbers of the loads that describe an instant: no preloads once applied."""
     whole = {} if scene is None else scene.preloads
     told = [k for k, name in enumerate(names) if name not in whole or load[k] != whole[name]]
+    told = [k for k in told if load[k] or len(names) <= MOST_TOLD]
     return told or list(range(len(names)))
 
 

@@ -28,7 +28,7 @@ from receding_fenicsx.measures.limit_nodes import (
     limit_nodes_of_cycles,
 )
 from receding_fenicsx.output.plots import style
-from receding_fenicsx.output.plots.labels import Scales, leg_pieces, load_text, scales_of
+from receding_fenicsx.output.plots.labels import MOST_TOLD, Scales, leg_pieces, load_text, scales_of
 from receding_fenicsx.output.plots.series import (
     leg_ends,
     legs_of,
@@ -206,13 +206,14 @@ def _draw_loads(axes: Axes, record: Record, cycle: int, scales: Scales, at: Arra
     axes.set_xlabel("loads over\nlargest")
     axes.tick_params(labelleft=False)
     style.ticks(axes.xaxis, 2)
-    axes.legend(
-        loc="lower center",
-        bbox_to_anchor=(0.5, 1.0),
-        borderaxespad=0.2,
-        labelspacing=0.2,
-        handlelength=1.8,
-    )
+    if len(record.load_names) <= MOST_TOLD:
+        axes.legend(
+            loc="lower center",
+            bbox_to_anchor=(0.5, 1.0),
+            borderaxespad=0.2,
+            labelspacing=0.2,
+            handlelength=1.8,
+        )
 
 
 # -- what both have: zones, the friction limit without slip, legends -----------------------------

@@ -136,8 +136,8 @@ def _forces(record: Record) -> dict[str, Any]:
     displacement over the size of the displacement at factor 1. A displacement that is no single
     number has none.
     """
-    loads = record.scene.loads if record.scene else ()
-    kinds = {load.name: kind_of(record.scene, load.name, record.axisymmetric) for load in loads}
+    names = record.scene.driven_names if record.scene else ()
+    kinds = {name: kind_of(record.scene, name, record.axisymmetric) for name in names}
     conjugate = record.turning_points.load_displacement
     forces = {
         name: (conjugate[:, record.load_names.index(name)] / kind.size).tolist()

@@ -18,6 +18,7 @@ from receding_fenicsx.measures.ends import (
     half_width_estimates,
     half_widths,
 )
+from receding_fenicsx.output.plots.labels import MOST_TOLD
 from receding_fenicsx.output.report.section import Rows, Section, Summary
 from receding_fenicsx.scene.options import in_unit
 
@@ -88,11 +89,17 @@ def _last_cycle(points: Sequence[Point]) -> int:
     return max((p["cycle"] for p in points), default=0)
 
 
+def _acting(point: Point) -> dict[str, float]:
+    """Return the load factors, of more than ``MOST_TOLD`` those that are not zero."""
+    load: dict[str, float] = point["load"]
+    return {name: value for name, value in load.items() if value or len(load) <= MOST_TOLD}
+
+
 def _rows(summary: Summary) -> Rows:
     form = length_format(summary)
     rows = []
     for p in headline_points(summary):
-        load = ", ".join(f"{name} = {value:z.6g}" for name, value in p["load"].items())
+        load = ", ".join(f"{name} = {value:z.6g}" for name, value in _acting(p).items())
         widths: list[float | str | None] = []
         for kind in ("contact", "stick"):
             fitted, words = p.get(f"{kind}_half_width_estimate"), None
@@ -133,7 +140,7 @@ def console_table(summary: Summary, most: int) -> list[str]:
         "edge": [p.get("edge", "") for p in chosen],
         "cycle": [str(p["cycle"]) for p in chosen],
         "load": [
-            " ".join(f"{name}={value:z.4g}" for name, value in p["load"].items()) for p in chosen
+            " ".join(f"{name}={value:z.4g}" for name, value in _acting(p).items()) for p in chosen
         ],
         "contact half width": _half_widths("contact", chosen, summary),
         "stick half width": _half_widths("stick", chosen, summary),

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.interface.measures.zones import zones
 from receding_fenicsx.output.plots import style
-from receding_fenicsx.output.plots.labels import position_label
+from receding_fenicsx.output.plots.labels import MOST_TOLD, position_label
 from receding_fenicsx.output.snapshots.colours import Colours
 from receding_fenicsx.output.snapshots.render import Pixels
 from receding_fenicsx.output.snapshots.view import Strip, View
@@ -301,7 +301,7 @@ def _draw_clock(axes: Axes, clock: Clock) -> None:
         # a word is wider than these axes
         between = "\n" if r"\mathrm" in clock.names[0] else " "
         axes.set_xlabel(f"{clock.names[0]}{between}over time", labelpad=3.0)
-    else:
+    elif len(clock.names) <= MOST_TOLD:
         axes.legend(loc="upper center", bbox_to_anchor=(0.5, 0.0), fontsize=7.0, labelspacing=0.2)
 
 

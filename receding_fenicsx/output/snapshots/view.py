@@ -307,9 +307,10 @@ def load_arrows(
     largest = dict(zip(names, largest_factors(scene), strict=True))
     # largest distance between arrows, over the size of the view
     found = [
-        (load, *_traction(scene, load, 0.22 * size))
+        (unit, *_traction(scene, unit, 0.22 * size))
         for load in scene.loads
         if load in scene.edge_loads and scene.find_edge(load.edge)[0].is_rectangle
+        for unit in load.units
     ]
     sizes = [largest[load.name] * np.linalg.norm(t, axis=1).max() for load, _, t in found]
     if not any(sizes):
@@ -346,13 +347,18 @@ def _traction(scene: Scene, load: Load, spacing: float) -> tuple[Array, Array]:
     The traction of a platen is its mean value, that of a prescribed displacement is zero. Loads
     that begin on the axis of revolution are continued to its other side.
     """
-    begin, end = load.span or edge_range(scene, load.edge)
+    begin, end = edge_range(scene, load.edge)
+    # of a load that travels, the part on the edge
+    place = load.travel[0] if load.travel else 0.0
+    if load.span is not None:
+        begin, end = (float(np.clip(s + place, begin, end)) for s in load.span)
     edge = scene.find_edge(load.edge)[1]
     level = scene.axisymmetric and edge in HORIZONTAL
     area = np.pi * (end**2 - begin**2) if level else end - begin
     begin = -end if level and begin == 0.0 else begin
     along = np.linspace(begin, end, max(2, int(np.ceil((end - begin) / spacing)) + 1))
-    x, y = edge_points(scene, load.edge, along)
+    at = np.stack(edge_points(scene, load.edge, along), axis=1)
+    x, y = edge_points(scene, load.edge, along - place)
     side = np.where(level & (x < 0.0), -1.0, 1.0)
     if load.pressure is not None:
         size = evaluate(load.pressure, side * x, y)
@@ -362,4 +368,4 @@ def _traction(scene: Scene, load: Load, spacing: float) -> tuple[Array, Array]:
         parts = load.traction or mean
         traction = np.stack([evaluate(part, side * x, y) for part in parts], axis=1)
         traction[:, 0] *= side
-    return np.stack([x, y], axis=1), traction
+    return at, traction
