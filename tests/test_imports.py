@@ -60,7 +60,8 @@ STUDIES = (
     ("runner",),
     ("accuracy", "starts"),
     ("run",),
-    ("sweep", "shakedown", "wear"),
+    ("wear",),
+    ("sweep", "shakedown"),
     ("joint",),
 )
 """Rooms of the studies."""
