@@ -9,7 +9,7 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 
-from receding_fenicsx.errors import InputError, NotConverged
+from receding_fenicsx.errors import InputError, NoEquilibrium, NotConverged
 from receding_fenicsx.evolution.evolve import evolve_bare
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.interface.law import State
@@ -67,6 +67,10 @@ def test_an_error_in_order_is_estimated_exactly(factors: tuple[float, ...], orde
     values = [(r, limit + slope * r**order) for r in (1.0, *factors)]
     assert observed_order(values) == pytest.approx(order, rel=1e-6)
     assert estimated_error(values, observed_order(values)) == pytest.approx(abs(slope), rel=1e-6)
+
+
+def test_a_number_that_grows_like_a_logarithm_has_order_zero() -> None:
+    assert observed_order([(r, np.log(r)) for r in (2.0, 4.0, 8.0)]) == pytest.approx(0.0, abs=1e-6)
 
 
 def test_an_error_of_higher_order_is_overestimated() -> None:
@@ -409,6 +413,14 @@ def test_errors_asked_of_a_mesh_too_coarse_are_refused_before_the_run(
             scene_of(14), shared_tmp_path / "run", study.RunOptions(error=True), MPI.COMM_WORLD
         )
     assert not (shared_tmp_path / "run").exists()
+
+
+def test_a_search_without_an_answer_on_any_mesh_ends_as_its_last_run(
+    shared_tmp_path: Path,
+) -> None:
+    scene = scene_of(16, "history.minimum=-0.5", "accuracy.tolerance=0.1")
+    with pytest.raises(NoEquilibrium, match="pull the body off"):
+        study.run(scene, shared_tmp_path / "run", study.RunOptions(pictures=False), MPI.COMM_WORLD)
 
 
 @pytest.mark.one_rank

@@ -126,6 +126,8 @@ def test_load_steps_and_unknown_rules_are_refused() -> None:
         rf.branches(system, endless)
     with pytest.raises(rf.InputError, match="limit of infinitely many cycles is that of the first"):
         rf.evolve(system, endless, rf.SolverOptions(branch=2))
+    with pytest.raises(rf.InputError, match="a scene brings its own solver"):
+        rf.branches(system, rf.Scene(), solver=rf.SolverOptions())
     with pytest.raises(rf.InputError, match="most must be at least 1"):
         rf.branches(system, history, most=0)
 

@@ -4,6 +4,7 @@ from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
+import numpy as np
 import pytest
 from bodies import block
 from models import block_system, pushed_block
@@ -13,6 +14,7 @@ from receding_fenicsx.evolution.evolve import evolve
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.interface.measures.zone_ends import dundurs_beta
 from receding_fenicsx.measures.ends import contact_betas, half_width_estimates
+from receding_fenicsx.measures.limit_nodes import shown_states
 from receding_fenicsx.output.plots.series import slip_lines
 from receding_fenicsx.output.report.html import report_html
 from receding_fenicsx.output.report.summary import summarise
@@ -169,3 +171,18 @@ def test_intervals_on_a_coarse_mesh_hold_the_widths_of_a_fine_one_under_friction
             low, high = one["interval"]
             assert low <= other["value"] <= high
             assert abs(one["value"] - other["value"]) < 0.3 * spacing
+
+
+def test_slip_of_a_settled_cycle_that_is_negligible_is_shown_as_stick() -> None:
+    record = evolve(block_system(16, 8), cyclic(80))
+    assert record.steady.kind == "cyclic slip"
+    last, samples = len(record.cycles.dissipation), record.samples
+    rows = samples.cycle == last
+    closed = np.all(samples.state[rows] != 2, axis=0)
+    slip = np.where(closed, np.ptp(samples.v[rows], axis=0), np.inf)
+    still, large = slip < 1e-13 * slip[closed].max(), slip > 0.1 * slip[closed].max()
+    assert still.any() and large.any()
+    state = np.full(len(record.x), 3, dtype=np.int8)
+    assert np.array_equal(shown_states(record, 0, state), state)
+    shown = shown_states(record, last, state)
+    assert np.all(shown[still] == 1) and np.all(shown[large] == 3)

@@ -266,7 +266,7 @@ class _Sweeper:
 
     def accept(self, residual: float, scale: float, sweeps: int) -> Leg:
         """Return the step with fresh reactions and its dissipation."""
-        n, frictionless = self.system.n, ~self.system.friction.present
+        frictionless = ~self.system.friction.present
         r = reactions(self.system, self.load, self.u)
         end = ContactState(self.u, r, np.array(self.state, dtype=np.int8))
         # without friction stick and slip do not differ
@@ -275,7 +275,7 @@ class _Sweeper:
         Q_old = np.where(touched, 0.0, self.start.Q)
         slip = np.where(end.state == SEPARATION, 0.0, end.v - np.array(self.v_ref))
         # without friction, forces of round-off may move a node far
-        slip[self.system.held[:n] | frictionless] = 0.0
+        slip[frictionless] = 0.0
         dissipation = -0.5 * (Q_old + end.Q) * slip
         return Leg(end, dissipation, 0.0, residual, scale, sweeps=sweeps)
 
