@@ -136,6 +136,8 @@ def _check_probes(s: rf.ContactSystem, record: rf.Record) -> None:
         mine = probes.kind[rows] == kind
         assert near(found[mine], values.transpose(1, 0, 2)[mine])
         assert np.array_equal(probes.load[rows], part.load)
+    at_rest = (probes.cycle == 0) & (probes.leg == 0) & (probes.s == 0.0)
+    assert not probes.displacement[at_rest].any() and not probes.stress[at_rest].any()
     assert record.probe("a").points.tolist() == s.probes.points[[0, 2]].tolist()
     assert np.array_equal(record.probe("b").stress[:, 0], probes.stress[:, 1])
 
