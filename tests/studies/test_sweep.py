@@ -80,11 +80,11 @@ def test_rows_hold_the_numbers_of_single_runs() -> None:
 
 @pytest.mark.one_rank
 def test_a_body_is_condensed_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    condensed = []
+    condensed, condense = [], rf.condense  # the name is looked up in the module at its first use
 
     def counted(case: rf.Scene, *rest: Any, **options: Any) -> Any:
         condensed.append(case.mesh.contact_elements)
-        return rf.condense(case, *rest, **options)
+        return condense(case, *rest, **options)
 
     monkeypatch.setattr(run, "condense", counted)
     monkeypatch.setattr(run, "_systems", {})
