@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import math
 import re
+from inspect import signature
 from itertools import takewhile
 from pathlib import Path
 from typing import Any
@@ -121,7 +122,9 @@ def _market(path: Path, text: str) -> Any:
         raise ValueError("its numbers are complex, or it has none")
     if not re.search(r"(?m)^\s*[^%\s]", text):
         raise ValueError("it ends before the numbers of its rows and columns")
-    return io.mmread(path).astype(float)
+    # SciPy's newer releases warn where they are not told which kind of matrix to return
+    told = {"spmatrix": False} if "spmatrix" in signature(io.mmread).parameters else {}
+    return io.mmread(path, **told).astype(float)
 
 
 def _whole(values: Array) -> Any:

@@ -24,11 +24,8 @@ from receding_fenicsx.scene.column_file import read_columns
 from receding_fenicsx.scene.profiles import FrictionProfile, Profile, directions, evaluate_checked
 from receding_fenicsx.scene.toml_reader import Place, as_list, convert, parse_toml
 from receding_fenicsx.store.hdf5 import read_system, write_system
-from receding_fenicsx.store.run_folder import SYSTEM
+from receding_fenicsx.store.run_folder import SYSTEM, write_csv
 from receding_fenicsx.store.workspace import FolderKind
-
-DIRECTIONS = {"x": (1,), "y": (2,), "xy": (1, 2)}
-"""Freedoms that a support holds."""
 
 
 @dataclass(frozen=True)
@@ -92,7 +89,10 @@ class Import:
     @property
     def fixed(self) -> set[Freedom]:
         """Freedoms that supports hold."""
-        return {(int(n), k) for s in self.support for n in s.nodes for k in DIRECTIONS[s.fix]}
+        axes = ((1, "x"), (2, "y"))
+        return {
+            (int(n), k) for s in self.support for n in s.nodes for k, axis in axes if axis in s.fix
+        }
 
     @property
     def freedoms(self) -> list[Freedom]:
@@ -135,8 +135,6 @@ NO_RESISTANCE = 1e-10
 """Stiffness against a motion, over the largest, up to which it is the round-off of zero."""
 STRAIGHT = 1e-6
 """Distance of an edge's nodes from a line, over its length, up to which it is straight."""
-X, Y = 1, 2
-"""Numbers of the freedoms of a node."""
 
 
 def import_system(path: str | Path) -> ContactSystem:
@@ -161,17 +159,27 @@ def _system(given: Import) -> ContactSystem:
     nodes, x, weight, normal = (np.concatenate(part) for part in zip(*edges, strict=True))
     if len(np.unique(nodes)) < len(nodes):
         raise InputError("[[contact]] nodes: a node is named twice")
-    C = [(int(node), k) for k in (X, Y) for node in nodes]
+    C = [(int(node), k) for k in (1, 2) for node in nodes]
     K, r_star, compliance = _eliminate(A, freedoms, C, given)
     nx, ny = np.diag(normal[:, 0]), np.diag(normal[:, 1])
     turn = np.block([[ny, -nx], [nx, ny]])  # from [x; y] to [t; n]
     K, r_star = turn @ K @ turn.T, r_star @ turn.T
-    held = _held([freedom in given.fixed for freedom in C], turn)
+    # supports hold the directions of [v; w] that no free one has a part in
+    is_fixed, part = np.array([freedom in given.fixed for freedom in C]), np.abs(turn) > STRAIGHT
+    held = np.asarray(part @ is_fixed & ~(part @ ~is_fixed))
+    if np.count_nonzero(held) < np.count_nonzero(is_fixed):
+        raise InputError("[[support]]: holds a contact node oblique to its normal; hold xy there")
     points = np.array([given.points[int(node)] for node in nodes])
     size = float(np.ptp(points, axis=0).max()) or 1.0
     moved = motions(points, points.mean(axis=0), size).transpose(1, 0, 2).reshape(-1, 3)
     edge = np.repeat(np.arange(len(edges)), [len(part[0]) for part in edges])
-    f, f_backward, g0 = _profiles(given.contact, x, edge, held)
+    law = np.zeros((3, len(x)))
+    for k, one in enumerate(given.contact):
+        on = edge == k
+        for row, profile in enumerate((*directions(one.friction), one.initial_gap)):
+            law[row, on] = evaluate_checked(profile, x[on], None, f"contact '{one.name}'")
+    law[:2, held[len(x) :]] = 0.0  # the support carries the normal force there
+    f, f_backward, g0 = law
     system = ContactSystem(
         x=x,
         points=points,
@@ -199,7 +207,7 @@ def _check_matrix(A: sparse.csc_matrix, freedoms: list[Freedom]) -> None:
         raise InputError(
             f"stiffness: has {A.shape[0]} rows, the file of the nodes has {len(freedoms)} freedoms"
         )
-    if len(set(freedoms)) < len(freedoms) or any(k not in (X, Y) for _, k in freedoms):
+    if len(set(freedoms)) < len(freedoms) or any(k not in (1, 2) for _, k in freedoms):
         raise InputError("stiffness: freedoms have to be 1 (x) or 2 (y) of a node, each once")
     if not np.all(np.isfinite(A.data)):
         raise InputError("stiffness: has entries that are not finite")
@@ -272,35 +280,21 @@ def _eliminate(
     r_star[:, here] = -f[own].T
     compliance = np.zeros((f.shape[1], f.shape[1]))
     if inside:
-        factor = _factor(A[inside][:, inside].tocsc())
+        inner = A[inside][:, inside].tocsc()
+        try:  # without pivoting, all pivots of a positive definite matrix are positive
+            symmetric = {"SymmetricMode": True}
+            factor = splu(inner, "MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=symmetric)
+        except RuntimeError:
+            raise InputError("stiffness: is singular with the contact held") from None
+        smallest, same = factor.U.diagonal().min(), np.all(factor.perm_r == factor.perm_c)
+        if not same or smallest <= NO_RESISTANCE * abs(inner).max():
+            raise InputError("stiffness: is indefinite or singular with the contact held")
         across = A[inside][:, own].toarray()
         moved = factor.solve(f[inside])
         K[np.ix_(here, here)] -= across.T @ factor.solve(across)
         r_star[:, here] += moved.T @ across
         compliance = f[inside].T @ moved
     return K, r_star, 0.5 * (compliance + compliance.T)
-
-
-def _factor(A: sparse.csc_matrix) -> Any:
-    """Factorise a positive definite matrix: without pivoting, all pivots are positive."""
-    try:
-        symmetric = {"SymmetricMode": True}
-        factor = splu(A, "MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=symmetric)
-    except RuntimeError:
-        raise InputError("stiffness: is singular with the contact held") from None
-    pivots = factor.U.diagonal()
-    if np.any(factor.perm_r != factor.perm_c) or np.any(pivots <= NO_RESISTANCE * abs(A).max()):
-        raise InputError("stiffness: is indefinite or singular with the contact held")
-    return factor
-
-
-def _held(is_fixed: list[bool], turn: Array) -> NDArray[np.bool_]:
-    """Return which of [v; w] supports hold: the directions that no free one has a part in."""
-    part = np.abs(turn) > STRAIGHT
-    held = part @ np.array(is_fixed) & ~(part @ ~np.array(is_fixed))
-    if np.count_nonzero(held) < np.count_nonzero(is_fixed):
-        raise InputError("[[support]]: holds a contact node oblique to its normal; hold xy there")
-    return np.asarray(held)
 
 
 def _rigid(K: Array, held: NDArray[np.bool_], moved: Array, free: int) -> Array:
@@ -329,21 +323,6 @@ def _rigid(K: Array, held: NDArray[np.bool_], moved: Array, free: int) -> Array:
     return motion
 
 
-def _profiles(edges: tuple[Edge, ...], x: Array, number: Array, held: NDArray[np.bool_]) -> Array:
-    """Return friction forward and backward, and the gap, at the nodes, (3, N)."""
-    found = np.zeros((3, len(x)))
-    for k, edge in enumerate(edges):
-        on, profiles = number == k, (*directions(edge.friction), edge.initial_gap)
-        for row, profile in enumerate(profiles):
-            found[row, on] = evaluate_checked(profile, x[on], None, f"contact '{edge.name}'")
-    found[:2, held[len(x) :]] = 0.0  # the support carries the normal force there
-    return found
-
-
-COLUMNS = ("x", "px", "py", "weight", "f_forward", "f_backward", "gap", "held_v", "held_w")
-"""Columns of ``nodes.csv``; the points are (px, py)."""
-
-
 def import_file(specification: str, out: str, overwrite: bool) -> None:
     """Import a system, save it and print what it is."""
     path = Path(out)
@@ -363,12 +342,15 @@ def export_matrices(source: Path, out: Path, overwrite: bool) -> None:
     kind.check(out, overwrite)
     system = read_system(source / SYSTEM if source.is_dir() else source)
     matrices = {"stiffness": system.K, "r_star": system.r_star, "rigid": system.rigid}
-    law = (system.weight, system.friction.forward, system.friction.backward, system.g0)
-    table = np.column_stack([system.x, system.points, *law, system.held.reshape(2, -1).T])
+    nodes = {"x": system.x, "px": system.points[:, 0], "py": system.points[:, 1]}
+    nodes |= {"weight": system.weight, "f_forward": system.friction.forward}
+    nodes |= {"f_backward": system.friction.backward, "gap": system.g0}
+    held_v, held_w = system.held.reshape(2, -1).astype(int)
+    nodes |= {"held_v": held_v, "held_w": held_w}
     with kind.new(out, overwrite) as beside:
         for name, matrix in matrices.items():
             symmetry = "symmetric" if name == "stiffness" else "general"
             text = f"{name} of [v; w]; loads {', '.join(system.load_names)}"
             io.mmwrite(beside / f"{name}.mtx", matrix, text, precision=17, symmetry=symmetry)
-        np.savetxt(beside / "nodes.csv", table, "%.17g", ",", header=",".join(COLUMNS), comments="")
+        write_csv(beside / "nodes.csv", nodes)
     print(f"{system.n} contact nodes, {len(system.load_names)} load(s), written to {out}")

@@ -7,7 +7,7 @@ import hashlib
 import inspect
 import io
 import json
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import asdict
 from pathlib import Path
@@ -128,22 +128,15 @@ def read(group: h5py.Group, name: str) -> Any:
         return np.asarray(group[name][()])
     value = group.attrs[name]
     if isinstance(value, np.ndarray):
-        return [v.decode() if isinstance(v, bytes) else str(v) for v in value]
+        return tuple(v.decode() if isinstance(v, bytes) else str(v) for v in value)
     return value.item() if isinstance(value, np.generic) else value
 
 
-def text_of(choices: Iterable[Choice]) -> str:
-    """Return choices as JSON."""
-    return json.dumps([asdict(choice) for choice in choices])
-
-
-def choices_of(text: str) -> tuple[Choice, ...]:
-    """Return choices from JSON; lists become tuples."""
-
-    def fixed(value: Any) -> Any:
-        return tuple(map(fixed, value)) if isinstance(value, list) else value
-
-    return tuple(Choice(**{k: fixed(v) for k, v in one.items()}) for one in json.loads(text))
+def _as_tuples(value: Any) -> Any:
+    """Return a value from JSON with tuples for lists."""
+    if isinstance(value, dict):
+        return {key: _as_tuples(item) for key, item in value.items()}
+    return tuple(map(_as_tuples, value)) if isinstance(value, list) else value
 
 
 RECORD = "receding_fenicsx record"
@@ -165,9 +158,6 @@ GROUPS: dict[str, type] = {
 """Tables of a Record; each has its own group. Records without probes, or
 without a limit, have no group for them."""
 
-CHOICES = "choices"
-"""Instants with several continuations, as JSON in an attribute; a record without it has none."""
-
 
 def write_record(path: Path, record: Record, overwrite: bool = False) -> None:
     """Write ``record.h5``; InputError where the file exists already or cannot be written."""
@@ -177,8 +167,8 @@ def write_record(path: Path, record: Record, overwrite: bool = False) -> None:
             value = getattr(record, field.name)
             if value is None:
                 continue
-            if field.name == CHOICES:
-                file.attrs[CHOICES] = text_of(value)
+            if field.name == "choices":  # instants with several continuations
+                file.attrs["choices"] = json.dumps([asdict(choice) for choice in value])
             elif field.name in GROUPS:
                 group = file.create_group(field.name)
                 for inner in dataclasses.fields(value):
@@ -192,8 +182,9 @@ def read_record(path: Path) -> Record:
     with open_file(path, RECORD) as file:
         values: dict[str, Any] = {}
         for field in dataclasses.fields(Record):
-            if field.name == CHOICES:
-                values[CHOICES] = choices_of(file.attrs.get(CHOICES, "[]"))
+            if field.name == "choices":
+                stored = json.loads(file.attrs.get("choices", "[]"))
+                values["choices"] = tuple(Choice(**_as_tuples(choice)) for choice in stored)
             elif field.name in GROUPS:
                 if field.default is None and field.name not in file:
                     continue
@@ -205,10 +196,6 @@ def read_record(path: Path) -> Record:
                 place = file["nodes"] if field.name in NODE_FIELDS else file
                 if field.default is not None or field.name in place:
                     values[field.name] = read(place, field.name)
-        for name in ("load_names", "edge_names"):
-            values[name] = tuple(values[name])
-        if "probes" in values:
-            values["probes"].names = tuple(values["probes"].names)
     return Record(**values)
 
 
@@ -250,34 +237,25 @@ def read_system(path: Path, scene: Scene | None = None) -> ContactSystem:
             stored = field.name in file or field.name in file.attrs
             if field.name != "probes" and (not optional or stored):
                 values[field.name] = read(file, field.name)
-        for name in ("load_names", "edge_names"):
-            values[name] = tuple(values[name])
         probes = None
         if "probes" in file:
             names, at, rows = (read(file, f"probes/{name}") for name in ("names", "points", "rows"))
-            probes = ProbeMatrix(tuple(names), at, rows)
+            probes = ProbeMatrix(names, at, rows)
         system = ContactSystem(**values, probes=probes)
         condensed_from = file.attrs["digest"]
-    if scene is not None:
-        _check_scene(path, condensed_from, system.scene_toml, scene)
     if scene is None:
         return system
+    if not system.scene_toml:
+        raise InputError(f"{path}: was not condensed from a scene; condense this scene")
+    if condensed_from != digest(scene):
+        found = None
+        with suppress(InputError):  # the mesh file of that scene may no longer exist
+            found = body_difference(known_scene(system.scene_toml), scene)
+        raise InputError(
+            f"{path}: was condensed from a scene with another {found or 'mesh file'}; condense "
+            "this scene again"
+        )
     try:
         return system_for(scene, system)
     except InputError as error:
         raise InputError(f"{path}: {error}") from None
-
-
-def _check_scene(path: Path, stored: str, scene_toml: str, scene: Scene) -> None:
-    """Raise InputError if a system was condensed from another scene."""
-    if not scene_toml:
-        raise InputError(f"{path}: was not condensed from a scene; condense this scene")
-    if stored == digest(scene):
-        return
-    found = None
-    with suppress(InputError):  # the mesh file of that scene may no longer exist
-        found = body_difference(known_scene(scene_toml), scene)
-    raise InputError(
-        f"{path}: was condensed from a scene with another {found or 'mesh file'}; condense this "
-        "scene again"
-    )

@@ -100,7 +100,14 @@ def run_folder(
             except OSError as error:
                 raise unwritable(path, error) from None
         except BaseException as error:
-            if not _has_news(part, earlier) and (
+            # a checkpoint that the resumed run did not have
+            journal = part / JOURNAL
+            if earlier is None or earlier == part:
+                news = has_checkpoint(journal)
+            else:
+                size = (earlier / JOURNAL).stat().st_size
+                news = journal.is_file() and journal.stat().st_size > size
+            if not news and (
                 isinstance(error, RecedingError)
                 or not any((part / name).exists() for name in (SYSTEM, CASES))
             ):
@@ -192,14 +199,6 @@ def forget_system(part: Path) -> None:
         (part / name).unlink(missing_ok=True)
 
 
-def _has_news(part: Path, earlier: Path | None) -> bool:
-    """Return whether a working folder holds a checkpoint that the resumed run did not have."""
-    journal = part / JOURNAL
-    if earlier is None or earlier == part:
-        return has_checkpoint(journal)
-    return journal.is_file() and journal.stat().st_size > (earlier / JOURNAL).stat().st_size
-
-
 def _scene_of(folder: Path) -> Scene:
     try:
         return from_toml((folder / SCENE).read_text(encoding="utf-8"))
@@ -262,14 +261,19 @@ def write_probes(folder: Path, record: Record) -> list[Path]:
 
     The folder is created if there is a probe; the files, which are returned, replace earlier ones.
     """
-    made = []
-    for name in probe_names(record):
+    made = [folder / f"{name}.csv" for name in probe_names(record)]
+    for path in made:
         make_folder(folder)
-        table = record.probe(name).to_table()
-        path = folder / f"{name}.csv"
-        with new_file(path, overwrite=True) as beside, open(beside, "w", newline="") as file:
-            rows = csv.writer(file, lineterminator="\n")
-            rows.writerow(table)
-            rows.writerows(zip(*(column.tolist() for column in table.values()), strict=True))
-        made.append(path)
+        write_csv(path, record.probe(path.stem).to_table(), overwrite=True)
     return made
+
+
+def write_csv(path: Path, columns: Mapping[str, Any], overwrite: bool = False) -> None:
+    """Write columns of equal length by their names as CSV; numbers keep all their digits."""
+    lists = [
+        column.tolist() if hasattr(column, "tolist") else column for column in columns.values()
+    ]
+    with new_file(path, overwrite) as beside, open(beside, "w", newline="") as file:
+        rows = csv.writer(file, lineterminator="\n")
+        rows.writerow(columns)
+        rows.writerows(zip(*lists, strict=True))

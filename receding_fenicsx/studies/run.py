@@ -157,7 +157,10 @@ def run(
                         say=timer.say,
                     )
                     if "accuracy" in found.extra:
-                        mpi.on_root(comm, lambda: study.draw_way(mpi.given(folder), found.extra))
+                        with drawing_modules():
+                            from receding_fenicsx.output.plots.study_plots import draw_search
+                        place = mpi.given(folder) / "figures" if comm.rank == 0 else Path()
+                        mpi.on_root(comm, lambda: draw_search(found.extra["accuracy"], place))
             _write_summary(comm, folder, text, timer)
             mpi.on_root(comm, lambda: _write_report(folder, record))
     if failure is not None:

@@ -7,7 +7,6 @@ table["dissipation_last_cycle"], table.grid("steady"), table.to_pandas()
 from __future__ import annotations
 
 import copy
-import csv
 import hashlib
 import inspect
 import itertools
@@ -16,6 +15,7 @@ import math
 import re
 import tomllib
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -24,7 +24,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from receding_fenicsx.arrays import aligned, check_types, shortened
-from receding_fenicsx.atomic import new_file
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.evolution.evolve import evolve
 from receding_fenicsx.evolution.moment import extreme_row
@@ -35,7 +34,8 @@ from receding_fenicsx.scene.checks import suggestion
 from receding_fenicsx.scene.identity import body_of, identity_of
 from receding_fenicsx.scene.model import OutputOptions, Scene
 from receding_fenicsx.scene.toml_file import from_raw, parse_value, set_value, to_toml
-from receding_fenicsx.scene.toml_reader import parse_toml
+from receding_fenicsx.scene.toml_reader import parse_toml, plain
+from receding_fenicsx.store.run_folder import write_csv
 from receding_fenicsx.store.workspace import Case, Outcome
 from receding_fenicsx.studies.run import shared_system
 from receding_fenicsx.studies.runner import Runner, Study, StudyOptions, run_study
@@ -106,14 +106,8 @@ class SweepTable:
 
     def write_csv(self, path: str | Path, overwrite: bool = False) -> None:
         """Write the table as a CSV file; numbers keep all their digits."""
-        names = self.columns
-        with (
-            new_file(Path(path), overwrite) as beside,
-            beside.open("w", encoding="utf-8", newline="") as file,
-        ):
-            writer = csv.writer(file, lineterminator="\n")
-            writer.writerow(names)
-            writer.writerows([row.get(name) for name in names] for row in self.rows)
+        columns = {name: [row.get(name) for row in self.rows] for name in self.columns}
+        write_csv(Path(path), columns, overwrite)
 
     def __repr__(self) -> str:
         """Return the number of cases, and the first rows with the most important columns."""
@@ -388,45 +382,26 @@ def _labelled(key: object, given: Any) -> dict[Label, Any]:
     """Return the values of a key by their labels."""
     if not isinstance(key, str) or "." not in key:
         raise InputError(f"sweep over {key}: write table.key, for example contact.friction")
-    if isinstance(given, Mapping):
-        return {str(name): _plain(value) for name, value in given.items()} or _no_values(key)
-    if isinstance(given, str) or not hasattr(given, "__iter__"):
+    named = isinstance(given, Mapping)
+    if not named and (isinstance(given, str) or not hasattr(given, "__iter__")):
         raise InputError(f"sweep over {key}: give a list of values, [{given!r}]")
     found: dict[Label, Any] = {}
-    for value in map(_plain, given):
-        label = value if isinstance(value, str | bool | int | float) else _text(value)
+    for item in given:
+        value = plain(given[item] if named else item)
+        label: Label = str(item) if named else json.dumps(value, default=str)
+        if not named and isinstance(value, str | bool | int | float):
+            label = value
+        elif not named and isinstance(value, dict) and set(value) == {"file"}:
+            label = str(value["file"])
         if label in found:
             raise InputError(f"sweep over {key}: the value {label} occurs twice; remove one")
         found[label] = value
-    return found or _no_values(key)
-
-
-def _no_values(key: str) -> dict[Label, Any]:
-    raise InputError(f"sweep over {key}: has no values; give at least one")
-
-
-def _plain(value: Any) -> Any:
-    """Return a value in the types of parsed TOML."""
-    if isinstance(value, np.generic | np.ndarray):
-        return value.tolist()
-    if isinstance(value, Mapping):
-        return {str(key): _plain(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(item) for item in value]
-    return str(value) if isinstance(value, Path) else value
-
-
-def _text(value: Any) -> str:
-    """Return the label of a list or a table."""
-    if isinstance(value, dict) and set(value) == {"file"}:
-        return str(value["file"])
-    return json.dumps(value, default=str)
+    if not found:
+        raise InputError(f"sweep over {key}: has no values; give at least one")
+    return found
 
 
 # -- values of the command line ------------------------------------------------------------------
-
-_RANGE = re.compile(r"\s*([^:\s]+)\s*:\s*([^:\s]+)\s*:\s*([^:\s]+)\s*")
-"""First value, last value, number of values."""
 
 
 def read_over(texts: list[str]) -> dict[str, list[Any]]:
@@ -452,17 +427,16 @@ def read_over(texts: list[str]) -> dict[str, list[Any]]:
 
 def _values(text: str, where: str) -> list[Any]:
     """Return the values of one key."""
-    parts = text.split(",")
-    if not any(_RANGE.fullmatch(part) for part in parts):
-        try:
-            return list(parse_toml(f"values = [{text}]")["values"])
-        except InputError:
-            pass
     found: list[Any] = []
-    for part in parts:
+    # first value, last value, number of values
+    pattern = r"\s*([^:\s]+)\s*" + 2 * r":\s*([^:\s]+)\s*"
+    matches = [re.fullmatch(pattern, part) for part in text.split(",")]
+    if not any(matches):
+        with suppress(InputError):
+            return list(parse_toml(f"values = [{text}]")["values"])
+    for part, match in zip(text.split(","), matches, strict=True):
         if not part.strip():
             raise InputError(f"{where}: a value is missing between commas")
-        match = _RANGE.fullmatch(part)
         found += _range(match, where) if match else [parse_value(part, where)]
     return found
 

@@ -16,10 +16,10 @@ from receding_fenicsx.output.plots.study_plots import error_over_time
 from receding_fenicsx.output.report.run import search_rows
 from receding_fenicsx.scene.model import Scene
 from receding_fenicsx.scene.toml_file import read_scene
-from receding_fenicsx.studies.accuracy import search as module
+from receding_fenicsx.studies.accuracy import study as module
 from receding_fenicsx.studies.accuracy.estimate import Level, Number
 from receding_fenicsx.studies.accuracy.meshes import graded_at_ends, is_graded
-from receding_fenicsx.studies.accuracy.search import Search, search
+from receding_fenicsx.studies.accuracy.study import Search, search
 
 pytestmark = pytest.mark.one_rank
 

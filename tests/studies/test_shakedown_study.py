@@ -19,8 +19,12 @@ import receding_fenicsx as rf
 from receding_fenicsx import cli
 from receding_fenicsx.studies import starts
 from receding_fenicsx.studies.shakedown import study
-from receding_fenicsx.studies.shakedown.diagram import Diagram, diagram_figure, steady_states_figure
-from receding_fenicsx.studies.shakedown.study import ShakedownStudy
+from receding_fenicsx.studies.shakedown.study import (
+    Diagram,
+    ShakedownStudy,
+    diagram_figure,
+    steady_states_figure,
+)
 
 SCENE = """
 title = "sheared block"

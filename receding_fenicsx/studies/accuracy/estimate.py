@@ -29,12 +29,15 @@ import numpy as np
 from scipy.optimize import brentq
 
 from receding_fenicsx.arrays import Array
+from receding_fenicsx.errors import InputError
 from receding_fenicsx.evolution.probes import history_of, probe_names
 from receding_fenicsx.evolution.record import DISSIPATION_ROUND_OFF, Record
 from receding_fenicsx.interface.law import State
 from receding_fenicsx.interface.measures.zone_ends import zone_end
 from receding_fenicsx.interface.measures.zones import NO_NODES, contact_zone, on_axis, stick_zone
 from receding_fenicsx.measures.ends import contact_betas, corners_of, estimates_at, tractions
+from receding_fenicsx.scene.model import Scene
+from receding_fenicsx.scene.options import LOCAL_NUMBERS
 from receding_fenicsx.studies.accuracy.meshes import is_graded
 
 ROUND_OFF = 1e-10
@@ -172,12 +175,12 @@ def _energies(record: Record) -> dict[str, Number]:
     return found
 
 
+MIN_LEVELS = 3
+"""Smallest number of meshes of an accepted estimate."""
 MIN_RATIO = 1.4
 """Smallest ratio of the sizes of two meshes that are compared."""
 ORDERS = (0.5, 1.6)
 """Range of orders that an estimate assumes on equal elements."""
-UNRESOLVED_ORDER = 1.0
-"""Largest order that is assumed where a zone is not resolved, or with two meshes."""
 UNRESOLVED_NODES = 2
 """Largest number of nodes of a zone that counts as not resolved."""
 
@@ -247,7 +250,7 @@ def estimates_of(levels: Sequence[Level]) -> dict[str, Estimate]:
         else:
             # graded to sharp corners, orders are less disturbed
             resolved = 1.75 if finest.graded else ORDERS[1]
-            most = resolved if finest.resolved else UNRESOLVED_ORDER
+            most = resolved if finest.resolved else 1.0
             least = max(number.known_to, 1e-6 * number.size)
             error = max(estimated_error(values, order, most), least)
         found[name] = Estimate(number.value, error, order, number.size)
@@ -261,10 +264,9 @@ def estimated_error(
 
     The values are (r_k, a_k), r_k increasing from 1; the order, NaN for 1, is limited to ``most``.
     """
-    p = UNRESOLVED_ORDER if math.isnan(order) else order
-    p = min(max(p, ORDERS[0]), most)
-    slopes = [abs(a - b) / (s**p - r**p) for (r, a), (s, b) in _pairs(values)]
-    return max(slopes, default=math.nan)
+    p = min(max(1.0 if math.isnan(order) else order, ORDERS[0]), most)
+    pairs = [(a, b) for a, b in combinations(values, 2) if b[0] >= MIN_RATIO * a[0]]
+    return max((abs(a - b) / (s**p - r**p) for (r, a), (s, b) in pairs), default=math.nan)
 
 
 def observed_order(values: Sequence[tuple[float, float]]) -> float:
@@ -304,10 +306,49 @@ def is_singular(values: Sequence[tuple[float, float]], order: float, size: float
     return one_way and order < 0.2 and abs(steps[0]) > 1e-3 * size
 
 
-def _pairs(
-    values: Sequence[tuple[float, float]],
-) -> list[tuple[tuple[float, float], tuple[float, float]]]:
-    return [(a, b) for a, b in combinations(values, 2) if b[0] >= MIN_RATIO * a[0]]
+# -- the numbers that are asked for ------------------------------------------------------------
+
+
+def asked_numbers(scene: Scene, levels: Sequence[Level]) -> dict[str, Estimate]:
+    """Return the estimates of the numbers that were asked for, on the last of some meshes."""
+    every = estimates_of(levels)
+    wanted = scene.accuracy.numbers
+    if not wanted:
+        return {n: e for n, e in every.items() if n.partition("[")[0] not in LOCAL_NUMBERS}
+    found = {n: e for n, e in every.items() if n in wanted or n.partition("[")[0] in wanted}
+    for name in wanted:
+        if not _has(levels[-1], name):
+            if len(levels) > 1 and not _has(levels[-2], name):
+                raise InputError(
+                    f"[accuracy] numbers: the run has no '{name}'; it has {', '.join(every)}"
+                )
+            found[name] = Estimate(math.nan, math.nan, math.nan, 1.0)
+    return found
+
+
+def _has(level: Level, name: str) -> bool:
+    """Return whether a run has a number, or one of that name in front of brackets."""
+    return any(name in (n, n.partition("[")[0]) for n in level.numbers)
+
+
+def nonconvergence(way: Sequence[Mapping[str, Estimate]]) -> str:
+    """Return why no mesh will do: a number does not converge on two meshes running."""
+    if len(way) < 2:
+        return ""
+    now, before = way[-1], way[-2]
+    names = [n for n in now if n in before and now[n].error == before[n].error == math.inf]
+    infinite = [n for n in names if now[n].value == before[n].value == math.inf]
+    if infinite:
+        return (
+            f"{', '.join(infinite)} does not converge: singular, stresses are infinite at a corner "
+            "in contact; ask for other numbers"
+        )
+    if not names or len(way) < MIN_LEVELS + 1:
+        return ""
+    return (
+        f"{', '.join(names)} {'does' if len(names) == 1 else 'do'} not converge in order "
+        "(singular, or the mesh is far from resolving it); ask for other numbers"
+    )
 
 
 # -- what a run says of its mesh -----------------------------------------------------------------

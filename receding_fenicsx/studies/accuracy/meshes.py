@@ -26,8 +26,6 @@ from receding_fenicsx.scene.symmetry import is_cylinder, is_horizontal
 
 T = TypeVar("T")
 
-LARGEST_GROWTH = 3.0
-"""Largest growth of a mesh."""
 CORNER_RATIO = 100.0
 """Size of the elements of a contact edge over that at its ends, where tractions may be singular."""
 MIN_ELEMENTS = 8
@@ -55,7 +53,7 @@ def scaled_mesh(scene: Scene, elements: int) -> Scene:
     factor = mesh.contact_elements / elements
 
     def grown(growth: float) -> float:
-        return min(1.0 + factor * (growth - 1.0), LARGEST_GROWTH)
+        return min(1.0 + factor * (growth - 1.0), 3.0)
 
     growth = grown(mesh.growth)
     if not is_refined(scene):
@@ -99,7 +97,7 @@ def graded_at_ends(scene: Scene, sizes: Sequence[float]) -> Scene:
     places = scene.mesh.places
     if is_graded(scene):
         return scene
-    growth = min(1.0 + 24 / scene.mesh.contact_elements, LARGEST_GROWTH)
+    growth = min(1.0 + 24 / scene.mesh.contact_elements, 3.0)
     files = any(body.mesh is not None for body in scene.bodies)
     places += tuple(
         Refinement(size / CORNER_RATIO, at, growth, contact.edge)
@@ -224,20 +222,17 @@ def refined_at_zone_ends(
     for part, number in zip(parts.values(), numbers, strict=True):
         edge = scene.contacts[number].edge if len(scene.contacts) > 1 else None
         size = float(np.diff(part.x).max()) * scene.mesh.degree
-        rows = _loaded_rows(part)
+        # the turning points of cycles 0, 1 and the last one at which the contact is loaded
+        table = part.turning_points
+        chosen = np.isin(table.cycle, (0, 1, table.cycle.max(initial=0)))
+        force = np.abs(table.P).max(axis=1, initial=0.0)
+        rows = np.flatnonzero(chosen & (force > 1e-9 * force.max(initial=0.0)))
         for at in _zone_ends(scene, part, rows, size / ratio):
             places.append(Refinement(size / ratio, at, growth, edge))
-        for k in _corners(part, rows):
-            places.append(Refinement(size / corner_ratio, float(part.x[k]), growth, edge))
+        for k in part.corner_ends:  # 0 or -1, where it touches
+            if np.any(table.state[rows][:, k] != State.SEPARATION):
+                places.append(Refinement(size / corner_ratio, float(part.x[k]), growth, edge))
     return replace(scene, mesh=replace(scene.mesh, refine=tuple(places)))
-
-
-def _loaded_rows(record: Record) -> Ints:
-    """Return the turning points of cycles 0, 1 and the last one at which the contact is loaded."""
-    table = record.turning_points
-    chosen = np.isin(table.cycle, (0, 1, table.cycle.max(initial=0)))
-    force = np.abs(table.P).max(axis=1, initial=0.0)
-    return np.flatnonzero(chosen & (force > 1e-9 * force.max(initial=0.0)))
 
 
 def _zone_ends(
@@ -259,9 +254,3 @@ def _zone_ends(
             if all(max(abs(a - b) for a, b in zip(pair, p, strict=True)) > 2 * size for p in found):
                 found.append(pair)
     return [low if low == high else (low, high) for low, high in sorted(found)]
-
-
-def _corners(record: Record, rows: Ints) -> list[int]:
-    """Return the ends of the contact edge, 0 or -1, that touch at one of the turning points."""
-    states = record.turning_points.state[rows]
-    return [k for k in record.corner_ends if np.any(states[:, k] != State.SEPARATION)]

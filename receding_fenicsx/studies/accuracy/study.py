@@ -1,54 +1,266 @@
 """Errors of a run by meshes of a family, and the mesh that meets a tolerance; one study.
 
 Its cases are the meshes. Those of ``run --error`` are coarser than that of the run; those of
-``run --tolerance`` are finer and finer, and the last one is that of the run. Finished meshes are
-lines of ``cases.jsonl`` in the run's folder, by which an interrupted study continues.
+``run --tolerance`` are finer and finer, as the observed orders ask for, and the last one is that of
+the run. Finished meshes are lines of ``cases.jsonl`` in the run's folder, by which an interrupted
+study continues.
 """
 
 from __future__ import annotations
 
+import logging
+import math
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from receding_fenicsx import mpi
-from receding_fenicsx.errors import InputError, RecedingError, SolveError, ToleranceNotMet
+from receding_fenicsx.errors import (
+    InputError,
+    MeshMisfit,
+    RecedingError,
+    SolveError,
+    ToleranceNotMet,
+)
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.output.report.run import unmet
-from receding_fenicsx.pictures import drawing_modules
 from receding_fenicsx.scene.identity import identity_of
 from receding_fenicsx.scene.model import Scene
 from receding_fenicsx.store.hdf5 import read_system
 from receding_fenicsx.store.run_folder import SYSTEM, forget_system
 from receding_fenicsx.store.workspace import Case, CaseFile, Outcome
 from receding_fenicsx.studies.accuracy.estimate import (
+    MIN_LEVELS,
+    MIN_RATIO,
+    ORDERS,
     Estimate,
     Level,
     Number,
+    asked_numbers,
     estimates_of,
     level_of,
+    nonconvergence,
     shown,
     warning,
 )
 from receding_fenicsx.studies.accuracy.meshes import (
     MIN_ELEMENTS,
     SEARCH_RATIO,
+    doublings,
     elements_near,
     first_that_fits,
     graded_at_ends,
+    is_graded,
     is_refined,
     scaled_mesh,
     to_limit,
 )
-from receding_fenicsx.studies.accuracy.search import search
 from receding_fenicsx.timing import Say
 
 if TYPE_CHECKING:
     from mpi4py import MPI
 
     from receding_fenicsx.interface.system import ContactSystem
+
+
+log = logging.getLogger(__name__)
+
+RATIOS = (1.6, 2.8)
+"""Smallest and largest ratio of the elements of two successive meshes: smaller ones repeat work,
+larger ones leave the estimate without meshes to compare with."""
+MOST_NODES = 8000
+"""Largest number of contact nodes: their condensed stiffness takes 2 GB."""
+
+
+@dataclass
+class Search:
+    """A search: the meshes so far, and how it ended.
+
+    Attributes:
+        scene: the scene of the last mesh.
+        levels: the meshes, from the coarsest.
+        failures: (elements, reason) of meshes on which the scene has no answer.
+        way: for each mesh the estimates of the asked numbers.
+        met: the tolerance is met.
+        reason: why it is not; "" where it is.
+    """
+
+    scene: Scene
+    levels: list[Level] = field(default_factory=list)
+    failures: list[tuple[int, str]] = field(default_factory=list)
+    way: list[dict[str, Estimate]] = field(default_factory=list)
+    met: bool = False
+    reason: str = ""
+
+    def shown(self) -> dict[str, Any]:
+        """Return the key "accuracy" of the summary."""
+        options = self.scene.accuracy
+        return {
+            "tolerance": options.tolerance,
+            "budget_seconds": options.budget_seconds,
+            "met": self.met,
+            "graded": is_graded(self.scene),
+            "reason": self.reason,
+            "seconds": sum(level.seconds for level in self.levels),
+            "failures": [list(failure) for failure in self.failures],
+            "way": [
+                {
+                    "elements": level.elements,
+                    "nodes": level.nodes,
+                    "seconds": level.seconds,
+                    "numbers": shown(found),
+                }
+                for level, found in zip(self.levels, self.way, strict=True)
+            ],
+        }
+
+
+def search(
+    scene: Scene,
+    solve: Callable[[Scene, int], Level],
+    graded: Callable[[Scene], Scene | None] = lambda _: None,
+) -> Search:
+    """Solve a scene on finer and finer meshes until its numbers meet its tolerance; collective.
+
+    ``solve`` runs a scene of so many elements, on all ranks alike; it raises MeshMisfit where its
+    vertices do not fit the scene. Where the first mesh has sharp corners in contact, the search
+    begins anew with what ``graded`` returns, a scene on graded meshes, unless they are impossible.
+
+    Raises:
+        InputError: no mesh fits the scene, or the run has no such number.
+        SolveError: the scene has no answer on a mesh as fine as its own.
+    """
+    tolerance = scene.accuracy.tolerance
+    assert tolerance is not None
+    scene, own = to_limit(scene), scene.mesh.contact_elements
+    found = Search(scene)
+    while True:
+        wanted = next_elements(scene, found.levels, found.failures)
+        found.reason = _too_much(scene, found.levels, wanted)
+        if found.reason:
+            # the numbers that keep it from its tolerance, with the meshes that they need
+            elements = found.levels[-1].elements
+            for name, e in found.way[-1].items():
+                if tolerance < 2.0 * e.relative < math.inf and not math.isnan(e.order):
+                    least = float(f"{elements * _needed(e, tolerance):.2g}")
+                    found.reason += (
+                        f"; {name} needs about {least:g} elements, it converges with order "
+                        f"{e.order:.1f}"
+                    )
+            return found
+        try:
+            level = _solved(scene, wanted, solve)
+        except SolveError as error:
+            if found.levels or wanted >= own:
+                raise
+            # a mesh as coarse as this may have no answer
+            found.failures.append((wanted, str(error)))
+            continue
+        found.scene = scaled_mesh(scene, level.elements)
+        anew = level.sharp and not found.levels and not is_graded(scene)
+        finer = graded(found.scene) if anew else None
+        if finer is not None:
+            log.info("sharp corners in contact: meshes are graded")
+            scene = finer
+            continue
+        found.levels.append(level)
+        found.way.append(asked_numbers(scene, found.levels))
+        for name, e in found.way[-1].items():
+            log.info("%d elements: %s %.6g, error %.1e", level.elements, name, e.value, e.relative)
+        last = found.way[-1].values()
+        enough = len(found.levels) >= MIN_LEVELS and len(last) > 0
+        found.met = enough and all(2.0 * e.relative <= tolerance for e in last)
+        found.reason = "" if found.met else nonconvergence(found.way)
+        if found.met or found.reason:
+            return found
+
+
+def next_elements(
+    scene: Scene, levels: Sequence[Level], failures: Sequence[tuple[int, str]] = ()
+) -> int:
+    """Choose the next mesh from what was found: the one that is predicted to meet the tolerance.
+
+    The error of a number falls with elements^-p, p its observed order. A mesh much finer than the
+    last is approached in equal ratios. The finest is tried where no other could follow the next.
+    """
+    if not levels:
+        first = doublings(scene)[0] if is_refined(scene) else 24
+        return max([first, *(2 * elements for elements, _ in failures)])
+    last = levels[-1].elements
+    if is_refined(scene):
+        return 2 * last
+    ratio = 2.5  # from which the orders are seen
+    if len(levels) >= MIN_LEVELS:
+        asked, tolerance = asked_numbers(scene, levels), scene.accuracy.tolerance or 1.0
+        needed = max([RATIOS[0], *(_needed(e, 0.75 * tolerance) for e in asked.values())])
+        # coarse meshes may have shown too little: mostly the next one shows a higher order
+        slow = any(e.order < 1.0 and 2.0 * e.relative > tolerance for e in asked.values())
+        most = 1.8 if slow else RATIOS[1]
+        ratio = needed ** (1.0 / math.ceil(math.log(needed) / math.log(most)))
+        finest = MOST_NODES / max(levels[-1].nodes, 1)
+        does = max((_needed(e, tolerance) for e in asked.values()), default=1.0) <= finest < ratio
+        # after another mesh the finest would be too near to it
+        is_last = ratio < needed and ratio <= finest < MIN_RATIO * ratio
+        if finest >= MIN_RATIO and (does or is_last):
+            return 2 * int(0.5 * finest * last)
+    return 2 * math.ceil(0.5 * ratio * last)
+
+
+def _needed(e: Estimate, tolerance: float) -> float:
+    """Return how many times as many elements a number needs, as errors fall with p."""
+    if not math.isfinite(e.error):
+        return RATIOS[1]
+    order = 1.0 if math.isnan(e.order) else min(max(e.order, ORDERS[0]), ORDERS[1])
+    return float((2.0 * e.relative / tolerance) ** (1.0 / order))
+
+
+def _too_much(scene: Scene, levels: Sequence[Level], wanted: int) -> str:
+    """Return why a mesh is not begun: beyond the finest mesh or the budget; "" where it is."""
+    if not levels:
+        return ""
+    last, budget = levels[-1], scene.accuracy.budget_seconds
+    spent = sum(level.seconds for level in levels)
+    ratio = wanted / last.elements
+    if ratio * last.nodes > MOST_NODES or wanted > _finest(scene):
+        return (
+            f"the tolerance needs a mesh finer than the finest of {MOST_NODES} contact nodes"
+            if not is_refined(scene)
+            else "the tolerance needs more refinements of the mesh file than there are"
+        )
+    power = 2.0  # of the elements, with which the time of a run grows
+    if len(levels) > 1 and levels[-2].seconds > 0.0 and last.seconds > levels[-2].seconds:
+        seen = math.log(last.seconds / levels[-2].seconds)
+        power = min(seen / math.log(last.elements / levels[-2].elements), 3.0)
+    next_seconds = last.seconds * ratio**power
+    if spent + next_seconds > budget:
+        return (
+            f"the budget of {budget:g} s ends first: {spent:.3g} s are spent, and a mesh of "
+            f"{wanted} elements needs about {next_seconds:.2g} s"
+        )
+    return ""
+
+
+def _finest(scene: Scene) -> int:
+    return doublings(scene)[-1] if is_refined(scene) else 4000
+
+
+def _solved(scene: Scene, wanted: int, solve: Callable[[Scene, int], Level]) -> Level:
+    """Solve on the mesh nearest to a wanted one whose vertices fit the scene, or on a finer one."""
+    near, reason = 1.0 if is_refined(scene) else 1.3, ""
+    while wanted <= _finest(scene):
+        numbers = elements_near(scene, wanted, (wanted / near, wanted * near))
+        try:
+            found = first_that_fits(scene, numbers, solve)
+        except MeshMisfit as error:
+            found, reason = None, str(error)
+        if found is not None:
+            return found[1]
+        wanted *= 2
+    raise InputError(f"[mesh]: no mesh that was tried fits the scene; on the last one: {reason}")
+
 
 FACTORS = (2.0, 2.5, 4.0)
 """Approximate ratios of the mesh sizes of ``--error``; the second mesh is not nested in the run's.
@@ -72,10 +284,6 @@ class Solved:
     record: Record | None
     failure: SolveError | None = None
     extra: dict[str, Any] = field(default_factory=dict)
-
-
-Run = Callable[[Scene], Solved]
-"""Runs a scene in the working folder, from the checkpoints there; collective."""
 
 
 class Meshes:
@@ -137,12 +345,11 @@ def with_coarser_partner(scene: Scene) -> Scene:
     return scene
 
 
-Solve = Callable[[Scene], Record | None]
-"""Goes from a scene to its record on rank 0; all ranks call it together, and it raises on all."""
-
-
 def space_errors(
-    scene: Scene, record: Record | None, solve: Solve, meshes: Meshes | None = None
+    scene: Scene,
+    record: Record | None,
+    solve: Callable[[Scene], Record | None],
+    meshes: Meshes | None = None,
 ) -> dict[str, Estimate]:
     """Estimate the space error of each headline number; collective.
 
@@ -191,7 +398,10 @@ def space_errors(
 
 
 def errors_of_run(
-    scene: Scene, record: Record | None, solve: Solve, meshes: Meshes | None = None
+    scene: Scene,
+    record: Record | None,
+    solve: Callable[[Scene], Record | None],
+    meshes: Meshes | None = None,
 ) -> dict[str, Any]:
     """Return the summary's keys on space errors; collective. Arguments as :func:`space_errors`.
 
@@ -209,7 +419,11 @@ def errors_of_run(
 
 
 def within_tolerance(
-    scene: Scene, comm: MPI.Comm, folder: Path | None, run: Run, say: Say | None
+    scene: Scene,
+    comm: MPI.Comm,
+    folder: Path | None,
+    run: Callable[[Scene], Solved],
+    say: Say | None,
 ) -> Solved:
     """Run a scene on finer and finer meshes until its numbers meet its tolerance; collective.
 
@@ -221,8 +435,7 @@ def within_tolerance(
     unwritten: tuple[Case, Level] | None = None
     reached: Scene | None = None
 
-    def keep_only(meshed: Scene) -> None:
-        """Remove the system of another mesh from the folder."""
+    def forget_another_mesh(meshed: Scene) -> None:
         if folder is not None and (folder / SYSTEM).is_file():
             try:
                 read_system(folder / SYSTEM, meshed)
@@ -231,7 +444,7 @@ def within_tolerance(
 
     def solved(meshed: Scene) -> Solved:
         nonlocal last
-        mpi.on_root(comm, lambda: keep_only(meshed))
+        mpi.on_root(comm, lambda: forget_another_mesh(meshed))
         last = run(meshed)
         if last.failure is not None:
             raise last.failure
@@ -255,10 +468,19 @@ def within_tolerance(
         unwritten = case, found
         return found
 
+    def on_graded_meshes(coarse: Scene) -> Scene | None:
+        from receding_fenicsx.bulk.mesh.meshing import contact_nodes_of, contact_sizes_of
+
+        with suppress(InputError):  # they are impossible
+            finer = graded_at_ends(coarse, contact_sizes_of(coarse))
+            contact_nodes_of(finer)
+            return finer
+        return None
+
     def graded(coarse: Scene) -> Scene | None:
-        if scene.mesh.refine is not None:
+        if scene.mesh.refine is not None or coarse.mesh.cell != "triangle":
             return None
-        return comm.bcast(mpi.on_root(comm, lambda: _graded(coarse)))
+        return comm.bcast(mpi.on_root(comm, lambda: on_graded_meshes(coarse)))
 
     try:
         found = search(scene, level, graded)
@@ -278,24 +500,3 @@ def within_tolerance(
     if not found.met:
         last.failure = ToleranceNotMet(unmet(last.extra))
     return last
-
-
-def _graded(scene: Scene) -> Scene | None:
-    """Return the scene on graded meshes, None where they are impossible."""
-    from receding_fenicsx.bulk.mesh.meshing import contact_nodes_of, contact_sizes_of
-
-    if scene.mesh.cell != "triangle":
-        return None
-    try:
-        found = graded_at_ends(scene, contact_sizes_of(scene))
-        contact_nodes_of(found)
-    except InputError:
-        return None
-    return found
-
-
-def draw_way(folder: Path, extra: dict[str, Any]) -> None:
-    """Draw the search of a run among its figures."""
-    with drawing_modules():
-        from receding_fenicsx.output.plots.study_plots import draw_search
-    draw_search(extra["accuracy"], folder / "figures")

@@ -33,8 +33,6 @@ ENDS = (NoEquilibrium, NoQuasiStaticContinuation)
 
 NO_DISSIPATION = 1e-10
 """Dissipation of a cycle, over ranges of load times displacement, below which it is round-off."""
-RESOLUTION = 1e-6
-"""Relative width of the interval in which macroslip is found."""
 
 
 @dataclass(frozen=True)
@@ -46,7 +44,7 @@ class Backbone:
         displacement: (n,) their work-conjugate displacements, from 0; of a prescribed displacement
             the force along it times the displacement at factor 1.
         work: (n,) work of the drive.
-        macroslip: largest load factor with an equilibrium, to ``RESOLUTION``; infinite where the
+        macroslip: largest load factor with an equilibrium, to a relative 1e-6; infinite where the
             path reaches the largest amplitude.
         reason: why there is none beyond it.
     """
@@ -101,7 +99,7 @@ def first_loading(
         low = high
     except ENDS as error:
         reason = str(error)
-        while high - low > RESOLUTION * high:
+        while high - low > 1e-6 * high:
             middle = 0.5 * (low + high)
             try:
                 record = played(np.array([middle]))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
@@ -16,7 +15,6 @@ from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
 from receding_fenicsx import mpi
 from receding_fenicsx.arrays import Array, as_numbers, check_types, described
-from receding_fenicsx.atomic import new_file
 from receding_fenicsx.environment import versions
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.evolution.evolve import evolve
@@ -39,7 +37,7 @@ from receding_fenicsx.scene.model import (
 )
 from receding_fenicsx.scene.toml_file import from_toml
 from receding_fenicsx.scene.validate import validate
-from receding_fenicsx.store.run_folder import write_summary
+from receding_fenicsx.store.run_folder import write_csv, write_summary
 from receding_fenicsx.store.workspace import Case
 from receding_fenicsx.studies import run as study
 from receding_fenicsx.studies.accuracy.meshes import coarser
@@ -411,13 +409,7 @@ def _curve(
 def _write(folder: Path, title: str, curve: JointCurve) -> None:
     """Write table, summary and figure."""
     rows = curve.rows()
-    with (
-        new_file(folder / TABLE, True) as beside,
-        beside.open("w", encoding="utf-8", newline="") as file,
-    ):
-        writer = csv.DictWriter(file, list(rows[0]), lineterminator="\n")
-        writer.writeheader()
-        writer.writerows(rows)
+    write_csv(folder / TABLE, {name: [row[name] for row in rows] for name in rows[0]}, True)
     slope, error = curve.exponent
     backbone = curve.backbone
     content: Mapping[str, Any] = {

@@ -24,11 +24,6 @@ from scipy.optimize import least_squares, nnls
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.errors import InputError, NotConverged
 
-LEAST_AMPLITUDES = 4
-"""Number of points that a curve must have."""
-LARGEST_LOG = 50.0
-"""Bound of the logarithms of parameters."""
-
 
 @dataclass(frozen=True)
 class JointFit:
@@ -85,8 +80,8 @@ def fit_iwan(amplitude: Array, dissipation: Array, stiffness: Array, slip_force:
 
     chi = np.clip(np.polyfit(np.log(x), np.log(D), 1)[0] - 3.0, -0.9, 0.9)
     starts = [[np.log(1.001 * np.max(F / x)), chi, beta] for beta in (0.0, -4.0, 4.0)]
-    # largest size of the exponent chi, which must be above -1
-    most = np.array([LARGEST_LOG, 0.999, LARGEST_LOG])
+    # of the logarithms of K_T and beta, and of the exponent chi, which must be above -1
+    most = np.array([50.0, 0.999, 50.0])
     p = _least(lambda p: _errors(iwan(x, **named(p)), F, D), starts, (-most, most))
     errors = np.split(_errors(iwan(x, **named(p)), F, D), 2)
     return JointFit({k: np.array(v) for k, v in named(p).items()}, errors[1], errors[0])
@@ -129,8 +124,8 @@ def fit_jenkins(amplitude: Array, dissipation: Array, stiffness: Array, count: i
 def _curve(amplitude: Array, dissipation: Array, stiffness: Array) -> tuple[Array, Array, Array]:
     """Return amplitudes of displacement, of force, and dissipation."""
     F, D, k = (np.asarray(part, dtype=float) for part in (amplitude, dissipation, stiffness))
-    if F.ndim != 1 or not F.shape == D.shape == k.shape or len(F) < LEAST_AMPLITUDES:
-        raise InputError(f"fit: needs three arrays of one length, at least {LEAST_AMPLITUDES}")
+    if F.ndim != 1 or not F.shape == D.shape == k.shape or len(F) < 4:
+        raise InputError("fit: needs three arrays of one length, at least 4")
     if not all(np.all(np.isfinite(part) & (part > 0.0)) for part in (F, D, k)):
         raise InputError("fit: amplitudes, dissipation and stiffness have to be positive")
     return F / k, F, D

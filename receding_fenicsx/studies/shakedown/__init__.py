@@ -5,7 +5,7 @@ r"""Shakedown of a scene: limits of a load range, their diagram, and steady stat
    the nodes are shared among the ranks.
 2. The contact edge of a finite body has ends. There the continuum slips at any range, while the
    nodes of a mesh do not: the limits are found on a second, coarser mesh too.
-3. :func:`~receding_fenicsx.studies.shakedown.diagram.limits_at` finds the limits over one of the
+3. :func:`~receding_fenicsx.studies.shakedown.study.limits_at` finds the limits over one of the
    mean loads (a diagram of Bree's kind). The multipliers of one mean load prove bounds for all
    others.
 4. Where a node unloads at the upper limit, the contact may open and close instead of slipping, and

@@ -7,7 +7,6 @@ from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.errors import InputError, SolveError
@@ -143,7 +142,10 @@ def opening_limit(
         opens = limits.separated.copy()
         for slip in (limits.safe_slip_modelled, np.zeros(system.n)):
             with suppress(SolveError):  # a path that ends tells nothing
-                opens |= _opened(system, played(min(seen, top), slip))
+                record = played(min(seen, top), slip)
+                whole = np.any(record.turning_points.state == SEPARATION, axis=0)
+                whole[record.events.node[record.events.new == SEPARATION]] = True
+                opens[mirror_of(system).index[whole]] = True
         if opens.sum() > MOST_NODES:
             raise InputError(
                 f"opening_limit: {opens.sum()} nodes open, {MOST_NODES} at most are tried"
@@ -153,13 +155,3 @@ def opening_limit(
     if D > SLIP_ROUND_OFF:
         raise SolveError(f"opening_limit: exact cycles from the slip found dissipate {D:.1e}")
     return replace(found, dissipation=D)
-
-
-def _opened(system: ContactSystem, record: Record) -> NDArray[np.bool_]:
-    """Return (N,) modelled nodes that are open at some time."""
-    table, events = record.turning_points, record.events
-    whole = np.any(table.state == SEPARATION, axis=0)
-    whole[events.node[events.new == SEPARATION]] = True
-    opens = np.zeros(system.n, dtype=bool)
-    opens[mirror_of(system).index[whole]] = True
-    return opens

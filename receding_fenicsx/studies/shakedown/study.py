@@ -6,19 +6,26 @@ after that are the second mesh, parts of the diagram, exact cycles and the openi
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import matplotlib as mpl
 import numpy as np
+from matplotlib.figure import Figure
 
 from receding_fenicsx import mpi
+from receding_fenicsx.arrays import Array
 from receding_fenicsx.atomic import new_file
 from receding_fenicsx.environment import versions
 from receding_fenicsx.errors import InputError, RecedingError, SolveError
+from receding_fenicsx.interface.law import State
 from receding_fenicsx.interface.mirror import mirror_of
 from receding_fenicsx.interface.shakedown.limits import (
     CONJECTURE,
+    Certificates,
     ShakedownLimits,
     assembled,
     lower_limit,
@@ -33,13 +40,15 @@ from receding_fenicsx.interface.shakedown.margins import (
     with_bound,
 )
 from receding_fenicsx.interface.shakedown.opening import Opening
-from receding_fenicsx.interface.shakedown.programs import Answer
+from receding_fenicsx.interface.shakedown.programs import Answer, minimise
 from receding_fenicsx.interface.system import ContactSystem
+from receding_fenicsx.output.plots import style
+from receding_fenicsx.output.plots.labels import load_text
 from receding_fenicsx.output.plots.style import save
 from receding_fenicsx.scene.identity import body_of, identity_of
 from receding_fenicsx.scene.model import Scene
 from receding_fenicsx.scene.toml_file import to_toml
-from receding_fenicsx.store.run_folder import write_summary
+from receding_fenicsx.store.run_folder import write_csv, write_summary
 from receding_fenicsx.store.workspace import Case, Outcome
 from receding_fenicsx.studies import run as study
 from receding_fenicsx.studies.accuracy.meshes import coarser
@@ -52,16 +61,128 @@ from receding_fenicsx.studies.runner import (
     digest_of,
     run_study,
 )
-from receding_fenicsx.studies.shakedown.diagram import Diagram, diagram_figure, limits_at, means
 from receding_fenicsx.studies.shakedown.exact_cycles import BELOW, limit_by_cycles, opening_limit
+from receding_fenicsx.studies.starts import SteadyStates
 from receding_fenicsx.timing import Timer
 
 if TYPE_CHECKING:
     from mpi4py import MPI
 
+
+@dataclass(frozen=True)
+class Diagram:
+    """Limits over the mean of one load.
+
+    Attributes:
+        load: name of the load.
+        mean: (n,) its mean load factors.
+        lower, upper: (n,) limits; NaN where they were not found.
+        given: the mean load factor of the scene.
+    """
+
+    load: str
+    mean: Array
+    lower: Array
+    upper: Array
+    given: float
+
+
+def means(margins: Margins, load: int, width: float) -> Array:
+    """Return changes of a mean load, up to a width, over which a slip holds the contact."""
+    ends = []
+    for sign in (-1.0, 1.0):
+        G = np.hstack([margins.G, sign * width * margins.by_load[:, [load]]])[: len(margins.kind)]
+        cost = np.append(np.zeros(margins.G.shape[1]), -1.0)
+        ends.append(sign * width * -minimise(cost, G, margins.c[: len(G)], 1.0).value)
+    low, high = ends
+    room = 1e-3 * (high - low)  # the outermost means just can be held
+    n = 25 if len(margins.targets) <= 60 else 9  # each node needs a program
+    # a mean load that cannot vary leaves one point
+    return np.linspace(low + room, high - room, n) if high > low else np.zeros(1)
+
+
+def limits_at(
+    margins: Margins, load: int, changes: Sequence[float]
+) -> dict[str, list[tuple[float, float]]]:
+    """Return "limits", both for changes of one mean load; NaN where they were not found."""
+    found = []
+    proofs: Certificates = {}
+    for change in changes:
+        moved = replace(margins, c=margins.c + change * margins.by_load[:, load])
+        low = top = np.nan
+        # a point whose programs fail, or that no slip holds, is left out of the diagram
+        with suppress(SolveError, InputError):
+            upper = upper_limit(moved)
+            top = -upper.value if upper.value < np.inf else np.nan
+            lower, proofs = lower_limit(moved, upper, certificates=proofs)
+            low = top if lower is None else min(lower.value, top)
+        found.append((low * margins.range_scale, top * margins.range_scale))
+    return {"limits": found}
+
+
+def diagram_figure(diagram: Diagram, opening: Opening | None = None) -> Figure:
+    """Draw both limits: mean load along, load range up; a dot for the range with opening nodes."""
+    x, lower, upper = diagram.mean, diagram.lower, diagram.upper
+    safe, depends = "#bdbdbd", "#e6e6e6"  # where it shakes down, and depends on the start
+    with mpl.rc_context(style.RC):
+        figure = style.new_figure(style.COLUMN, 2.9)
+        axes = figure.subplots()
+        seen = np.append(upper[np.isfinite(upper)], 0.0 if opening is None else opening.value)
+        top = 1.25 * float(seen.max()) or 1.0
+        high = np.minimum(upper, top)
+        axes.fill_between(x, 0.0, np.minimum(lower, top), color=safe, lw=0)
+        axes.fill_between(x, np.minimum(lower, top), high, color=depends, lw=0)
+        axes.plot(x, upper, color="black", label=r"$\lambda_2$")
+        axes.plot(x, lower, color="black", ls=(0, (4, 2)), label=r"$\lambda_1$")
+        axes.axvline(diagram.given, **style.GUIDE)
+        if opening is not None:
+            dot = [diagram.given], [opening.value]
+            axes.plot(*dot, "o", color="black", ms=4, zorder=5, label="opens without slip")
+        entries = [
+            mpl.patches.Patch(fc="white", ec="black", lw=0.4, label="slips for ever, or opens"),
+            mpl.patches.Patch(fc=depends, ec="black", lw=0.4, label="depends on the start"),
+            mpl.patches.Patch(fc=safe, ec="black", lw=0.4, label="shakes down"),
+        ]
+        handles = [*axes.get_legend_handles_labels()[0], *entries]
+        figure.legend(handles=handles, loc="outside upper center", ncols=3, columnspacing=1.0)
+        axes.set(xlim=(x.min(), x.max()) if len(x) > 1 else None, ylim=(0.0, top))
+        axes.set(
+            xlabel=f"mean load factor of {load_text(diagram.load)}", ylabel=r"load range $\lambda$"
+        )
+    return figure
+
+
+def steady_states_figure(states: SteadyStates) -> Figure:
+    """Draw dissipation per cycle of each start, sorted, beside the states of the nodes."""
+    order = np.argsort(states.dissipation, kind="stable")
+    rows = np.arange(len(order))
+    with mpl.rc_context(style.RC):
+        figure = style.new_figure(style.PAGE, 3.0)
+        left, right = figure.subplots(1, 2, sharey=True)
+        kinds = np.array(states.kind)[order]
+        for kind, colour in zip(dict.fromkeys(kinds), style.SERIES_COLOURS, strict=False):
+            of_kind = kinds == kind
+            D = states.dissipation[order][of_kind]
+            left.plot(D, rows[of_kind], "o", ms=3, color=colour, label=kind)
+        style.ticks(left.xaxis, 4)
+        left.legend(loc="lower right")
+        left.set(xlabel="dissipation per cycle of the steady state", ylabel="starts, sorted")
+        found = np.unique(states.state)
+        colours = mpl.colors.ListedColormap([style.STATE_COLOURS[s] for s in State])
+        places = np.arange(len(states.x)) if len(states.x) < 2 else states.x
+        right.pcolormesh(
+            places, rows, states.state[order], cmap=colours, vmin=0.5, vmax=4.5, rasterized=True
+        )
+        right.set(xlabel="$x$")
+        figure.legend(
+            handles=style.state_patches(found), loc="outside upper center", ncols=len(found)
+        )
+    return figure
+
+
 SUMMARY, SLIP, PICTURE = "shakedown.json", "safe_slip.csv", "shakedown.png"
-NAME, CASES_OF = "shakedown study", "shakedown_cases.json"
-"""Files and name of a study."""
+CASES_OF = "shakedown_cases.json"
+"""Files of a study."""
 FOUND_BY = "by a mixed-integer program, verified by exact cycles"
 """How the range with opening nodes is known."""
 
@@ -153,7 +274,7 @@ def shakedown(
         raise InputError(f"[shakedown]: is for loads alone; remove {', '.join(scene.preloads)}")
     if options.shard is not None:
         raise InputError("shakedown: its cases depend on each other; leave the shard out")
-    mpi.on_root(comm, lambda: check_folder(NAME, (CASES_OF, SUMMARY), out, options))
+    mpi.on_root(comm, lambda: check_folder("shakedown study", (CASES_OF, SUMMARY), out, options))
     # whole: a contact without friction is refused as such
     system = study.condense(scene, comm, timer.say, whole=True)
     with timer("limits"):
@@ -179,7 +300,7 @@ def shakedown(
             return result
 
         results = (SUMMARY, SLIP, PICTURE)
-        return Study(NAME, CASES_OF, scene, combine, results=results)
+        return Study("shakedown study", CASES_OF, scene, combine, results=results)
 
     return run_study(begin, out, workers, options)
 
@@ -214,11 +335,6 @@ def second_mesh(scene: Scene, body: str, systems: Path | None) -> dict[str, Any]
     system, given = shared_system(scene, body, systems), scene.shakedown
     found = shakedown_limits(system, given.mean, given.range, given.separated, given.largest_slip)
     return {"nodes": len(found.separated), "lower": found.lower, "upper": found.upper}
-
-
-def diagram_part(margins: Margins, load: int, changes: list[float]) -> dict[str, Any]:
-    """Return both limits for changes of one mean load."""
-    return {"limits": limits_at(margins, load, changes)}
 
 
 def cycles_of(scene: Scene, system: ContactSystem, limits: ShakedownLimits) -> dict[str, Any]:
@@ -264,7 +380,7 @@ def _combined(
         return Case(digest_of(key, label), (work, *arguments), (label,))
 
     cases = [
-        case(f"diagram {k} of {parts}", diagram_part, margins, load, changes[k::parts].tolist())
+        case(f"diagram {k} of {parts}", limits_at, margins, load, changes[k::parts].tolist())
         for k in range(min(parts, len(changes)))
     ]
     n = len(cases)
@@ -348,9 +464,8 @@ def _write(folder: Path, scene: Scene, result: ShakedownStudy, timer: Timer) -> 
     with new_file(folder / "scene.toml", overwrite=True) as beside:
         beside.write_text(to_toml(scene), encoding="utf-8")
     if len(np.unique(system.edges)) == 1:
-        columns = np.column_stack([mirror_of(system).odd(system.x), result.limits.safe_slip])
-        with new_file(folder / SLIP, overwrite=True) as beside:
-            np.savetxt(beside, columns, "%.17g", ",", header="x,value", comments="")
+        x = mirror_of(system).odd(system.x)
+        write_csv(folder / SLIP, {"x": x, "value": result.limits.safe_slip}, overwrite=True)
     save(diagram_figure(result.diagram, result.opening), folder / PICTURE)
     summary = _summary(scene, result) | {"timings": dict(timer.seconds)}
     write_summary(folder / SUMMARY, summary, overwrite=True)
@@ -359,6 +474,15 @@ def _write(folder: Path, scene: Scene, result: ShakedownStudy, timer: Timer) -> 
 def _summary(scene: Scene, result: ShakedownStudy) -> dict[str, Any]:
     """Return the content of ``shakedown.json``, but for the timings."""
     limits, options, diagram = result.limits, scene.shakedown, result.diagram
+    opening, found = None, result.opening
+    if found is not None:
+        opening = {
+            **{key: value for key, value in vars(found).items() if key not in ("slip", "closed")},
+            "found": FOUND_BY,
+            "verified_at": BELOW * found.value,
+            "opening_nodes": np.flatnonzero(~found.closed.all(axis=0)).tolist(),
+            "slip": mirror_of(result.system).odd(found.slip).tolist(),
+        }
     return {
         "title": scene.title,
         "mean": options.mean,
@@ -377,27 +501,9 @@ def _summary(scene: Scene, result: ShakedownStudy) -> dict[str, Any]:
         "gap": limits.gap,
         "meshes": [dict(zip(("nodes", "lower", "upper"), m, strict=True)) for m in result.meshes],
         "by_cycles": result.by_cycles,
-        "opening": _opening(result),
-        "diagram": {
-            "load": diagram.load,
-            "mean": diagram.mean.tolist(),
-            "lower": diagram.lower.tolist(),
-            "upper": diagram.upper.tolist(),
-        },
+        "opening": opening,
+        "diagram": {"load": diagram.load}
+        | {name: getattr(diagram, name).tolist() for name in ("mean", "lower", "upper")},
         "notes": list(result.notes),
         "versions": versions(),
-    }
-
-
-def _opening(result: ShakedownStudy) -> dict[str, Any] | None:
-    """Return the largest range with opening nodes, and the whole contact's slip for it."""
-    found = result.opening
-    if found is None:
-        return None
-    return {
-        **{key: value for key, value in vars(found).items() if key not in ("slip", "closed")},
-        "found": FOUND_BY,
-        "verified_at": BELOW * found.value,
-        "opening_nodes": np.flatnonzero(~found.closed.all(axis=0)).tolist(),
-        "slip": mirror_of(result.system).odd(found.slip).tolist(),
     }
