@@ -12,8 +12,8 @@ UNSYMMETRIC = 1e-8
 """Difference between K and its transpose, over the largest entry of K, up to which it is round-off
 of the condensation."""
 
-LARGEST, SMALLEST = 1e200, 1e-200
-"""Range of forces, stiffnesses and energies that can be multiplied with each other's ratios."""
+LARGEST, SMALLEST = 1e150, 1e-150
+"""Range of forces, stiffnesses and energies: products of two of them are numbers of all digits."""
 
 
 def check_system(system: ContactSystem) -> None:

@@ -161,6 +161,8 @@ def test_weights_order_and_motions_without_meaning_are_refused(change: Any, word
         {"r_star": 1e300},
         {"r_star": 1e200, "load": 1e200},
         {"K": 1e308},
+        {"K": 1e160, "r_star": 1e160},
+        {"K": 1e-160, "r_star": 1e-160},
         {"g0": 1e308},
         {"f": 1e308},
         {"f": 1e-310},
