@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterable
 from functools import partial
 
 from receding_fenicsx.errors import InputError, InputErrors
-from receding_fenicsx.scene.checks import check_name, nearest, unknown_name
+from receding_fenicsx.scene.checks import check_name, unknown_name
 from receding_fenicsx.scene.history import History, history_from_scene
 from receding_fenicsx.scene.model import Probe, Scene, SolverOptions
 from receding_fenicsx.scene.options import HEADLINE_NAMES, check_units
@@ -63,34 +63,39 @@ def validate(scene: Scene) -> None:
 
 def check_rules(scene: Scene) -> None:
     """Check the rules between the values of a scene whose types and ranges are right."""
-    _all_of([lambda scene: check_units(scene.units), check_bodies], scene)
-    contacts = len(scene.contacts)
-    checks: list[Callable[[Scene], None]] = [
-        partial(check_contact if k < contacts else check_sides, number=k)
-        for k in range(len(scene.joints))
-    ]
-    _all_of(checks, scene)
-    _all_of([check_touching, check_mesh, check_half_planes, check_names], scene)
-    loads = [partial(check_load, load) for load in scene.loads]
-    bolts = [partial(check_bolt, bolt) for bolt in scene.bolts]
-    supports = [partial(check_support, support) for support in scene.supports]
-    springs = [partial(check_spring, spring) for spring in scene.springs]
-    _all_of([*loads, *bolts, *supports, *springs], scene)
-    _all_of([check_parts], scene)
-    checks = [partial(check_acts, load) for load in scene.loads]
-    checks += [check_probes, check_shakedown, check_wear, check_fatigue, check_accuracy]
-    checks += [lambda scene: check_solver(scene.solver), check_initial_slip, check_output]
-    _all_of(checks, scene)
+    _raise_all(_errors([lambda scene: check_units(scene.units), check_bodies], scene))
+    # what follows asks for the edges of contacts and ties
+    sides = [partial(check_sides, number=k) for k in range(len(scene.joints))]
+    _raise_all(_errors(sides, scene))
+    checks: list[Callable[[Scene], None]]
+    checks = [partial(check_contact, number=k) for k in range(len(scene.contacts))]
+    checks += [check_touching, check_mesh, check_half_planes, check_names]
+    checks += [partial(check_bolt, bolt) for bolt in scene.bolts]
+    checks += [partial(check_support, support) for support in scene.supports]
+    checks += [partial(check_spring, spring) for spring in scene.springs]
+    checks += [check_probes, check_shakedown, check_wear, check_accuracy, check_initial_slip]
+    errors = _errors([*checks, lambda scene: check_solver(scene.solver)], scene)
+    wrong = _errors([partial(check_load, load) for load in scene.loads], scene)
+    wrong = wrong or _errors([check_parts], scene)
+    if not wrong:  # a load that is wrong may not be in the history yet
+        acts = [partial(check_acts, load) for load in scene.loads]
+        wrong = _errors([*acts, check_fatigue, check_output], scene)
+    _raise_all([*errors, *wrong])
 
 
-def _all_of(checks: Iterable[Callable[[Scene], None]], scene: Scene) -> None:
-    """Call all checks and raise all their errors; a single one as it is."""
+def _errors(checks: Iterable[Callable[[Scene], None]], scene: Scene) -> list[InputError]:
+    """Return the errors of all checks."""
     errors = []
     for check in checks:
         try:
             check(scene)
         except InputError as error:
             errors.append(error)
+    return errors
+
+
+def _raise_all(errors: list[InputError]) -> None:
+    """Raise all errors if there are any; a single one as it is."""
     if len(errors) == 1:
         raise errors[0]
     if errors:
@@ -178,12 +183,7 @@ def check_accuracy(scene: Scene) -> None:
     for name in options.numbers:
         base, bracket, owner = name.removesuffix("]").partition("[")
         if base not in HEADLINE_NAMES:
-            close = nearest(base, HEADLINE_NAMES)
-            hint = f"did you mean '{close}'? " if close else ""
-            known = ", ".join(HEADLINE_NAMES)
-            raise InputError(
-                f"[accuracy] numbers: unknown number '{name}'; {hint}known are {known}"
-            )
+            unknown_name(name, tuple(HEADLINE_NAMES), "[accuracy] numbers", "number")
         kind = next(kind for kind in owners if base.startswith(kind))
         several = kind or len(scene.contacts) > 1
         if bracket and (base.startswith("dissipation") or not several):

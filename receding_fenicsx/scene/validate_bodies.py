@@ -216,7 +216,7 @@ def check_mesh(scene: Scene) -> None:
             f'[mesh] refine: is for triangles; use cell = "triangle", not "{mesh.cell}"'
         )
     for i, place in enumerate(mesh.places):
-        _check_refinement(scene, place, f"[mesh] refine number {i + 1}")
+        _check_refinement(scene, place, f"[mesh] refine entry {i + 1}")
 
 
 def _check_refinement(scene: Scene, place: Refinement, where: str) -> None:
@@ -320,8 +320,7 @@ def check_sides(scene: Scene, number: int) -> None:
 
 
 def check_contact(scene: Scene, number: int) -> None:
-    """Check a contact: its sides, friction, gap and interference."""
-    check_sides(scene, number)
+    """Check friction, gap and interference of a contact."""
     contact, where = scene.contacts[number], scene.joint_labels[number]
     meshed = has_mesh_file(scene, contact.edge)
     forward, backward = directions(contact.friction, f"{where} friction")

@@ -255,7 +255,8 @@ def _overlap(a: tuple[float, float], b: tuple[float, float]) -> float:
 
 def check_support(support: Support, scene: Scene) -> None:
     """Check that a support holds an edge off the contact, or a point of a body."""
-    where = "[[support]]"
+    several = f" number {scene.supports.index(support) + 1}" if len(scene.supports) > 1 else ""
+    where = f"[[support]]{several}"
     if (support.edge is None) == (support.point is None):
         have = "both" if support.edge is not None else "neither"
         raise InputError(f"{where}: has {have} of edge and point; give exactly one of them")
@@ -346,7 +347,8 @@ def body_named(scene: Scene, name: str | None, where: str, what: str = "point") 
 
 def check_spring(spring: Spring, scene: Scene) -> None:
     """Check where a spring acts, and that its stiffness is positive."""
-    where = spring.label
+    several = f" number {scene.springs.index(spring) + 1}" if len(scene.springs) > 1 else ""
+    where = f"{spring.label}{several}"
     if bool(spring.edge) == (spring.point is not None):
         have = "both" if spring.edge else "neither"
         raise InputError(f"{where}: has {have} of edge and point; give exactly one of them")
