@@ -38,11 +38,6 @@ from receding_fenicsx.scene.validate_loads import (
     check_support,
 )
 
-PROBE_KINDS = ("point", "points", "segment", "edge")
-"""Keys of a probe of which exactly one is given."""
-MOST_POINTS = 1000
-"""Largest number of points of all probes together: each costs six solves with the bulk."""
-
 
 def validate(scene: Scene) -> None:
     """Check that a scene can be modelled.
@@ -235,7 +230,14 @@ def check_probes(scene: Scene) -> None:
     seen: set[str] = set()
     for probe in scene.probes:
         where = f"probe '{probe.name}'"
-        _check_probe_name(probe.name)
+        check_name(probe.name, "[[probe]] name")
+        # characters that some systems do not allow
+        odd = any(c in '/\\:*?"<>|' for c in probe.name) or probe.name != probe.name.strip()
+        if odd or probe.name.startswith(".") or len(probe.name) > 80:
+            raise InputError(
+                f"[[probe]] name: {probe.name!r} cannot be the name of a file; use letters, "
+                "digits, _ and -"
+            )
         if probe.name.casefold() in seen:
             raise InputError(f"{where}: two probes have this name; rename one")
         seen.add(probe.name.casefold())
@@ -251,33 +253,19 @@ def check_probes(scene: Scene) -> None:
         for point in probe.coordinates if body.mesh is None else ():
             check_inside(scene, body, point, where)
     total = sum(len(probe.coordinates) for probe in scene.probes)
-    if total > MOST_POINTS:
+    if total > 1000:  # each costs six solves with the bulk
         raise InputError(
-            f"[[probe]]: the probes have {total} points, at most {MOST_POINTS} are possible; "
-            "leave some out"
-        )
-
-
-def _check_probe_name(name: str) -> None:
-    """Check that a name can be that of a file."""
-    check_name(name, "[[probe]] name")
-    if (
-        any(c in '/\\:*?"<>|' for c in name)  # those that some systems do not allow
-        or name != name.strip()
-        or name.startswith(".")
-        or len(name) > 80
-    ):
-        raise InputError(
-            f"[[probe]] name: {name!r} cannot be the name of a file; use letters, digits, _ and -"
+            f"[[probe]]: the probes have {total} points, at most 1000 are possible; leave some out"
         )
 
 
 def _check_probe_points(probe: Probe, where: str) -> None:
     """Check that the points are given in one way."""
-    given = [kind for kind in PROBE_KINDS if getattr(probe, kind) not in (None, ())]
+    kinds = ("point", "points", "segment", "edge")
+    given = [kind for kind in kinds if getattr(probe, kind) not in (None, ())]
     if len(given) != 1:
         raise InputError(
-            f"{where}: has {' and '.join(given) or 'none'} of {', '.join(PROBE_KINDS)}; give "
+            f"{where}: has {' and '.join(given) or 'none'} of {', '.join(kinds)}; give "
             "exactly one of them"
         )
     if (probe.count is not None) != (given == ["segment"]):

@@ -27,14 +27,6 @@ from receding_fenicsx.scene.symmetry import (
 
 MIN_REFINED_SIZE = 1e-6
 """Smallest refined element, over the length of the contact edge: below it, round-off counts."""
-MAX_POSITION = 1e4
-"""Largest coordinate of a rectangle's position, over its smaller side: round-off grows with it."""
-MAX_SLENDERNESS = 1e5
-"""Largest depth of a rectangle below its contact edge, over the length of that edge."""
-MIN_DEPTH = 0.01
-"""Smallest depth of a rectangle below its contact edge, over the size of an element there."""
-
-
 LENGTH_TOLERANCE = 1e-9
 """Distance of two positions that count as equal, over the length of the edge."""
 
@@ -66,8 +58,15 @@ def check_bodies(scene: Scene) -> None:
     if len({material.kinematics for material in used}) > 1:
         raise InputError("[material] kinematics: differs between the bodies; use the same for all")
     for body in scene.bodies:
-        if scene.axisymmetric and body.is_rectangle:
-            _check_radii(scene, body, _label(scene, body))
+        low, high = (body.position[0] + 0.5 * side * body.width for side in (-1.0, 1.0))
+        # the smallest hole of a ring, over its width
+        ring = scene.axisymmetric and body.is_rectangle and not is_cylinder(scene, body)
+        if ring and not low > 1e-6 * body.width:
+            raise InputError(
+                f"{_label(scene, body)} position: x = {body.position[0]:g} and width "
+                f"{body.width:g} make a ring from r = {low:g} to {high:g}; move it off the axis "
+                "r = 0, or put a cylinder (its width is the diameter) at x = 0"
+            )
 
 
 def _label(scene: Scene, body: Body) -> str:
@@ -87,26 +86,22 @@ def _check_body(body: Body, label: str) -> None:
         if getattr(body, key):
             raise InputError(f"{label} {key}: needs a mesh file; give mesh, or remove {key}")
     if body.is_half_plane:
-        _check_half_plane(body, label)
+        if body.height != Body().height:
+            raise InputError(f"{label} height: a half-plane has none; remove it")
+        if body.datum is not None and not body.datum >= body.width:
+            raise InputError(
+                f"{label} datum: {body.datum:g} is less than the width of the contact, "
+                f"{body.width:g}; choose a deeper point"
+            )
         return
     for key in ("datum", "window"):
         if getattr(body, key) is not None:
             raise InputError(f'{label} {key}: belongs to shape = "half-plane"; remove it')
-    if max(map(abs, body.position)) > MAX_POSITION * min(body.width, body.height):
+    # round-off grows with the position
+    if max(map(abs, body.position)) > 1e4 * min(body.width, body.height):
         raise InputError(
-            f"{label} position: [{body.position[0]:g}, {body.position[1]:g}] is more than "
-            f"{MAX_POSITION:g} times the body's smaller side from the origin; move it nearer"
-        )
-
-
-def _check_half_plane(body: Body, label: str) -> None:
-    """Check the keys of a half-plane."""
-    if body.height != Body().height:
-        raise InputError(f"{label} height: a half-plane has none; remove it")
-    if body.datum is not None and not body.datum >= body.width:
-        raise InputError(
-            f"{label} datum: {body.datum:g} is less than the width of the contact, "
-            f"{body.width:g}; choose a deeper point"
+            f"{label} position: [{body.position[0]:g}, {body.position[1]:g}] is more than 10000 "
+            "times the body's smaller side from the origin; move it nearer"
         )
 
 
@@ -153,24 +148,11 @@ def check_half_planes(scene: Scene) -> None:
                     f"{label} {key}: the contact nodes are those of {where}; remove {key}, or "
                     "give both half-planes the same"
                 )
-    edges = [scene.find_edge(edge)[1] for edge in (scene.contacts[0].edge,)]
-    against = scene.contacts[0].against
-    if len(flat) == 2 and against is not None and scene.find_edge(against)[1] in edges:
+    surface, against = scene.find_edge(scene.contacts[0].edge)[1], scene.contacts[0].against
+    if len(flat) == 2 and against is not None and scene.find_edge(against)[1] == surface:
         raise InputError(
-            f'[contact] against: both half-planes have the surface "{edges[0]}"; one has to be '
+            f'[contact] against: both half-planes have the surface "{surface}"; one has to be '
             '"bottom" and the other one "top"'
-        )
-
-
-def _check_radii(scene: Scene, body: Body, label: str) -> None:
-    """Refuse a ring that reaches the axis."""
-    x = body.position[0]
-    # smallest radius of a ring's hole, over the ring's width
-    if not is_cylinder(scene, body) and not x - 0.5 * body.width > 1e-6 * body.width:
-        raise InputError(
-            f"{label} position: x = {x:g} and width {body.width:g} make a ring from "
-            f"r = {x - 0.5 * body.width:g} to {x + 0.5 * body.width:g}; move it off the "
-            "axis r = 0, or put a cylinder (its width is the diameter) at x = 0"
         )
 
 
@@ -267,15 +249,15 @@ def check_elements(mesh: MeshOptions, body: Body, edge: str) -> None:
     depth, length = (body.height, body.width) if flat else (body.width, body.height)
     size = length / mesh.contact_elements
     key = "height" if flat else "width"
-    if depth < MIN_DEPTH * size:
+    if depth < 0.01 * size:
         raise MeshMisfit(
-            f"[body] {key}: {depth:g} is less than {MIN_DEPTH:g} of an element of the contact edge "
+            f"[body] {key}: {depth:g} is less than 0.01 of an element of the contact edge "
             f"({size:.3g}); enlarge it, or mesh.contact_elements"
         )
-    if depth > MAX_SLENDERNESS * length:
+    if depth > 1e5 * length:
         raise InputError(
-            f"[body] {key}: {depth:g} is more than {MAX_SLENDERNESS:g} times the contact edge's "
-            "length; reduce it, material so far away has no effect"
+            f"[body] {key}: {depth:g} is more than 100000 times the contact edge's length; reduce "
+            "it, material so far away has no effect"
         )
     cells = count_cells(mesh, depth / length)
     # estimated number of cells of a rectangle above which no machine can mesh and factor it
