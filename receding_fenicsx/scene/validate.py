@@ -64,13 +64,13 @@ def check_rules(scene: Scene) -> None:
     _raise_all(_errors(sides, scene))
     checks: list[Callable[[Scene], None]]
     checks = [partial(check_contact, number=k) for k in range(len(scene.contacts))]
-    checks += [check_touching, check_mesh, check_half_planes, check_names]
+    checks += [check_touching, check_mesh, check_half_planes]
     checks += [partial(check_bolt, bolt) for bolt in scene.bolts]
     checks += [partial(check_support, support) for support in scene.supports]
     checks += [partial(check_spring, spring) for spring in scene.springs]
     checks += [check_probes, check_shakedown, check_wear, check_accuracy, check_initial_slip]
     errors = _errors([*checks, lambda scene: check_solver(scene.solver)], scene)
-    wrong = _errors([partial(check_load, load) for load in scene.loads], scene)
+    wrong = _errors([check_names, *(partial(check_load, load) for load in scene.loads)], scene)
     wrong = wrong or _errors([check_parts], scene)
     if not wrong:  # a load that is wrong may not be in the history yet
         acts = [partial(check_acts, load) for load in scene.loads]
