@@ -145,7 +145,7 @@ def write_user_element(
     for i in range(len(K)):
         row = [f"{value:.{13 if calculix else 16}e}" for value in K[i, : i + 1]]
         lines += [", ".join(row[j : j + 4]) + "," for j in range(0, i + 1, 4)]
-    lines += ["*MATRIX,TYPE=MASS", *[f"{0.0}"] * 3]
+    lines += ["**", "*MATRIX,TYPE=MASS", *[f"{0.0}"] * 3]
     (folder / "sub.mtx").write_text("\n".join(lines))
     return "sub.mtx"
 
@@ -280,6 +280,20 @@ def test_the_order_of_nodes_and_of_lines_of_force_is_free(tmp_path: Path) -> Non
     assert np.array_equal(systems[0].weight, weights)  # node 1 is the leftmost
     for name, value in vars(systems[0]).items():
         assert np.array_equal(value, getattr(systems[1], name)), name
+
+
+def test_several_contacts_have_their_own_friction_and_names(tmp_path: Path) -> None:
+    path = specification(tmp_path, write_market(tmp_path, block := Block()), block)
+    turned(path, "[7, 6, 5, 4, 3, 2, 1]", "[1, 3, 2]")
+    second = "[[contact]]\nnodes = [7, 6]\nnormal = [0, 1]\nfriction = 0.1\ninitial_gap = '0.1*x'\n"
+    turned(path, "[[load]]", second.replace("0.1*x", "0.1 + 0.2*x") + "[[load]]")
+    system = rf.import_system(path)
+    assert system.edges.tolist() == [0, 0, 0, 1, 1]
+    assert system.points[:, 0].tolist() == [0.0, 1.0, 2.0, 5.0, 6.0]
+    assert system.f.tolist() == [0.32] * 3 + [0.1] * 2
+    assert system.g0 == pytest.approx([0.0, 0.0, 0.0, 0.0, 0.2])
+    assert system.x.tolist() == [-1.0, 0.0, 1.0, -0.5, 0.5]
+    assert system.weight.tolist() == [0.5, 1.0, 0.5, 0.5, 0.5]
 
 
 def turned(path: Path, old: str, new: str) -> None:
@@ -456,6 +470,7 @@ def test_exported_matrices_can_be_imported_again(
     out = tmp_path / "matrices"
     head = ["export", str(tmp_path / "system.h5"), "--matrices", "--out", str(out)]
     assert cli.main(head) == 0
+    assert "7 contact nodes, 2 load(s), written to" in capsys.readouterr().out
     assert cli.main(head) == 2 and "already exists" in capsys.readouterr().err
     assert cli.main([*head, "--overwrite"]) == 0
     table = np.loadtxt(out / "nodes.csv", delimiter=",", skiprows=1)

@@ -29,7 +29,9 @@ def test_cyclic_history_runs_maximum_minimum_maximum() -> None:
 
 
 def test_cyclic_history_may_stop_when_steady() -> None:
-    assert made('kind = "cyclic"\nuntil = "steady"').until_steady
+    steady, plain = (made(f'kind = "cyclic"{end}') for end in ('\nuntil = "steady"', ""))
+    assert steady.until_steady and "until steady" in repr(steady)
+    assert "until steady" not in repr(plain)
 
 
 def test_monotonic_history_has_no_cycles() -> None:

@@ -126,16 +126,17 @@ def test_table_is_linear_inside_and_constant_outside() -> None:
 
 
 def test_a_curved_gap_of_fewer_points_than_nodes_is_warned_of() -> None:
-    def found(points: int, gap: str = "x**2 / 10") -> list[str]:
+    def found(points: int, gap: str = "x**2 / 10", *more: str) -> list[str]:
         x = np.linspace(-2.0, 2.0, points)
         value = np.broadcast_to(evaluate(gap, x), x.shape)
         table = f"{{x = {x.tolist()}, value = {value.tolist()}}}"
-        changes = ["mesh.contact_elements=80", f"contact.initial_gap={table}"]
+        changes = ["mesh.contact_elements=80", f"contact.initial_gap={table}", *more]
         return scene_warnings(from_toml(BLOCK, changes))
 
     # 161 nodes, 0.025 apart
     (line,) = found(51)
     assert "points 0.08 apart, nodes are 0.025 apart" in line and "\n" not in line
     assert not found(161) and not found(201)
+    assert not found(51, "x**2 / 10", "contact.span=[-0.2, 0.2]")  # few of its points
     # a wedge and a polygon of few corners are meant so
     assert not found(51, "0.1 * abs(x)") and not found(5)

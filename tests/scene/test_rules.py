@@ -76,7 +76,7 @@ RULES: list[tuple[str, str, str, str]] = [
     # base, what is added to it (refused), the words, the nearest that is accepted
     ("block", "body.width=0", "[body] width: must be positive", "body.width=2.1"),
     ("block", "body.datum=3.0", '[body] datum: belongs to shape = "half-plane"', ""),
-    ("far", "body.datum=2.9", "[body] datum: 2.9 is less than the width", "body.datum=3.0"),
+    ("far", "body.datum=2.9", "2.9 is less than the width of the contact, 3", "body.datum=3.0"),
     (
         "far",
         "body.window=[0.0, 1.0]",
@@ -168,7 +168,7 @@ RULES: list[tuple[str, str, str, str]] = [
     ("block", '[[load]]\nname = "m"\nmode = 1', "[material] density: vibration modes need", ""),
     ("block", "material.poisson=0.5", "[material] poisson", "material.poisson=0.499"),
     ("block", TABLE + "x=[0], value=[0.3]}", "at least 2", TABLE + "x=[0, 1], value=[0.3, 0.3]}"),
-    ("block", TABLE + "x=[0, 1], value=[0.3]}", "equal length", ""),
+    ("block", TABLE + "x=[0, 1], value=[0.3]}", "equal length (at least 2), not 2 and 1", ""),
     (
         "block",
         TABLE + "x=[1, 1], value=[0.3, 0.2]}",
@@ -188,7 +188,7 @@ RULES: list[tuple[str, str, str, str]] = [
         "solver.branch=2",
     ),
     ("block", "accuracy.grading=true", "[accuracy] grading: is now [mesh] refine", ""),
-    ("block", 'accuracy.numbers=["pressure"]', "[accuracy] numbers", ""),
+    ("block", 'accuracy.numbers=["pressure"]', "unknown number 'pressure'; ", ""),
     ("block", 'accuracy.numbers=["dissipation_ratio[bottom]"]', "is one number; leave out", ""),
     ("block", 'accuracy.numbers=["largest_pressure[top]"]', "[accuracy] numbers", ""),
     ("block", "body.position=[0.0, 1e9]", "[body] position", "body.position=[0.0, 1.0]"),
@@ -380,6 +380,16 @@ RULES: list[tuple[str, str, str, str]] = [
         "probe 'ONE': two probes have this name; rename one",
         PROBE + "point = [0, 0]",
     ),
+    ("block", PROBE.replace("one", " a") + "point = [0, 0]", "' a' cannot be the name of", ""),
+    ("block", PROBE.replace("one", ".a") + "point = [0, 0]", "'.a' cannot be the name of", ""),
+    (
+        "block",
+        PROBE.replace("one", 81 * "a") + "point = [0, 0]",
+        "cannot be the name of",
+        PROBE.replace("one", 80 * "a") + "point = [0, 0]",
+    ),
+    ("bare", "[history]\n[material.a]\nyoung = 1.0", "[material.a]: no body has this material", ""),
+    ("block", "material.name=steel", "[material]: unknown key 'name'; remove it", ""),
     ("block", '[[probe]]\nname = "a/b"\npoint = [0, 0]', "'a/b' cannot be the name of a file", ""),
     ("block", PROBE + 'point = [0, 0]\nbody = "a"', "one' body: the scene has one body only", ""),
     ("two", PROBE + "point = [0, 0]", "body: must name the body of the point; give one", ""),
@@ -416,7 +426,11 @@ def test_what_breaks_a_rule_is_refused_by_its_key(
 ) -> None:
     with pytest.raises(rf.InputError, match=re.escape(words)) as caught:
         built(base, change)
-    assert "\n" not in str(caught.value)
+    # one line that begins with the place, and has no gap where a name or value should be
+    assert re.match(r"\[|scene|\w+ '|'|\w+: |--set", str(caught.value))
+    assert not re.search(
+        r"\n|''|None|  |\(\)|nan\b(?!.*NaN)", str(caught.value).replace("--set ", "")
+    )
 
 
 @pytest.mark.parametrize(("base", "change"), sorted({(base, last) for base, *_, last in RULES}))

@@ -76,10 +76,14 @@ def test_tables_that_may_be_several_say_which_key_is_wrong_in_each() -> None:
 
 def test_rows_of_a_history_may_be_those_of_a_file() -> None:
     schema = scene_schema()
-    keys = schema["$defs"]["HistoryOptions"]["properties"]
-    for key in ("rows", "cycle_rows"):
-        found = {name for part in parts(keys[key]) for name in part.get("properties", {})}
-        assert "file" in found and "array" in {part.get("type") for part in parts(keys[key])}
+    for table, key, other in (
+        ("HistoryOptions", "rows", "array"),
+        ("HistoryOptions", "cycle_rows", "array"),
+        ("Contact", "initial_gap", "number"),
+    ):
+        found = list(parts(schema["$defs"][table]["properties"][key]))
+        assert "file" in {name for part in found for name in part.get("properties", {})}, key
+        assert other in {part.get("type") for part in found}
 
 
 def test_page_of_scenes_has_a_table_of_keys_for_each_table_of_a_scene() -> None:
