@@ -84,8 +84,6 @@ MECHANICS = (
 )
 """What computes histories, exponents and ends of zones."""
 
-MODULES_IN_ROOT, MODULES_IN_FOLDER = 11, 20
-
 
 def name_of(path: Path) -> str:
     """Return a module's name within the package; "" is the package itself."""
@@ -192,15 +190,3 @@ def test_output_computes_no_mechanics() -> None:
         if name.startswith("output.") and f"{other}.".startswith(tuple(f"{m}." for m in MECHANICS))
     ]
     assert found == []
-
-
-def test_folders_are_small() -> None:
-    for folder in {path.parent for path in MODULES.values()}:
-        count = len([path for path in folder.glob("*.py") if not path.name.startswith("__")])
-        assert count <= (MODULES_IN_ROOT if folder == ROOT else MODULES_IN_FOLDER), folder
-
-
-def test_every_folder_says_what_it_holds() -> None:
-    for path in MODULES.values():
-        if path.name == "__init__.py":
-            assert ast.get_docstring(ast.parse(path.read_text(encoding="utf-8"))), path

@@ -23,7 +23,6 @@ ROOT = Path(__file__).parents[1]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
 EXTRAS = PROJECT["optional-dependencies"]
 WORKFLOWS = sorted((ROOT / ".github" / "workflows").glob("*.yml"))
-FORMS = [p for p in (ROOT / ".github/ISSUE_TEMPLATE").glob("*.yml") if p.stem != "config"]
 CONDA_NAMES = {"gmsh": "python-gmsh", "matplotlib": "matplotlib-base", "tomli_w": "tomli-w"}
 CONDA_NAMES |= {"annotated_types": "python-annotated-types"}
 
@@ -129,17 +128,6 @@ def test_conda_recipe_asks_for_the_dependencies_of_the_project() -> None:
         name = CONDA_NAMES.get(name, name)
         assert asked.pop(name) == f"{name} {limits}"
     assert set(asked) == {"python", "fenics-dolfinx"}
-
-
-@pytest.mark.parametrize("path", FORMS, ids=lambda path: path.stem)
-def test_issue_forms_have_what_the_platform_asks_for(path: Path) -> None:
-    form = loaded(path)
-    assert {"name", "description", "body"} <= set(form)
-    ids = [field["id"] for field in form["body"]]
-    assert len(set(ids)) == len(ids)
-    for field in form["body"]:
-        assert field["type"] in ("textarea", "input", "dropdown", "markdown")
-        assert field["attributes"]["label"]
 
 
 def test_paper_has_the_sections_of_the_journal_and_cites_what_is_in_its_bibliography() -> None:

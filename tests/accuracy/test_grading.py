@@ -13,20 +13,16 @@ import pytest
 
 import receding_fenicsx as rf
 from receding_fenicsx.bulk.mesh.meshing import contact_sizes_of
-from receding_fenicsx.errors import ToleranceNotMet
-from receding_fenicsx.scene.model import Scene
-from receding_fenicsx.scene.toml_file import read_scene
 from receding_fenicsx.studies import run as study
-from receding_fenicsx.studies.accuracy.meshes import graded_at_ends, scaled_mesh
 
 DEMOS = Path(__file__).parents[2] / "demos"
 COMM = MPI.COMM_WORLD
 PLAIN = study.RunOptions(pictures=False)
 
 
-def sheared(*overrides: str) -> Scene:
+def sheared(*overrides: str) -> rf.Scene:
     """The sheared block without samples, friction .8: its corners stick."""
-    scene = read_scene(
+    scene = rf.read_scene(
         DEMOS / "sheared_block.toml",
         [
             "history.cycles=1",
@@ -44,7 +40,7 @@ def sheared(*overrides: str) -> Scene:
 def test_graded_search_has_true_errors_within_its_tolerance(shared_tmp_path: Path) -> None:
     """Its second mesh against the third, 2.5 times finer; equal elements are five times worse."""
     options = replace(sheared().accuracy, tolerance=2e-2, numbers=("dissipation_first_cycle",))
-    graded, out = graded_at_ends(sheared(), contact_sizes_of(sheared())), shared_tmp_path / "run"
+    graded, out = rf.graded_at_ends(sheared(), contact_sizes_of(sheared())), shared_tmp_path / "run"
     record = study.run(replace(graded, accuracy=options), out, PLAIN)
     if record is None:
         return
@@ -62,7 +58,7 @@ def test_graded_search_has_true_errors_within_its_tolerance(shared_tmp_path: Pat
 
 def test_the_largest_pressure_at_a_sharp_corner_is_called_singular(shared_tmp_path: Path) -> None:
     scene = sheared("accuracy.numbers=['largest_pressure']", "accuracy.tolerance=1e-2")
-    with pytest.raises(ToleranceNotMet, match="largest_pressure does not converge: singular"):
+    with pytest.raises(rf.ToleranceNotMet, match="largest_pressure does not converge: singular"):
         study.run(scene, shared_tmp_path / "run", PLAIN)
     if COMM.rank == 0:
         summary = json.loads((shared_tmp_path / "run" / "summary.json").read_text())
@@ -75,12 +71,12 @@ def test_sizes_of_a_graded_family_are_in_proportion() -> None:
     scene = sheared()
     (size,) = contact_sizes_of(scene)
     assert size == pytest.approx(2.0 / 64)
-    graded = graded_at_ends(scene, [size])
+    graded = rf.graded_at_ends(scene, [size])
     (place,) = graded.mesh.places
     assert place.at == "ends" and place.size == pytest.approx(size / 100.0)
-    coarse = scaled_mesh(graded, 24).mesh.places[0]
+    coarse = rf.scaled_mesh(graded, 24).mesh.places[0]
     assert coarse.growth == pytest.approx(2.0) and coarse.size == pytest.approx(2.0 / 2400)
-    assert graded_at_ends(graded, [size]) == graded
-    inclined = read_scene(DEMOS / "dovetail.toml")
+    assert rf.graded_at_ends(graded, [size]) == graded
+    inclined = rf.read_scene(DEMOS / "dovetail.toml")
     sizes = contact_sizes_of(inclined)
     assert len(sizes) == len(inclined.contacts) and np.all(np.array(sizes) > 0.0)

@@ -9,49 +9,25 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 
-from receding_fenicsx.errors import InputError, NoEquilibrium, NotConverged
+import receding_fenicsx as rf
 from receding_fenicsx.evolution.evolve import evolve_bare
-from receding_fenicsx.evolution.record import Record
-from receding_fenicsx.interface.law import State
-from receding_fenicsx.output.report.summary import run_table, summarise
 from receding_fenicsx.reference.closed_forms import BLOCK
-from receding_fenicsx.scene.model import (
-    Body,
-    Contact,
-    HistoryOptions,
-    Load,
-    Material,
-    MeshOptions,
-    Probe,
-    Scene,
-    Support,
-)
-from receding_fenicsx.scene.options import HEADLINE_NAMES
-from receding_fenicsx.scene.toml_file import read_scene
-from receding_fenicsx.store.run_folder import read_summary
 from receding_fenicsx.studies import run as study
 from receding_fenicsx.studies.accuracy import estimate
 from receding_fenicsx.studies.accuracy import study as space_errors
-from receding_fenicsx.studies.accuracy.estimate import (
-    Level,
-    Number,
-    estimated_error,
-    estimates_of,
-    headline,
-    observed_order,
-)
-from receding_fenicsx.studies.accuracy.meshes import scaled_mesh, to_limit
+from receding_fenicsx.studies.accuracy.estimate import estimated_error, observed_order
+from receding_fenicsx.studies.accuracy.meshes import to_limit
 
 DEMOS = Path(__file__).parents[2] / "demos"
 
 
-def scene_of(elements: int = 64, *overrides: str) -> Scene:
+def scene_of(elements: int = 64, *overrides: str) -> rf.Scene:
     wanted = [f"mesh.contact_elements={elements}", "history.cycles=3", *overrides]
-    scene = read_scene(DEMOS / "block.toml", wanted)
+    scene = rf.read_scene(DEMOS / "block.toml", wanted)
     return replace(scene, history=replace(scene.history, until=None))
 
 
-def solve(scene: Scene) -> Record:
+def solve(scene: rf.Scene) -> rf.Record:
     system = study.condense(scene, MPI.COMM_SELF)
     assert system is not None
     return evolve_bare(system, scene)
@@ -80,10 +56,10 @@ def test_an_error_of_higher_order_is_overestimated() -> None:
 
 def test_where_a_zone_is_not_resolved_no_order_above_one_is_assumed() -> None:
     values = [(r, 3.0 + 0.01 * r**1.5) for r in (1.0, 2.0, 4.0)]
-    levels = [Level(round(64 / r), 0, 0.0, {"a": Number(a)}) for r, a in values]
-    assert estimates_of(levels)["a"].error == pytest.approx(0.01)
+    levels = [rf.Level(round(64 / r), 0, 0.0, {"a": rf.Number(a)}) for r, a in values]
+    assert rf.estimates_of(levels)["a"].error == pytest.approx(0.01)
     levels[0] = replace(levels[0], resolved=False)
-    assert estimates_of(levels)["a"].error == pytest.approx(0.01 * (4.0**1.5 - 2.0**1.5) / 2.0)
+    assert rf.estimates_of(levels)["a"].error == pytest.approx(0.01 * (4.0**1.5 - 2.0**1.5) / 2.0)
 
 
 def test_an_error_that_vanishes_by_chance_is_seen_on_coarser_pairs() -> None:
@@ -107,34 +83,34 @@ def test_nothing_is_known_without_a_coarser_mesh() -> None:
 def test_a_number_that_moves_on_without_end_is_called_singular(
     order: float, singular: bool
 ) -> None:
-    def number(elements: int) -> Number:
-        return Number(np.log(elements) if order == 0.0 else 5.0 + elements**-order)
+    def number(elements: int) -> rf.Number:
+        return rf.Number(np.log(elements) if order == 0.0 else 5.0 + elements**-order)
 
-    levels = [Level(n, 0, 0.0, {"a": number(n)}) for n in (16, 32, 64)]
-    assert np.isinf(estimates_of(levels)["a"].error) == singular
+    levels = [rf.Level(n, 0, 0.0, {"a": number(n)}) for n in (16, 32, 64)]
+    assert np.isinf(rf.estimates_of(levels)["a"].error) == singular
 
 
 # -- coarser meshes -------------------------------------------------------------------------------
 
 
 def test_all_sizes_of_a_coarser_mesh_are_enlarged_alike() -> None:
-    coarse = scaled_mesh(scene_of(64, "mesh.growth=1.3"), 32).mesh
+    coarse = rf.scaled_mesh(scene_of(64, "mesh.growth=1.3"), 32).mesh
     # dx + (growth - 1) y
     assert (coarse.contact_elements, coarse.growth) == (32, pytest.approx(1.6))
-    assert scaled_mesh(scene_of(64, "mesh.growth=1.0"), 16).mesh.growth == 1.0
+    assert rf.scaled_mesh(scene_of(64, "mesh.growth=1.0"), 16).mesh.growth == 1.0
     # gmsh's geometry ends at 3
-    assert scaled_mesh(scene_of(64, "mesh.growth=2.5"), 16).mesh.growth == 3.0
+    assert rf.scaled_mesh(scene_of(64, "mesh.growth=2.5"), 16).mesh.growth == 3.0
 
 
 @pytest.fixture
-def made_up(monkeypatch: pytest.MonkeyPatch) -> Callable[[Scene], Any]:
+def made_up(monkeypatch: pytest.MonkeyPatch) -> Callable[[rf.Scene], Any]:
     """Make records whose only number has an error of the first order in the mesh size."""
     monkeypatch.setattr(space_errors, "level_of", level_of)
-    return lambda scene: {"a": Number(1.0 + 1.0 / scene.mesh.contact_elements)}
+    return lambda scene: {"a": rf.Number(1.0 + 1.0 / scene.mesh.contact_elements)}
 
 
-def level_of(record: Any, elements: int) -> Level:
-    return Level(elements, 0, 0.0, record)
+def level_of(record: Any, elements: int) -> rf.Level:
+    return rf.Level(elements, 0, 0.0, record)
 
 
 def assert_found(found: Any) -> None:
@@ -144,14 +120,14 @@ def assert_found(found: Any) -> None:
 
 
 def test_meshes_that_do_not_fit_the_scene_are_passed_over(
-    made_up: Callable[[Scene], Any],
+    made_up: Callable[[rf.Scene], Any],
 ) -> None:
     tried = []
 
-    def solve_some(scene: Scene) -> Any:
+    def solve_some(scene: rf.Scene) -> Any:
         tried.append(scene.mesh.contact_elements)
         if scene.mesh.contact_elements in (32, 16):
-            raise InputError("no vertex")
+            raise rf.InputError("no vertex")
         return made_up(scene)
 
     assert_found(space_errors.space_errors(scene_of(64), made_up(scene_of(64)), solve_some))
@@ -160,29 +136,29 @@ def test_meshes_that_do_not_fit_the_scene_are_passed_over(
 
 def test_no_estimate_claims_more_than_meshes_can_tell(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(space_errors, "level_of", level_of)
-    own: Any = {"same": Number(-2.0), "missing": Number(1.0)}
-    coarse: Any = {"same": Number(-2.0)}
+    own: Any = {"same": rf.Number(-2.0), "missing": rf.Number(1.0)}
+    coarse: Any = {"same": rf.Number(-2.0)}
     found = space_errors.space_errors(scene_of(64), own, lambda _: coarse)
     assert found["same"].error == pytest.approx(2e-6)
     assert np.isnan(found["missing"].error)
 
 
 def test_one_comparison_is_left_when_the_coarsest_mesh_has_no_answer(
-    made_up: Callable[[Scene], Any],
+    made_up: Callable[[rf.Scene], Any],
 ) -> None:
-    def solve_some(scene: Scene) -> Any:
+    def solve_some(scene: rf.Scene) -> Any:
         if scene.mesh.contact_elements < 32:
-            raise NotConverged("too coarse")
+            raise rf.NotConverged("too coarse")
         return made_up(scene)
 
     scene = scene_of(64)
     assert_found(space_errors.space_errors(scene, made_up(scene), solve_some))
-    with pytest.raises(NotConverged):
+    with pytest.raises(rf.NotConverged):
         space_errors.space_errors(scene, made_up(scene), solve_nothing)
 
 
-def solve_nothing(_: Scene) -> Any:
-    raise NotConverged("too coarse")
+def solve_nothing(_: rf.Scene) -> Any:
+    raise rf.NotConverged("too coarse")
 
 
 # -- true errors ----------------------------------------------------------------------------------
@@ -223,7 +199,7 @@ def test_the_estimate_holds_where_the_dissipation_converges_in_stairs(
 ) -> None:
     # a corner sticks on one node of all these meshes: D stands still over them, 2 % off
     wanted = [f"mesh.contact_elements={elements}", f'mesh.cell="{cell}"', "history.cycles=1"]
-    scene = read_scene(DEMOS / "sheared_polygon.toml", wanted)
+    scene = rf.read_scene(DEMOS / "sheared_polygon.toml", wanted)
     scene = replace(scene, history=replace(scene.history, until=None))
     record = solve(scene)
     found = space_errors.space_errors(scene, record, solve)["dissipation_first_cycle"]
@@ -232,7 +208,7 @@ def test_the_estimate_holds_where_the_dissipation_converges_in_stairs(
     assert estimate.narrowest_zone(record) == 1
 
 
-def round_scene(elements: int, *overrides: str) -> Scene:
+def round_scene(elements: int, *overrides: str) -> rf.Scene:
     """Return the block as a body of revolution."""
     return scene_of(elements, 'material.kinematics="axisymmetric"', "history.cycles=1", *overrides)
 
@@ -246,17 +222,17 @@ def test_the_estimate_holds_for_the_pressure_of_linear_elements_on_an_axis(
 ) -> None:
     shared = [f"contact.friction={friction}", f"material.poisson={poisson}", "load.p0.span=[0, 1]"]
 
-    def round_block(elements: int, cell: str, degree: int, growth: float) -> Scene:
+    def round_block(elements: int, cell: str, degree: int, growth: float) -> rf.Scene:
         mesh = f'mesh.cell="{cell}"', f"mesh.degree={degree}", f"mesh.growth={growth}"
         scene = round_scene(elements, *shared, *mesh)
         if poisson == 0.3:
             return scene
-        platen = Load("p0", "top", platen=True, force=(0.0, -6.0))
+        platen = rf.Load("p0", "top", platen=True, force=(0.0, -6.0))
         return replace(scene, loads=(platen,))
 
     # quadrilaterals of order 2 are wrong by less than 1e-3 of it
     fine = round_block(160, "quadrilateral", 2, 1.1)
-    limit = headline(solve(fine))["centre_pressure"].value
+    limit = rf.headline(solve(fine))["centre_pressure"].value
     scene = round_block(elements, cell, 1, growth)
     found = space_errors.space_errors(scene, solve(scene), solve)["centre_pressure"]
     true = abs(found.value - limit)
@@ -266,16 +242,16 @@ def test_the_estimate_holds_for_the_pressure_of_linear_elements_on_an_axis(
 def test_ends_of_a_contact_are_those_of_hertz() -> None:
     # a^2 = 4 P R / (pi E*) with a = 0.4 and R = 10
     force = 0.4**2 * np.pi / (1.0 - 0.3**2) / 40.0
-    scene = Scene(
-        body=Body("a", shape="half-plane", width=2.0),
-        material=Material(1.0, 0.3),
-        mesh=MeshOptions(contact_elements=80),
-        contacts=(Contact("bottom", friction=0.0, initial_gap="x**2/20"),),
-        loads=(Load("P", "far", platen=True, force=(0.0, -force)),),
-        supports=(Support("x", edge="far"),),
-        history=HistoryOptions("monotonic"),
+    scene = rf.Scene(
+        body=rf.Body("a", shape="half-plane", width=2.0),
+        material=rf.Material(1.0, 0.3),
+        mesh=rf.MeshOptions(contact_elements=80),
+        contacts=(rf.Contact("bottom", friction=0.0, initial_gap="x**2/20"),),
+        loads=(rf.Load("P", "far", platen=True, force=(0.0, -force)),),
+        supports=(rf.Support("x", edge="far"),),
+        history=rf.HistoryOptions("monotonic"),
     )
-    found = headline(solve(scene))
+    found = rf.headline(solve(scene))
     assert found["contact_left"].value == pytest.approx(-0.4, abs=0.005)
     assert found["contact_right"].value == pytest.approx(0.4, abs=0.005)
 
@@ -296,7 +272,7 @@ def test_an_error_is_no_less_than_what_the_number_is_known_to_on_its_own_mesh() 
     record = solve(scene)
     # all meshes give the same numbers: nothing is known of their errors but the widths' intervals
     found = space_errors.space_errors(scene, record, lambda _: record)
-    for name, number in headline(record).items():
+    for name, number in rf.headline(record).items():
         assert found[name].error == max(number.known_to, 1e-6 * number.size)
 
 
@@ -310,18 +286,18 @@ def test_a_run_writes_and_prints_its_errors(shared_tmp_path: Path) -> None:
     )
     if record is None:
         return
-    summary = read_summary(shared_tmp_path / "run" / "summary.json")
-    numbers = headline(record)
+    summary = rf.read_summary(shared_tmp_path / "run" / "summary.json")
+    numbers = rf.headline(record)
     assert list(summary["errors"]) == list(numbers)
     for name, found in summary["errors"].items():
         assert found["value"] == numbers[name].value
         assert 0.0 < found["error"] < abs(found["value"])
-        assert name.partition("[")[0] in HEADLINE_NAMES
+        assert name.partition("[")[0] in rf.HEADLINE_NAMES
     D, first = record.cycles.dissipation, record.dissipation_first_loading
     assert summary["errors"]["dissipation_ratio"]["value"] == D[-1] / D[0]
     assert summary["errors"]["dissipation_first_loading"]["value"] == first > 0.0
     assert summary["timings"]["errors"] > 0.0
-    printed = run_table(summary, everything=True)
+    printed = rf.run_table(summary, everything=True)
     for name, found in summary["errors"].items():
         words = f"{name.replace('_', ' ')} {found['value']:.6g}, estimated space error"
         assert re.search(rf"{re.escape(words)} +{found['error']:.1e} \(observed order", printed)
@@ -337,22 +313,22 @@ def test_a_zone_of_few_nodes_is_named_as_a_reason_for_stairs(
     assert estimate.narrowest_zone(record) > estimate.UNRESOLVED_NODES
     assert "errors_warning" not in space_errors.errors_of_run(scene, record, solve)
     for width, words in ((1, "is 1 node wide"), (2, "is 2 nodes wide"), (3, "")):
-        state = np.full_like(table.state, State.STICK)
-        state[-1, 10 : 10 + width] = State.SEPARATION
+        state = np.full_like(table.state, rf.State.STICK)
+        state[-1, 10 : 10 + width] = rf.State.SEPARATION
         narrow = replace(record, turning_points=replace(table, state=state))
         assert estimate.narrowest_zone(narrow) == width
         found = space_errors.errors_of_run(scene, narrow, solve)
         assert words in found.get("errors_warning", "")
         assert ("errors_warning" in found) == bool(words)
-        printed = run_table({**summarise(record), **found}, everything=True)
+        printed = rf.run_table({**rf.summarise(record), **found}, everything=True)
         assert words in printed and ("do not converge in order" in printed) == bool(words)
 
 
 def test_stuck_nodes_at_their_friction_limit_are_no_zone() -> None:
     record = solve(scene_of(32))
     table = record.turning_points
-    state, P, Q = np.full_like(table.state, State.FORWARD_SLIP), table.P + 1.0, table.Q.copy()
-    state[-1, 10] = State.STICK
+    state, P, Q = np.full_like(table.state, rf.State.FORWARD_SLIP), table.P + 1.0, table.Q.copy()
+    state[-1, 10] = rf.State.STICK
     limit = record.friction.forward * P
     for part, width in ((1.0 - 1e-13, len(record.x) - 1), (0.99, 1)):
         Q[:] = -limit
@@ -377,7 +353,7 @@ def test_one_sharp_corner_of_several_edges_is_enough(end: int) -> None:
 
 def test_cycles_played_until_steady_are_left_for_their_limit() -> None:
     """Only the path's limit, for a history that has the cycles to find it."""
-    steady = read_scene(DEMOS / "block.toml", ["mesh.contact_elements=32"])
+    steady = rf.read_scene(DEMOS / "block.toml", ["mesh.contact_elements=32"])
     limit = to_limit(steady)
     assert limit == replace(steady, history=replace(steady.history, until="limit"))
     for override in (
@@ -386,29 +362,29 @@ def test_cycles_played_until_steady_are_left_for_their_limit() -> None:
         'solver.method="gauss-seidel"',
         'solver.branch="least dissipation"',
     ):
-        other = read_scene(DEMOS / "block.toml", [override])
+        other = rf.read_scene(DEMOS / "block.toml", [override])
         assert to_limit(other) == other
     assert to_limit(scene_of()) == scene_of()
-    played, found = (headline(solve(scene))["dissipation_ratio"] for scene in (steady, limit))
+    played, found = (rf.headline(solve(scene))["dissipation_ratio"] for scene in (steady, limit))
     assert played.value == pytest.approx(found.value, rel=1e-6)
 
 
 def test_a_run_without_an_answer_on_coarser_meshes_says_so() -> None:
-    def refuse(_: Scene) -> Record:
-        raise NotConverged("too coarse")
+    def refuse(_: rf.Scene) -> rf.Record:
+        raise rf.NotConverged("too coarse")
 
     scene = scene_of(32)
     record = solve(scene)
     found = space_errors.errors_of_run(scene, record, refuse)
     assert found == {"errors": {}, "errors_failure": "on a coarser mesh: too coarse"}
-    printed = run_table({**summarise(record), **found})
+    printed = rf.run_table({**rf.summarise(record), **found})
     assert "space errors are not known: on a coarser mesh: too coarse" in printed
 
 
 def test_errors_asked_of_a_mesh_too_coarse_are_refused_before_the_run(
     shared_tmp_path: Path,
 ) -> None:
-    with pytest.raises(InputError, match="at least 16"):
+    with pytest.raises(rf.InputError, match="at least 16"):
         study.run(
             scene_of(14), shared_tmp_path / "run", study.RunOptions(error=True), MPI.COMM_WORLD
         )
@@ -419,7 +395,7 @@ def test_a_search_without_an_answer_on_any_mesh_ends_as_its_last_run(
     shared_tmp_path: Path,
 ) -> None:
     scene = scene_of(16, "history.minimum=-0.5", "accuracy.tolerance=0.1")
-    with pytest.raises(NoEquilibrium, match="pull the body off"):
+    with pytest.raises(rf.NoEquilibrium, match="pull the body off"):
         study.run(scene, shared_tmp_path / "run", study.RunOptions(pictures=False), MPI.COMM_WORLD)
 
 
@@ -427,8 +403,8 @@ def test_a_search_without_an_answer_on_any_mesh_ends_as_its_last_run(
 def test_half_widths_refer_to_half_the_edge_and_probes_to_their_largest_value() -> None:
     scene = scene_of(16, "history.cycles=1")
     points = tuple((0.0, y) for y in (0.2, 0.5, 0.9))
-    record = solve(replace(scene, probes=(Probe("line", points=points),)))
-    found = headline(record)
+    record = solve(replace(scene, probes=(rf.Probe("line", points=points),)))
+    found = rf.headline(record)
     half_edge = 0.5 * float(np.ptp(record.x))
     for name in ("contact_half_width", "stick_half_width"):
         assert found[name].size == half_edge != abs(found[name].value)

@@ -11,30 +11,20 @@ import pytest
 from bodies import CELLS, NU, ONCE, RADIUS, ROUND, YOUNG, built, condense, cylinder, make_mesh
 from numpy.typing import NDArray
 
+import receding_fenicsx as rf
 from receding_fenicsx.bulk.body import back_substitute
 from receding_fenicsx.bulk.elasticity import build
 from receding_fenicsx.bulk.stress import STRESSES, stresses
-from receding_fenicsx.evolution.evolve import evolve
-from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.interface.measures.zones import on_axis
-from receding_fenicsx.output.report.summary import summarise
-from receding_fenicsx.scene.model import (
-    Body,
-    Contact,
-    Load,
-    Material,
-    MeshOptions,
-    Scene,
-)
 from receding_fenicsx.studies.run import condense as condense_scene
 
 comm = MPI.COMM_WORLD
 Array = NDArray[np.float64]
 
 
-def evolved(scene: Scene) -> Record | None:
+def evolved(scene: rf.Scene) -> rf.Record | None:
     system = condense_scene(scene)
-    return None if system is None else evolve(system, scene)
+    return None if system is None else rf.evolve(system, scene)
 
 
 @pytest.mark.parametrize("cell", CELLS)
@@ -52,7 +42,7 @@ def test_forces_and_displacements_are_those_of_the_full_circle(cell: str, degree
     assert table.v[-1] == pytest.approx(NU * p / YOUNG * record.x, abs=1e-13)
     # work-conjugate to the pressure: the volume that the top sweeps
     assert table.load_displacement[-1, 0] == pytest.approx(p / YOUNG * area, rel=1e-12)
-    summary = summarise(record)
+    summary = rf.summarise(record)
     assert summary["symmetry"] == "axisymmetric"
     assert summary["turning_points"][-1]["contact_half_width"] == RADIUS
     assert summary["turning_points"][-1]["zones"] == [["contact", 0.0, RADIUS]]
@@ -68,7 +58,7 @@ def test_pressure_on_the_mantle_gives_uniform_stress(cell: str, degree: int, nu:
     The end pressure is chosen to leave the height as it is: 2 nu p.
     """
     p = 0.5
-    loads = (Load("p", "right", pressure=1.0), Load("ends", "top", pressure=2.0 * nu))
+    loads = (rf.Load("p", "right", pressure=1.0), rf.Load("ends", "top", pressure=2.0 * nu))
     material = replace(ROUND, poisson=nu)
     bulk = built(cylinder(cell, degree, loads=loads, material=material), half=True)
     system = condense(bulk)
@@ -98,16 +88,16 @@ def test_pressure_on_the_mantle_gives_uniform_stress(cell: str, degree: int, nu:
     ("load", "down", "out"),
     [
         # integrals of r, of r^2 and of z over the edges
-        (Load("p", "top", pressure=1.0), 2.0, 0.0),
-        (Load("p", "top", (0.0, 1.0), pressure="x"), 1.0 / 3.0, 0.0),
-        (Load("p", "right", pressure="y"), 0.0, -2.0 * 0.5),
-        (Load("p", "top", (1.0, 2.0), traction=("y", "-x")), 7.0 / 3.0, 1.5),
-        (Load("p", "top", platen=True, force=(0.0, -2.0 * np.pi)), 1.0, 0.0),
+        (rf.Load("p", "top", pressure=1.0), 2.0, 0.0),
+        (rf.Load("p", "top", (0.0, 1.0), pressure="x"), 1.0 / 3.0, 0.0),
+        (rf.Load("p", "right", pressure="y"), 0.0, -2.0 * 0.5),
+        (rf.Load("p", "top", (1.0, 2.0), traction=("y", "-x")), 7.0 / 3.0, 1.5),
+        (rf.Load("p", "top", platen=True, force=(0.0, -2.0 * np.pi)), 1.0, 0.0),
     ],
 )
 @pytest.mark.parametrize("degree", [1, 2])
 def test_nodal_forces_are_those_of_one_radian(
-    degree: int, load: Load, down: float, out: float
+    degree: int, load: rf.Load, down: float, out: float
 ) -> None:
     bulk = built(cylinder(degree=degree, loads=(load,)), half=True)
     force = bulk.loads[0].getArray(readonly=True).reshape(-1, 2).sum(axis=0)
@@ -121,11 +111,11 @@ def ring(degree: int, elements: int, inner: float) -> tuple[float, float]:
     scene = cylinder(
         "quadrilateral",
         degree,
-        body=Body(width=width, height=0.5),
-        mesh=MeshOptions(elements, "quadrilateral", degree, 1.0),
-        loads=(Load("p", "left", pressure=p),),
+        body=rf.Body(width=width, height=0.5),
+        mesh=rf.MeshOptions(elements, "quadrilateral", degree, 1.0),
+        loads=(rf.Load("p", "left", pressure=p),),
     )
-    body = make_mesh(comm, replace(scene, material=Material(YOUNG, NU)), half=False)
+    body = make_mesh(comm, replace(scene, material=rf.Material(YOUNG, NU)), half=False)
     body.mesh.geometry.x[:, 0] += inner + 0.5 * width
     bulk = build(scene, body)
     system = condense(bulk)
@@ -164,10 +154,10 @@ def punch(degree: int, elements: int) -> tuple[float, float, float]:
     height, force = 20.0, 1.0
     scene = cylinder(
         degree=degree,
-        body=Body(width=2.0 * height, height=height),
-        mesh=MeshOptions(elements, "triangle", degree, 1.15),
-        contacts=(Contact(friction=0.0, span=(0.0, 1.0)),),
-        loads=(Load("P", "top", pressure=force / (np.pi * height**2)),),
+        body=rf.Body(width=2.0 * height, height=height),
+        mesh=rf.MeshOptions(elements, "triangle", degree, 1.15),
+        contacts=(rf.Contact(friction=0.0, span=(0.0, 1.0)),),
+        loads=(rf.Load("P", "top", pressure=force / (np.pi * height**2)),),
     )
     record = evolved(scene)
     if record is None:

@@ -13,44 +13,30 @@ import pytest
 from bodies import block, cylinder, played
 from numpy.typing import NDArray
 
+import receding_fenicsx as rf
 from receding_fenicsx.bulk.fields import fields_at, gather_cell_stresses, solve_fields
 from receding_fenicsx.bulk.mesh.meshing import make_meshes
 from receding_fenicsx.bulk.stack import build_all
-from receding_fenicsx.errors import InputError
-from receding_fenicsx.evolution.record import Record
-from receding_fenicsx.mpi import given
-from receding_fenicsx.scene.model import (
-    Body,
-    Contact,
-    HistoryOptions,
-    Load,
-    Material,
-    MeshOptions,
-    Probe,
-    Scene,
-    Support,
-)
 from receding_fenicsx.scene.symmetry import is_half_meshed, is_mirror_symmetric
-from receding_fenicsx.studies.run import condense
 
 comm = MPI.COMM_WORLD
 Array = NDArray[np.float64]
 E, NU = 2.0, 0.3
-HEAT = Load("heat", thermal_strain=0.013)
-ONCE = HistoryOptions(kind="monotonic")
+HEAT = rf.Load("heat", thermal_strain=0.013)
+ONCE = rf.HistoryOptions(kind="monotonic")
 KINDS = ("plane stress", "plane strain", "axisymmetric")
 ORDERS = ((1, "triangle"), (1, "quadrilateral"), (2, "triangle"), (2, "quadrilateral"))
-POINTS = Probe("s", points=((0.3, 0.4), (0.7, 0.9), (1.1, 0.12)))
+POINTS = rf.Probe("s", points=((0.3, 0.4), (0.7, 0.9), (1.1, 0.12)))
 
 
-def at_probe(record: Record) -> dict[str, Array]:
+def at_probe(record: rf.Record) -> dict[str, Array]:
     """Values of the probe "s" at the end, each (points,)."""
     probe = record.probe("s")
     values = np.hstack([probe.displacement[-1], probe.stress[-1]])
     return dict(zip(("ux", "uy", "sxx", "syy", "szz", "sxy"), values.T, strict=True))
 
 
-def stresses_of(scene: Scene, record: Record) -> dict[str, Array]:
+def stresses_of(scene: rf.Scene, record: rf.Record) -> dict[str, Array]:
     """Stresses at the vertices, and in the cells as "cell ...", at the end; on every rank."""
     bulk = build_all(scene, make_meshes(comm, scene, is_half_meshed(scene)))
     end, n = record.turning_points, len(bulk.contact.x)
@@ -61,7 +47,7 @@ def stresses_of(scene: Scene, record: Record) -> dict[str, Array]:
     found = None
     if fields is not None and cells is not None:
         found = fields.stress | {f"cell {name}": value for name, value in cells.items()}
-    return given(comm.bcast(found))
+    return rf.given(comm.bcast(found))
 
 
 @pytest.mark.parametrize(("degree", "cell"), ORDERS)
@@ -73,9 +59,9 @@ def test_bar_between_walls(kinematics: str, degree: int, cell: str) -> None:
         cell,
         degree,
         load=HEAT,
-        material=Material(E, NU, kinematics),
-        contacts=(Contact(friction=0.0),),
-        supports=(Support("y", edge="top"),),
+        material=rf.Material(E, NU, kinematics),
+        contacts=(rf.Contact(friction=0.0),),
+        supports=(rf.Support("y", edge="top"),),
         history=ONCE,
         probes=(POINTS,),
     )
@@ -102,17 +88,17 @@ def test_bar_between_walls(kinematics: str, degree: int, cell: str) -> None:
 @pytest.mark.parametrize("kinematics", ["plane stress", "plane strain"])
 def test_free_expansion_by_a_linear_field(kinematics: str, cell: str) -> None:
     """Strains a + b x + c y are compatible: no stress in the plane; s_zz = -E alpha dT."""
-    heat = Load("heat", thermal_strain="0.01 + 0.004*x - 0.003*y")
-    material = Material(E, NU, kinematics)
+    heat = rf.Load("heat", thermal_strain="0.01 + 0.004*x - 0.003*y")
+    material = rf.Material(E, NU, kinematics)
     scene = block(cell, 2, load=heat, material=material, probes=(POINTS,))
-    system = condense(scene, comm)
+    system = rf.condense(scene, comm)
     if system is None:
         return
     # contact displacements that leave no reaction
     u = -np.linalg.lstsq(system.K, system.r_star[0], rcond=1e-12)[0]
     left = np.abs(system.r_star[0] + system.K @ u).max()
     assert left < 1e-11 * np.abs(system.r_star[0]).max()
-    at = given(system.probes).rows @ np.concatenate([u, [1.0]])
+    at = rf.given(system.probes).rows @ np.concatenate([u, [1.0]])
     x, y = np.array(POINTS.points).T
     strain = 0.01 + 0.004 * x - 0.003 * y
     assert np.abs(at[:, [2, 3, 5]]).max() < 1e-10 * E
@@ -130,11 +116,11 @@ def test_rotating_shaft_between_smooth_plates(degree: int) -> None:
     scene = cylinder(
         degree=degree,
         loads=(
-            Load("press", "top", displacement=("free", -squeeze)),
-            Load("spin", body_force=(f"{rate}*x", 0.0)),
+            rf.Load("press", "top", displacement=("free", -squeeze)),
+            rf.Load("spin", body_force=(f"{rate}*x", 0.0)),
         ),
-        mesh=MeshOptions(32, "quadrilateral", degree, 1.0),
-        history=HistoryOptions(kind="monotonic", load="spin", constant={"press": 1.0}),
+        mesh=rf.MeshOptions(32, "quadrilateral", degree, 1.0),
+        history=rf.HistoryOptions(kind="monotonic", load="spin", constant={"press": 1.0}),
         probes=(POINTS,),
     )
     record = played(scene)
@@ -169,15 +155,15 @@ def annulus(folder: Path) -> Path:
 def test_disc_under_a_field_towards_its_axis(tmp_path: Path) -> None:
     """A rotating disc with the sign reversed, so that its section is pressed on the plane."""
     rate, a, b = 0.5, 1.0, 2.0
-    scene = Scene(
-        body=Body(mesh=str(annulus(tmp_path))),
-        material=Material(E, NU, "plane stress"),
-        mesh=MeshOptions(contact_elements=16, degree=2),
-        contacts=(Contact("down", friction=0.0),),
-        loads=(Load("spin", body_force=(f"-{rate}*x", f"-{rate}*y")),),
-        supports=(Support("x", edge="side"),),
+    scene = rf.Scene(
+        body=rf.Body(mesh=str(annulus(tmp_path))),
+        material=rf.Material(E, NU, "plane stress"),
+        mesh=rf.MeshOptions(contact_elements=16, degree=2),
+        contacts=(rf.Contact("down", friction=0.0),),
+        loads=(rf.Load("spin", body_force=(f"-{rate}*x", f"-{rate}*y")),),
+        supports=(rf.Support("x", edge="side"),),
         history=ONCE,
-        probes=(Probe("s", points=((1.2, 0.9), (0.9, 1.2))),),
+        probes=(rf.Probe("s", points=((1.2, 0.9), (0.9, 1.2))),),
     )
     record = played(scene)
     r = record.x + 1.5
@@ -226,23 +212,23 @@ def test_full_disc_rotates_inside_a_tight_ring(kinematics: str, tmp_path: Path) 
     known = np.column_stack([srr * c**2 + stt * s**2, srr * s**2 + stt * c**2])
     error, force = [], []
     for h in (0.4, 0.2):
-        scene = Scene(
-            body=Body("a", mesh=half_disc(tmp_path, 1, h)),
-            others=(Body("b", mesh=half_disc(tmp_path, -1, h)),),
-            material=Material(E, NU, kinematics),
-            mesh=MeshOptions(degree=2),
-            contacts=(Contact("a.flat", friction=0.0, against="b.flat"),),
+        scene = rf.Scene(
+            body=rf.Body("a", mesh=half_disc(tmp_path, 1, h)),
+            others=(rf.Body("b", mesh=half_disc(tmp_path, -1, h)),),
+            material=rf.Material(E, NU, kinematics),
+            mesh=rf.MeshOptions(degree=2),
+            contacts=(rf.Contact("a.flat", friction=0.0, against="b.flat"),),
             loads=(
-                *(Load("p", f"{name}.rim", pressure=p) for name in "ab"),
-                *(Load("w", body=n, body_force=(f"{rate}*x", f"{rate}*y")) for n in "ab"),
+                *(rf.Load("p", f"{name}.rim", pressure=p) for name in "ab"),
+                *(rf.Load("w", body=n, body_force=(f"{rate}*x", f"{rate}*y")) for n in "ab"),
             ),
             supports=(
-                *(Support("xy" if n == "b" else "x", point="mid", body=n) for n in "ab"),
-                Support("x", point=(0.0, -R), body="b"),
+                *(rf.Support("xy" if n == "b" else "x", point="mid", body=n) for n in "ab"),
+                rf.Support("x", point=(0.0, -R), body="b"),
             ),
-            history=HistoryOptions(kind="monotonic", load="w", constant={"p": 1.0}),
+            history=rf.HistoryOptions(kind="monotonic", load="w", constant={"p": 1.0}),
             probes=tuple(
-                Probe(n, points=tuple((x, sign * y) for x, y in places.tolist()), body=n)
+                rf.Probe(n, points=tuple((x, sign * y) for x, y in places.tolist()), body=n)
                 for n, sign in (("a", 1), ("b", -1))
             ),
         )
@@ -259,12 +245,12 @@ def test_full_disc_rotates_inside_a_tight_ring(kinematics: str, tmp_path: Path) 
 @pytest.mark.parametrize(
     "load",
     [
-        Load("T", thermal_strain="0.01*x"),
-        Load("T", body_force=(1.0, 0.0)),
-        Load("T", body_force=("x", "x")),
+        rf.Load("T", thermal_strain="0.01*x"),
+        rf.Load("T", body_force=(1.0, 0.0)),
+        rf.Load("T", body_force=("x", "x")),
     ],
 )
-def test_uneven_loads_are_not_mirror_symmetric(load: Load) -> None:
+def test_uneven_loads_are_not_mirror_symmetric(load: rf.Load) -> None:
     assert not is_mirror_symmetric(block(load=load))
 
 
@@ -276,19 +262,21 @@ def test_body_cut_in_two_layers(kind: str) -> None:
         "force": {"body_force": (0.0, -0.2)},
     }
     load = loads[kind]
-    fixed = (Support("y", edge="top"),) if kind == "heat" else ()
-    one = block(degree=2, load=Load("T", **load), contacts=(Contact(friction=0.0),), history=ONCE)
+    fixed = (rf.Support("y", edge="top"),) if kind == "heat" else ()
+    one = block(
+        degree=2, load=rf.Load("T", **load), contacts=(rf.Contact(friction=0.0),), history=ONCE
+    )
     one = replace(one, supports=fixed)
-    halves = [Body(name, height=0.5, position=(0.0, y)) for name, y in (("a", 0.5), ("b", 0.0))]
+    halves = [rf.Body(name, height=0.5, position=(0.0, y)) for name, y in (("a", 0.5), ("b", 0.0))]
     two = replace(
         one,
         body=halves[0],
         others=(halves[1],),
-        contacts=(Contact("a.bottom", friction=0.0, against="b.top"),),
-        loads=tuple(Load("T", body=name, **load) for name in "ab"),
+        contacts=(rf.Contact("a.bottom", friction=0.0, against="b.top"),),
+        loads=tuple(rf.Load("T", body=name, **load) for name in "ab"),
         supports=(
             *(replace(s, edge="a.top") for s in fixed),
-            Support("y", edge="b.bottom"),
+            rf.Support("y", edge="b.bottom"),
         ),
     )
     a, b = played(one), played(two)
@@ -301,6 +289,6 @@ def test_body_cut_in_two_layers(kind: str) -> None:
 
 def test_profile_that_fails_on_a_mesh_is_refused_on_all_ranks() -> None:
     """A value that no sample sees, at a radius inside a cell."""
-    load = Load("T", thermal_strain="0.01 + 0/(x < 0.013)")
-    with pytest.raises(InputError, match="not a finite number"):
-        condense(cylinder(loads=(load,)), comm)
+    load = rf.Load("T", thermal_strain="0.01 + 0/(x < 0.013)")
+    with pytest.raises(rf.InputError, match="not a finite number"):
+        rf.condense(cylinder(loads=(load,)), comm)

@@ -11,28 +11,10 @@ import numpy as np
 import pytest
 from bodies import block, played
 
+import receding_fenicsx as rf
 from receding_fenicsx.bulk.fields import fields_at
 from receding_fenicsx.bulk.from_scene import bulk_of
-from receding_fenicsx.errors import InputError, SolveError
 from receding_fenicsx.modal import mode_system
-from receding_fenicsx.mpi import given
-from receding_fenicsx.output.plots.series import loop_of
-from receding_fenicsx.scene.history import history_from_scene
-from receding_fenicsx.scene.model import (
-    Body,
-    Bolt,
-    Contact,
-    HistoryOptions,
-    Load,
-    Material,
-    OutputOptions,
-    Probe,
-    Scene,
-    Support,
-)
-from receding_fenicsx.scene.toml_file import from_toml, to_toml
-from receding_fenicsx.store.hdf5 import read_system, write_system
-from receding_fenicsx.studies.run import condense
 from receding_fenicsx.timing import Timer
 
 comm = MPI.COMM_WORLD
@@ -40,25 +22,25 @@ E = 2.0
 JOINT = 8.0  # E times width over both heights
 
 
-def clamped(stiffness: float | None, degree: int = 1) -> Scene:
+def clamped(stiffness: float | None, degree: int = 1) -> rf.Scene:
     """Two layers without Poisson's effect, clamped by a bolt over all of their outer edges."""
-    bodies = [Body(name, height=0.5, position=(0.0, y)) for name, y in (("a", 0.5), ("b", 0.0))]
+    bodies = [rf.Body(name, height=0.5, position=(0.0, y)) for name, y in (("a", 0.5), ("b", 0.0))]
     return replace(
-        block(degree=degree, material=Material(E, 0.0)),
+        block(degree=degree, material=rf.Material(E, 0.0)),
         body=bodies[0],
         others=(bodies[1],),
-        contacts=(Contact("a.bottom", friction=0.0, against="b.top"),),
+        contacts=(rf.Contact("a.bottom", friction=0.0, against="b.top"),),
         loads=(
-            Load("pull", "a.top", traction=(0.0, 1.0)),
-            Load("pull", "b.bottom", traction=(0.0, -1.0)),
+            rf.Load("pull", "a.top", traction=(0.0, 1.0)),
+            rf.Load("pull", "b.bottom", traction=(0.0, -1.0)),
         ),
         supports=(
-            Support("x", edge="a.left"),
-            Support("x", edge="b.left"),
-            Support("y", point=(0.0, 0.0), body="b"),
+            rf.Support("x", edge="a.left"),
+            rf.Support("x", edge="b.left"),
+            rf.Support("y", point=(0.0, 0.0), body="b"),
         ),
-        bolts=(Bolt("bolt", "a.top", "b.bottom", 0.04, stiffness=stiffness),),
-        history=HistoryOptions("table", columns=("pull",), rows=((0.03,), (0.2,), (0.01,))),
+        bolts=(rf.Bolt("bolt", "a.top", "b.bottom", 0.04, stiffness=stiffness),),
+        history=rf.HistoryOptions("table", columns=("pull",), rows=((0.03,), (0.2,), (0.01,))),
     )
 
 
@@ -91,12 +73,12 @@ def test_pull_on_the_head_of_a_rigid_bolt_whose_nut_is_held_is_carried_by_the_bo
         scene,
         body=replace(scene.body, width=2.0, height=0.6, position=(0.0, 1.1)),
         others=(replace(scene.others[0], width=2.0, height=1.1),),
-        material=Material(1.0, 0.0, "plane stress"),
+        material=rf.Material(1.0, 0.0, "plane stress"),
         mesh=replace(scene.mesh, contact_elements=8, growth=1.25),
-        supports=(Support("y", edge="b.bottom"), Support("x", point=(0.0, 0.0), body="b")),
-        contacts=(Contact("a.bottom", friction=0.3, against="b.top"),),
-        loads=(Load("pull", "a.top", traction=(0.0, 0.5)),),
-        history=HistoryOptions("table", columns=("pull",), rows=((0.04,),)),
+        supports=(rf.Support("y", edge="b.bottom"), rf.Support("x", point=(0.0, 0.0), body="b")),
+        contacts=(rf.Contact("a.bottom", friction=0.3, against="b.top"),),
+        loads=(rf.Load("pull", "a.top", traction=(0.0, 0.5)),),
+        history=rf.HistoryOptions("table", columns=("pull",), rows=((0.04,),)),
     )
     table, preload = played(scene).turning_points, 0.04 * 2.0 / 1.7
     np.testing.assert_allclose(table.load_displacement[:, 1], [preload, preload + 0.04], rtol=1e-9)
@@ -106,17 +88,17 @@ def test_pull_on_the_head_of_a_rigid_bolt_whose_nut_is_held_is_carried_by_the_bo
 @pytest.mark.one_rank
 def test_a_ring_of_bolts_takes_part_in_the_modes_of_a_joint() -> None:
     """Condensation finds 1 / omega^2 to 1e-6, or an error is raised; stiffer bolts raise omega."""
-    found, foot = [], (Support("y", point=(0.0, 0.0), body="b"),)
-    round_ = Material(E, 0.0, "axisymmetric", density=2.0)
-    history = HistoryOptions(kind="monotonic", load="m", constant={"pull": 0.01})
+    found, foot = [], (rf.Support("y", point=(0.0, 0.0), body="b"),)
+    round_ = rf.Material(E, 0.0, "axisymmetric", density=2.0)
+    history = rf.HistoryOptions(kind="monotonic", load="m", constant={"pull": 0.01})
     for scene in (clamped(3.0), clamped(30.0)):
         scene = replace(scene, material=round_, supports=foot, history=history)
-        driven = replace(scene, loads=(*scene.loads, Load("m", mode=1)))
+        driven = replace(scene, loads=(*scene.loads, rf.Load("m", mode=1)))
         found.append(mode_system(driven)[1][0])
     assert found[1] > 1.05 * found[0] > 0.0
 
 
-def with_preloads(scene: Scene, *forces: float) -> Scene:
+def with_preloads(scene: rf.Scene, *forces: float) -> rf.Scene:
     """The scene with preloads in the place of shortenings."""
     pairs = zip(scene.bolts, forces, strict=False)
     bolts = tuple(replace(bolt, shortening=None, preload=force) for bolt, force in pairs)
@@ -129,8 +111,8 @@ def test_preload_is_reached_and_the_length_then_locked(round_: bool) -> None:
     scene, area = clamped(3.0), 4.0
     if round_:
         area = 4.0 * np.pi
-        foot = (Support("y", point=(0.0, 0.0), body="b"),)
-        scene = replace(scene, material=Material(E, 0.0, "axisymmetric"), supports=foot)
+        foot = (rf.Support("y", point=(0.0, 0.0), body="b"),)
+        scene = replace(scene, material=rf.Material(E, 0.0, "axisymmetric"), supports=foot)
     record = played(with_preloads(scene, 0.15))
     joint = E * area
     pull = area * np.array([0.0, 0.03, 0.2, 0.01])
@@ -142,12 +124,12 @@ def test_preload_is_reached_and_the_length_then_locked(round_: bool) -> None:
     np.testing.assert_allclose(table.load_displacement[:, 1], force, rtol=1e-9)
     np.testing.assert_allclose(table.load[:, 1], 0.15 / 3.0 + 0.15 / joint, rtol=1e-9)
     assert record.energy_error_max < 1e-10 and record.scene is not None
-    assert from_toml(to_toml(record.scene)) == record.scene
+    assert rf.from_toml(rf.to_toml(record.scene)) == record.scene
 
 
 @pytest.mark.one_rank
 def test_bolts_are_tightened_to_their_preloads_one_after_the_other() -> None:
-    slow = HistoryOptions(kind="monotonic", maximum=0.1)
+    slow = rf.HistoryOptions(kind="monotonic", maximum=0.1)
     scene = with_preloads(lap(probes=(), history=slow), 0.01, 0.03)
     record = played(scene)
     force = record.turning_points.load_displacement[:, 1:]
@@ -158,7 +140,7 @@ def test_bolts_are_tightened_to_their_preloads_one_after_the_other() -> None:
     # a scene with the shortenings that were found has the same path
     one = replace(scene, bolts=scene.bolts[:1])
     found = played(one)
-    (bolt,) = given(found.scene).bolts
+    (bolt,) = rf.given(found.scene).bolts
     plain = played(replace(one, bolts=(replace(bolt, preload=None, tightening=()),)))
     np.testing.assert_array_equal(plain.turning_points.P, found.turning_points.P)
     # that of the first bolt alone, up to what the second one carries within the leg
@@ -167,27 +149,27 @@ def test_bolts_are_tightened_to_their_preloads_one_after_the_other() -> None:
 
 @pytest.mark.one_rank
 def test_bolts_draw_parts_over_a_gap_or_say_that_they_cannot() -> None:
-    scene = lap(probes=(), history=HistoryOptions(kind="monotonic", maximum=0.1))
+    scene = lap(probes=(), history=rf.HistoryOptions(kind="monotonic", maximum=0.1))
     scene = replace(scene, contacts=(replace(scene.contacts[0], initial_gap="0.01*x**2"),))
     force = played(with_preloads(scene, 0.01, 0.03)).turning_points.load_displacement[:2, 1:]
     np.testing.assert_allclose([*force[0], force[1, 1]], [0.01, 0.0, 0.03], atol=1e-10)
     # nothing tells where a plate without bolts floats
     scene = replace(scene, contacts=(replace(scene.contacts[0], initial_gap=0.05),))
-    with pytest.raises(SolveError, match=r"bolt 'one': the shortening .* not found") as error:
+    with pytest.raises(rf.SolveError, match=r"bolt 'one': the shortening .* not found") as error:
         played(with_preloads(scene, 0.01, 0.03))
     assert "\n" not in str(error.value)
 
 
 @pytest.mark.one_rank
 def test_bolts_carry_nothing_while_a_fit_closes() -> None:
-    scene = lap(probes=(), history=HistoryOptions(kind="monotonic", maximum=0.1))
+    scene = lap(probes=(), history=rf.HistoryOptions(kind="monotonic", maximum=0.1))
     (contact,) = scene.contacts
     scene = with_preloads(
         replace(
             scene,
             contacts=(replace(contact, interference=0.001),),
-            supports=(*scene.supports, Support("xy", edge="a.left")),
-            loads=(Load("pull", "a.right", traction=(0.012, 0.0)),),
+            supports=(*scene.supports, rf.Support("xy", edge="a.left")),
+            loads=(rf.Load("pull", "a.right", traction=(0.012, 0.0)),),
         ),
         0.01,
         0.03,
@@ -203,13 +185,13 @@ def test_bolt_in_one_body_prestresses_it() -> None:
     """A block, nu = 0, between head and nut: s + L alpha dT = F (1/k + L / (E H))."""
     scene = block(
         degree=1,
-        material=Material(E, 0.0),
-        loads=(Load("heat", thermal_strain=0.01),),
-        supports=(Support("y", edge="top"),),
-        contacts=(Contact(friction=0.0),),
-        bolts=(Bolt("tie", "left", "right", 0.1, axis=(1.0, 0.0), stiffness=3.0),),
-        history=HistoryOptions(kind="monotonic"),
-        probes=(Probe("s", points=((0.3, 0.4),)),),
+        material=rf.Material(E, 0.0),
+        loads=(rf.Load("heat", thermal_strain=0.01),),
+        supports=(rf.Support("y", edge="top"),),
+        contacts=(rf.Contact(friction=0.0),),
+        bolts=(rf.Bolt("tie", "left", "right", 0.1, axis=(1.0, 0.0), stiffness=3.0),),
+        history=rf.HistoryOptions(kind="monotonic"),
+        probes=(rf.Probe("s", points=((0.3, 0.4),)),),
     )
     record = played(scene)
     force = (0.1 + 4.0 * 0.01) / (1.0 / 3.0 + 4.0 / E)
@@ -224,29 +206,29 @@ def test_bolt_in_one_body_prestresses_it() -> None:
         np.testing.assert_allclose(fields.stress["syy"], -E * 0.01, rtol=1e-8)
 
 
-def lap(**parts: Any) -> Scene:
+def lap(**parts: Any) -> rf.Scene:
     """Two overlapping plates, clamped by two bolts, pulled to and fro."""
     scene = replace(
         block(degree=1, elements=24, growth=1.6),
-        body=Body("a", width=3.0, height=0.4, position=(-0.5, 0.4)),
-        others=(Body("b", width=3.0, height=0.4, position=(0.5, 0.0)),),
-        contacts=(Contact("a.bottom", span=(-0.5, 1.5), friction=0.4, against="b.top"),),
-        loads=(Load("pull", "a.left", traction=(-0.012, 0.0)),),
-        supports=(Support("xy", edge="b.right"),),
+        body=rf.Body("a", width=3.0, height=0.4, position=(-0.5, 0.4)),
+        others=(rf.Body("b", width=3.0, height=0.4, position=(0.5, 0.0)),),
+        contacts=(rf.Contact("a.bottom", span=(-0.5, 1.5), friction=0.4, against="b.top"),),
+        loads=(rf.Load("pull", "a.left", traction=(-0.012, 0.0)),),
+        supports=(rf.Support("xy", edge="b.right"),),
         bolts=(
-            Bolt("one", "a.top", "b.bottom", 0.01, (-0.25, 0.25), (-1.25, -0.75), stiffness=2.0),
-            Bolt("two", "a.top", "b.bottom", 0.01, (0.75, 1.25), (-0.25, 0.25)),
+            rf.Bolt("one", "a.top", "b.bottom", 0.01, (-0.25, 0.25), (-1.25, -0.75), stiffness=2.0),
+            rf.Bolt("two", "a.top", "b.bottom", 0.01, (0.75, 1.25), (-0.25, 0.25)),
         ),
-        history=HistoryOptions(kind="cyclic", minimum=-1.0, cycles=20, until="steady"),
-        probes=(Probe("s", points=((-0.5, 0.6), (0.3, 0.7)), body="a"),),
+        history=rf.HistoryOptions(kind="cyclic", minimum=-1.0, cycles=20, until="steady"),
+        probes=(rf.Probe("s", points=((-0.5, 0.6), (0.3, 0.7)), body="a"),),
     )
     return replace(scene, **parts)
 
 
 @pytest.mark.one_rank
 def test_lap_joint_fields_probes_and_work() -> None:
-    scene = lap(output=OutputOptions(samples_per_leg=200))
-    history = history_from_scene(scene)
+    scene = lap(output=rf.OutputOptions(samples_per_leg=200))
+    history = rf.history_from_scene(scene)
     assert history.load_names == ("pull", "one", "two")
     rows: Any = [[0, 0, 0], [0, 0.01, 0], [0, 0.01, 0.01], [1, 0.01, 0.01]]
     np.testing.assert_allclose(history.path, rows)
@@ -254,7 +236,7 @@ def test_lap_joint_fields_probes_and_work() -> None:
     assert record.energy_error_max < 1e-9 and record.residual_max < 1e-9
     D = record.cycles.dissipation[-1]
     assert D > 1e-7
-    area = loop_of(record, len(record.cycles.dissipation)).area().sum()
+    area = rf.loop_of(record, len(record.cycles.dissipation)).area().sum()
     assert area == pytest.approx(D, rel=1e-3)
     table, at = record.turning_points, record.probe("s")
     # tightening the second bolt changes the first one's force; then both follow the load
@@ -263,7 +245,7 @@ def test_lap_joint_fields_probes_and_work() -> None:
     assert np.all(np.ptp(force[2:], axis=0) > 0.0)
     bulk = bulk_of(scene, comm, Timer())
     u = np.concatenate([table.v[-1], table.w[-1]])
-    fields = given(fields_at(bulk, table.load[-1], u))
+    fields = rf.given(fields_at(bulk, table.load[-1], u))
     bulk.destroy()
     for point, moved in zip(at.points, at.displacement[-1], strict=True):
         near = np.argsort(np.hypot(*(fields.points - point).T))[:4]
@@ -291,19 +273,19 @@ def test_rigid_bolt_is_the_limit_of_stiff_ones() -> None:
 
 def test_saved_system_serves_other_shortenings(shared_tmp_path: Any) -> None:
     scene = lap(probes=())
-    assert from_toml(to_toml(scene)) == scene
-    system = condense(scene, comm)
+    assert rf.from_toml(rf.to_toml(scene)) == scene
+    system = rf.condense(scene, comm)
     if system is None:
         return
-    write_system(shared_tmp_path / "bolts.h5", system)
+    rf.write_system(shared_tmp_path / "bolts.h5", system)
     other = replace(scene, bolts=tuple(replace(bolt, shortening=0.02) for bolt in scene.bolts))
-    saved = read_system(shared_tmp_path / "bolts.h5", other)
+    saved = rf.read_system(shared_tmp_path / "bolts.h5", other)
     assert np.array_equal(saved.K, system.K)
-    with pytest.raises(InputError, match="bolt"):
-        read_system(shared_tmp_path / "bolts.h5", replace(scene, bolts=scene.bolts[:1]))
+    with pytest.raises(rf.InputError, match="bolt"):
+        rf.read_system(shared_tmp_path / "bolts.h5", replace(scene, bolts=scene.bolts[:1]))
 
 
-TIE = Bolt("a", "left", "right", 0.1, axis=(1.0, 0.0))
+TIE = rf.Bolt("a", "left", "right", 0.1, axis=(1.0, 0.0))
 
 
 @pytest.mark.parametrize(
@@ -320,13 +302,13 @@ TIE = Bolt("a", "left", "right", 0.1, axis=(1.0, 0.0))
                     replace(TIE, head_span=(-0.5, 0.0)),
                     replace(TIE, name="b", head_span=(0.0, 0.5)),
                     replace(TIE, name="c"),
-                    Bolt("d", "top", "right", 0.1),
+                    rf.Bolt("d", "top", "right", 0.1),
                 )
             },
             "bolt 'a', bolt 'b', bolt 'c': their .* not determined",
         ),
         (
-            {"bolts": (TIE,), "supports": (Support("x", "left"), Support("x", "right"))},
+            {"bolts": (TIE,), "supports": (rf.Support("x", "left"), rf.Support("x", "right"))},
             "bolt 'a': their forces are not determined",
         ),
     ],
@@ -334,6 +316,6 @@ TIE = Bolt("a", "left", "right", 0.1, axis=(1.0, 0.0))
 def test_bolts_whose_forces_are_not_determined_are_refused(
     parts: dict[str, Any], words: str
 ) -> None:
-    with pytest.raises(InputError, match=words) as error:
-        condense(block(**parts), comm)
+    with pytest.raises(rf.InputError, match=words) as error:
+        rf.condense(block(**parts), comm)
     assert "\n" not in str(error.value)

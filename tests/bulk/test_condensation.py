@@ -14,12 +14,10 @@ from numpy.typing import NDArray
 
 from receding_fenicsx.bulk import elastic_body, schur
 from receding_fenicsx.bulk.body import BLOCK_COLUMNS, Bulk, Elimination
-from receding_fenicsx.bulk.mesh.meshing import BodyMesh, make_meshes
-from receding_fenicsx.bulk.stack import build_all
+from receding_fenicsx.bulk.mesh.meshing import BodyMesh
 from receding_fenicsx.errors import InputError, SolveError
 from receding_fenicsx.interface.system import ContactSystem
 from receding_fenicsx.scene.model import Body, Contact, Load, Material, Scene, Support
-from receding_fenicsx.studies import run as study
 
 comm = MPI.COMM_WORLD
 Array = NDArray[np.float64]
@@ -321,43 +319,8 @@ def test_a_turned_body_has_the_same_system(degree: int) -> None:
         assert off(sign[:, None] * system.K * sign, upright.K) < 1e-12
 
 
-def test_friction_and_gap_are_profiles_along_the_edge() -> None:
-    contact = Contact(
-        friction="0.1 + 0.1 * x**2", initial_gap={"x": [0.0, 2.0], "value": [0.0, 0.4]}
-    )
-    system = study.condense(block(contacts=(contact,)), comm)
-    if system is not None:
-        assert system.f == pytest.approx(0.1 + 0.1 * system.x**2)
-        assert system.g0 == pytest.approx(0.2 * np.maximum(system.x, 0.0))
-
-
-def test_a_system_knows_its_scene() -> None:
-    from receding_fenicsx.scene.toml_file import from_toml
-
-    scene = block(degree=2)
-    system = system_of(scene)
-    if system is not None:
-        assert from_toml(system.scene_toml) == scene
-
-
-def test_negative_friction_is_refused_on_all_ranks() -> None:
-    with pytest.raises(InputError, match=r"\[contact\] friction: is -1 at x = -2"):
-        study.condense(block(contacts=(Contact(friction="x + 1"),)), comm)
-
-
-@pytest.mark.parametrize("bodies", [1, 2])
-def test_unknown_route_is_refused(bodies: int) -> None:
-    scene = block()
-    if bodies == 2:
-        scene = replace(
-            scene,
-            body=Body("a", width=4.0, position=(0.0, 1.0)),
-            others=(Body("b", width=4.0),),
-            contacts=(Contact("a.bottom", against="b.top"),),
-            loads=(Load("p", "a.top", pressure=1.0),),
-            supports=(Support("xy", edge="b.bottom"),),
-        )
-    bulk = build_all(scene, make_meshes(comm, scene, False))
+def test_unknown_route_is_refused() -> None:
+    bulk = built(block())
     with pytest.raises(InputError, match="route = 'magic'"):
         condense(bulk, "magic")
     bulk.destroy()

@@ -13,33 +13,17 @@ import pytest
 from bodies import block, played
 from numpy.typing import NDArray
 
+import receding_fenicsx as rf
 from receding_fenicsx.bulk.fields import fields_at
 from receding_fenicsx.bulk.mesh.meshing import make_meshes
 from receding_fenicsx.bulk.stack import build_all
-from receding_fenicsx.errors import InputError
-from receding_fenicsx.mpi import given, on_root
-from receding_fenicsx.scene.history import history_from_scene
 from receding_fenicsx.scene.identity import body_difference
-from receding_fenicsx.scene.model import (
-    Body,
-    Contact,
-    HistoryOptions,
-    Load,
-    Material,
-    MeshOptions,
-    Probe,
-    Scene,
-    Support,
-)
 from receding_fenicsx.scene.symmetry import is_half_meshed
-from receding_fenicsx.scene.toml_file import from_toml, to_toml
-from receding_fenicsx.store.hdf5 import read_system, write_system
-from receding_fenicsx.studies.run import condense
 
 comm = MPI.COMM_WORLD
 Array = NDArray[np.float64]
 E, NU, DEPTH = 2.0, 0.3, 0.004
-ONCE = HistoryOptions(kind="monotonic")
+ONCE = rf.HistoryOptions(kind="monotonic")
 A, B, C = 0.5, 1.0, 2.0
 
 
@@ -56,24 +40,24 @@ def ring(folder: Path, name: str, inner: float, outer: float) -> str:
         "Physical Surface('s') = {1}; Physical Curve('down') = {1};\n"
         "Physical Curve('out') = {2}; Physical Curve('up') = {3}; Physical Curve('in') = {4};\n"
     )
-    on_root(comm, lambda: file.write_text(text))
+    rf.on_root(comm, lambda: file.write_text(text))
     return str(file)
 
 
-def fit(folder: Path, young: float = E, **parts: Any) -> Scene:
+def fit(folder: Path, young: float = E, **parts: Any) -> rf.Scene:
     """A ring shrunk on a hollow shaft, between smooth plates or with free ends."""
-    scene = Scene(
-        body=Body("hub", mesh=ring(folder, "hub", B, C)),
-        others=(Body("shaft", mesh=ring(folder, "shaft", A, B)),),
-        material=Material(E, NU, "axisymmetric"),
-        materials=(Material(young, NU, "axisymmetric", "shaft"),),
-        mesh=MeshOptions(contact_elements=8, cell="quadrilateral", degree=2),
-        contacts=(Contact("hub.in", friction=0.0, against="shaft.out", interference=DEPTH),),
-        supports=(Support("y", edge="hub.down"), Support("y", edge="shaft.down")),
+    scene = rf.Scene(
+        body=rf.Body("hub", mesh=ring(folder, "hub", B, C)),
+        others=(rf.Body("shaft", mesh=ring(folder, "shaft", A, B)),),
+        material=rf.Material(E, NU, "axisymmetric"),
+        materials=(rf.Material(young, NU, "axisymmetric", "shaft"),),
+        mesh=rf.MeshOptions(contact_elements=8, cell="quadrilateral", degree=2),
+        contacts=(rf.Contact("hub.in", friction=0.0, against="shaft.out", interference=DEPTH),),
+        supports=(rf.Support("y", edge="hub.down"), rf.Support("y", edge="shaft.down")),
         history=ONCE,
         probes=(
-            Probe("hub", points=((1.5, 0.3),), body="hub"),
-            Probe("shaft", points=((0.75, 0.6),), body="shaft"),
+            rf.Probe("hub", points=((1.5, 0.3),), body="hub"),
+            rf.Probe("shaft", points=((0.75, 0.6),), body="shaft"),
         ),
     )
     return replace(scene, **parts)
@@ -114,7 +98,7 @@ def test_fields_of_a_shrink_fit_are_the_true_ones(shared_tmp_path: Path) -> None
     bulk = build_all(scene, make_meshes(comm, scene, True))
     end = record.turning_points
     assert np.abs(end.w[-1]).max() < 1e-12
-    found = given(fields_at(bulk, end.load[-1], np.concatenate([end.v[-1], end.w[-1]])))
+    found = rf.given(fields_at(bulk, end.load[-1], np.concatenate([end.v[-1], end.w[-1]])))
     bulk.destroy()
     on = np.abs(found.points[:, 0] - B) < 1e-9
     radial = [found.displacement[on & (found.body == k), 0].mean() for k in (0, 1)]
@@ -127,25 +111,25 @@ def test_fields_of_a_shrink_fit_are_the_true_ones(shared_tmp_path: Path) -> None
 # -- a block that its support presses on the plane -----------------------------------------------
 
 BULGE = "0.01*(1 - 0.1*x**2)"
-HELD = (Support("y", edge="top"),)
-SHEAR = Load("Q", "left", traction=(0.01, 0.0))
+HELD = (rf.Support("y", edge="top"),)
+SHEAR = rf.Load("Q", "left", traction=(0.01, 0.0))
 
 
-def wedged(**parts: Any) -> Scene:
+def wedged(**parts: Any) -> rf.Scene:
     scene = block(
         degree=2,
-        loads=(Load("P", "top", (-1.0, 1.0), traction=("0.06*x", 0.0)),),
-        contacts=(Contact(friction=0.3, interference=BULGE),),
+        loads=(rf.Load("P", "top", (-1.0, 1.0), traction=("0.06*x", 0.0)),),
+        contacts=(rf.Contact(friction=0.3, interference=BULGE),),
         supports=HELD,
-        history=HistoryOptions(kind="cyclic", minimum=-1.0, cycles=3),
-        probes=(Probe("s", points=((-0.3, 0.1), (0.3, 0.1))),),
+        history=rf.HistoryOptions(kind="cyclic", minimum=-1.0, cycles=3),
+        probes=(rf.Probe("s", points=((-0.3, 0.1), (0.3, 0.1))),),
     )
     return replace(scene, **parts)
 
 
 @pytest.mark.one_rank
 def test_first_leg_closes_the_interference_alone() -> None:
-    history = history_from_scene(wedged(history=replace(wedged().history, cycles=2)))
+    history = rf.history_from_scene(wedged(history=replace(wedged().history, cycles=2)))
     assert history.load_names == ("P", "interference")
     assert history.path.tolist() == [[0.0, 0.0], [0.0, 1.0], [1.0, 1.0]]
     assert history.loop.tolist() == [[1.0, 1.0], [-1.0, 1.0], [1.0, 1.0]]
@@ -155,12 +139,14 @@ def test_first_leg_closes_the_interference_alone() -> None:
 @pytest.mark.parametrize("friction", [0.0, 0.3])
 def test_pushing_the_far_side_by_the_depth_gives_the_same(friction: float) -> None:
     """A uniform interference against the displacement of the held edge by the same."""
-    contacts = (Contact(friction=friction, interference=0.01),)
-    scene = wedged(contacts=contacts, loads=(), supports=(Support("xy", edge="top"),), history=ONCE)
+    contacts = (rf.Contact(friction=friction, interference=0.01),)
+    scene = wedged(
+        contacts=contacts, loads=(), supports=(rf.Support("xy", edge="top"),), history=ONCE
+    )
     other = replace(
         scene,
-        contacts=(Contact(friction=friction),),
-        loads=(Load("d", "top", displacement=(0.0, -0.01)),),
+        contacts=(rf.Contact(friction=friction),),
+        loads=(rf.Load("d", "top", displacement=(0.0, -0.01)),),
         supports=(),
     )
     a, b = played(scene), played(other)
@@ -178,18 +164,18 @@ def test_pushing_the_far_side_by_the_depth_gives_the_same(friction: float) -> No
 @pytest.mark.one_rank
 @pytest.mark.parametrize("shape", [BULGE, "0.01 + 0.002*x"])
 def test_a_gap_that_a_load_closes_is_an_interference(shape: str) -> None:
-    fitted = wedged(contacts=(Contact(friction=0.3, interference=shape),))
+    fitted = wedged(contacts=(rf.Contact(friction=0.3, interference=shape),))
     steps = (0.0, 1.0), (1.0, 1.0)
     driven = wedged(
-        contacts=(Contact(friction=0.3),),
-        loads=(*fitted.loads, Load("d", "bottom", gap=f"-({shape})")),
-        history=HistoryOptions(
+        contacts=(rf.Contact(friction=0.3),),
+        loads=(*fitted.loads, rf.Load("d", "bottom", gap=f"-({shape})")),
+        history=rf.HistoryOptions(
             kind="table", columns=("P", "d"), rows=steps, cycle_rows=((-1.0, 1.0), steps[1])
         ),
     )
     driven = replace(driven, history=replace(driven.history, cycles=3))
     assert is_half_meshed(driven) == is_half_meshed(fitted) == (shape == BULGE)
-    a, b = played(fitted), played(from_toml(to_toml(driven)))
+    a, b = played(fitted), played(rf.from_toml(rf.to_toml(driven)))
     for name in ("P", "Q", "v", "w", "load_displacement"):
         one, two = (getattr(r.turning_points, name)[-1] for r in (a, b))
         np.testing.assert_allclose(one, two, atol=1e-12 * np.abs(two).max())
@@ -201,8 +187,8 @@ def test_a_gap_that_a_load_closes_is_an_interference(shape: str) -> None:
 def test_conjugate_of_a_pressure_is_its_integral_over_the_true_displacement() -> None:
     """Of an edge that the interference moves, too, though [v; w] has no part of it."""
     y = np.linspace(0.0, 1.0, 101)
-    edge = Probe("edge", points=tuple((-2.0, value) for value in y))
-    push = Load("P", "left", pressure="0.01*(1 + y)")
+    edge = rf.Probe("edge", points=tuple((-2.0, value) for value in y))
+    push = rf.Load("P", "left", pressure="0.01*(1 + y)")
     record = played(wedged(loads=(push,), probes=(edge,)))
     inward, table = record.probe("edge").displacement[:, :, 0], record.turning_points
     weight = 0.01 * (1.0 + y) * 0.01 * np.where((y == 0.0) | (y == 1.0), 0.5, 1.0)
@@ -215,36 +201,39 @@ def test_conjugate_of_a_pressure_is_its_integral_over_the_true_displacement() ->
 
 def test_saved_system_belongs_to_its_interference(shared_tmp_path: Path) -> None:
     scene = wedged()
-    assert from_toml(to_toml(scene)) == scene
-    system = condense(scene, comm)
+    assert rf.from_toml(rf.to_toml(scene)) == scene
+    system = rf.condense(scene, comm)
     if system is None:
         return
-    write_system(shared_tmp_path / "system.h5", system)
-    saved = read_system(shared_tmp_path / "system.h5", scene)
+    rf.write_system(shared_tmp_path / "system.h5", system)
+    saved = rf.read_system(shared_tmp_path / "system.h5", scene)
     assert np.array_equal(saved.r_star, system.r_star)
-    deeper = wedged(contacts=(Contact(friction=0.3, interference=0.02),))
+    deeper = wedged(contacts=(rf.Contact(friction=0.3, interference=0.02),))
     assert body_difference(scene, deeper) == "[contact] interference"
-    with pytest.raises(InputError, match="interference"):
-        read_system(shared_tmp_path / "system.h5", deeper)
+    with pytest.raises(rf.InputError, match="interference"):
+        rf.read_system(shared_tmp_path / "system.h5", deeper)
 
 
 @pytest.mark.parametrize(
     ("parts", "words"),
     [
-        ({"loads": (Load("P", "top", gap=0.1),)}, "load 'P' edge: unknown edge of a"),
-        ({"loads": (Load("P", "bottom", gap=0.0),)}, "load 'P' gap: is zero everywhere"),
-        ({"loads": (Load("P", "bottom", gap="1/x"),)}, "load 'P' gap: .* not a finite number"),
-        ({"loads": (Load("P", "bottom", gap=0.1, platen=True),)}, "platen: needs force or displ"),
+        ({"loads": (rf.Load("P", "top", gap=0.1),)}, "load 'P' edge: unknown edge of a"),
+        ({"loads": (rf.Load("P", "bottom", gap=0.0),)}, "load 'P' gap: is zero everywhere"),
+        ({"loads": (rf.Load("P", "bottom", gap="1/x"),)}, "load 'P' gap: .* not a finite number"),
+        (
+            {"loads": (rf.Load("P", "bottom", gap=0.1, platen=True),)},
+            "platen: needs force or displ",
+        ),
     ],
 )
 def test_bad_interference_is_refused(parts: dict[str, Any], words: str) -> None:
-    with pytest.raises(InputError, match=words) as error:
-        condense(wedged(**parts), comm)
+    with pytest.raises(rf.InputError, match=words) as error:
+        rf.condense(wedged(**parts), comm)
     assert "\n" not in str(error.value)
 
 
 @pytest.mark.one_rank
 def test_half_of_the_scene_is_half_meshed() -> None:
     assert is_half_meshed(wedged())
-    lopsided = (Contact(interference="0.01 + 0.001*x"),)
+    lopsided = (rf.Contact(interference="0.01 + 0.001*x"),)
     assert not is_half_meshed(wedged(contacts=lopsided))

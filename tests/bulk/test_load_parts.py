@@ -11,49 +11,43 @@ import numpy as np
 import pytest
 from bodies import block
 
-from receding_fenicsx.errors import InputError
-from receding_fenicsx.evolution.evolve import evolve
-from receding_fenicsx.interface.system import ContactSystem
-from receding_fenicsx.mpi import given
-from receding_fenicsx.scene.model import HistoryOptions, Load, Scene, SolverOptions
-from receding_fenicsx.scene.toml_file import from_toml, to_toml
-from receding_fenicsx.studies.run import condense
+import receding_fenicsx as rf
 
-PRESS = Load("P", "top", pressure="1 + 0.2*x")
+PRESS = rf.Load("P", "top", pressure="1 + 0.2*x")
 PARTS = {
     "pressure and tractions on three edges": (
-        Load("L", "left", (-0.25, 0.25), traction=(1.0, 0.5)),
-        Load("L", "top", traction=(0.3, "0.1*x")),
-        Load("L", "right", (0.0, 0.5), pressure=0.5),
+        rf.Load("L", "left", (-0.25, 0.25), traction=(1.0, 0.5)),
+        rf.Load("L", "top", traction=(0.3, "0.1*x")),
+        rf.Load("L", "right", (0.0, 0.5), pressure=0.5),
     ),
     "two spans of one edge": (
-        Load("L", "top", (-1.5, -0.5), traction=(0.4, 0.0)),
-        Load("L", "top", (0.5, 1.5), traction=(0.2, -0.1)),
+        rf.Load("L", "top", (-1.5, -0.5), traction=(0.4, 0.0)),
+        rf.Load("L", "top", (0.5, 1.5), traction=(0.2, -0.1)),
     ),
     "pressure and traction on one span": (
-        Load("L", "top", (-1.0, 1.0), pressure=0.5),
-        Load("L", "top", (-1.0, 1.0), traction=(0.3, 0.0)),
+        rf.Load("L", "top", (-1.0, 1.0), pressure=0.5),
+        rf.Load("L", "top", (-1.0, 1.0), traction=(0.3, 0.0)),
     ),
     "two platens": (
-        Load("L", "left", (0.0, 0.5), platen=True, force=(0.2, 0.1)),
-        Load("L", "right", (0.0, 0.5), platen=True, force=(0.3, -0.2)),
+        rf.Load("L", "left", (0.0, 0.5), platen=True, force=(0.2, 0.1)),
+        rf.Load("L", "right", (0.0, 0.5), platen=True, force=(0.3, -0.2)),
     ),
     "a platen and a traction": (
-        Load("L", "left", (0.0, 0.5), platen=True, force=(0.2, 0.1)),
-        Load("L", "top", (0.0, 1.0), traction=(0.1, -0.2)),
+        rf.Load("L", "left", (0.0, 0.5), platen=True, force=(0.2, 0.1)),
+        rf.Load("L", "top", (0.0, 1.0), traction=(0.1, -0.2)),
     ),
     "two moved edges": (
-        Load("L", "left", (0.0, 0.5), displacement=(0.1, "free")),
-        Load("L", "right", (0.0, 0.5), displacement=("0.1", -0.02)),
+        rf.Load("L", "left", (0.0, 0.5), displacement=(0.1, "free")),
+        rf.Load("L", "right", (0.0, 0.5), displacement=("0.1", -0.02)),
     ),
 }
 
 
-def system_of(scene: Scene) -> ContactSystem:
-    return given(condense(scene, MPI.COMM_SELF))
+def system_of(scene: rf.Scene) -> rf.ContactSystem:
+    return rf.given(rf.condense(scene, MPI.COMM_SELF))
 
 
-def apart(parts: Sequence[Load]) -> tuple[Load, ...]:
+def apart(parts: Sequence[rf.Load]) -> tuple[rf.Load, ...]:
     return tuple(replace(part, name=f"L{k}") for k, part in enumerate(parts))
 
 
@@ -62,7 +56,7 @@ def test_load_of_several_parts_is_their_sum(case: str) -> None:
     """Reactions, compliance and work-conjugate displacement against loads of their own names."""
     parts = PARTS[case]
     corners = ((1.0, 0.0), (1.0, 0.05), (1.1, -0.04))
-    history = HistoryOptions(kind="table", columns=("P", "L"), rows=corners)
+    history = rf.HistoryOptions(kind="table", columns=("P", "L"), rows=corners)
     together = block(loads=(PRESS, *parts), history=history)
     own = apart(parts)
     columns = ("P", *(part.name for part in own))
@@ -79,7 +73,7 @@ def test_load_of_several_parts_is_their_sum(case: str) -> None:
     np.testing.assert_allclose(
         one.load_compliance, compliance, atol=1e-11 * np.abs(compliance).max()
     )
-    a, b = (evolve(*pair).turning_points for pair in ((one, together), (many, split)))
+    a, b = (rf.evolve(*pair).turning_points for pair in ((one, together), (many, split)))
     for name in ("P", "Q", "v", "w"):
         found, known = getattr(a, name), getattr(b, name)
         np.testing.assert_allclose(found, known, atol=1e-9 * np.abs(known).max(), err_msg=name)
@@ -90,14 +84,14 @@ def test_load_of_several_parts_is_their_sum(case: str) -> None:
 @pytest.mark.parametrize(
     "whole",
     [
-        Load("L", "top", displacement=("0.1*x", "-0.1*(1 + x**2)")),
-        Load("L", "top", traction=("1 + x", 0.5)),
+        rf.Load("L", "top", displacement=("0.1*x", "-0.1*(1 + x**2)")),
+        rf.Load("L", "top", traction=("1 + x", 0.5)),
     ],
 )
-def test_halves_of_an_edge_are_the_whole_edge(whole: Load) -> None:
+def test_halves_of_an_edge_are_the_whole_edge(whole: rf.Load) -> None:
     """The moved node in the middle belongs to both halves."""
     halves = tuple(replace(whole, span=span) for span in ((-2.0, 0.0), (0.0, 2.0)))
-    even, alone = SolverOptions(symmetry="none"), HistoryOptions(kind="monotonic")
+    even, alone = rf.SolverOptions(symmetry="none"), rf.HistoryOptions(kind="monotonic")
     one, two = (
         system_of(block("quadrilateral", growth=1.0, loads=loads, solver=even, history=alone))
         for loads in ((whole,), halves)
@@ -109,24 +103,24 @@ def test_halves_of_an_edge_are_the_whole_edge(whole: Load) -> None:
 
 
 SIDES = (
-    Load("L", "left", (-0.25, 0.25), pressure=1.0),
-    Load("L", "right", (-0.25, 0.25), pressure=2.0),
+    rf.Load("L", "left", (-0.25, 0.25), pressure=1.0),
+    rf.Load("L", "right", (-0.25, 0.25), pressure=2.0),
 )
 
 
 def test_parts_are_changed_by_their_number() -> None:
-    text = to_toml(block(loads=SIDES))
-    changed = from_toml(text, ["load.L.2.pressure=3"])
+    text = rf.to_toml(block(loads=SIDES))
+    changed = rf.from_toml(text, ["load.L.2.pressure=3"])
     assert [load.pressure for load in changed.loads] == [1.0, 3.0]
     for override, word in (
         ("load.L.pressure=3", "load.L.N.pressure"),
         ("load.L.3.span=1", "load.L.N.span, N = 1 to 2"),
     ):
-        with pytest.raises(InputError, match=word):
-            from_toml(text, [override])
+        with pytest.raises(rf.InputError, match=word):
+            rf.from_toml(text, [override])
 
 
-MOVED = Load("L", "top", displacement=("free", -0.1))
+MOVED = rf.Load("L", "top", displacement=("free", -0.1))
 
 
 @pytest.mark.parametrize(
@@ -136,20 +130,20 @@ MOVED = Load("L", "top", displacement=("free", -0.1))
         ((SIDES[0], replace(SIDES[0], span=(0.0, 0.5))), "two of its parts are a pressure on the"),
         ((MOVED, replace(MOVED, span=(0.0, 1.0))), "two of its parts are a displacement on the"),
         (
-            (MOVED, Load("L", "right", (0.0, 0.5), displacement=("free", -0.2))),
+            (MOVED, rf.Load("L", "right", (0.0, 0.5), displacement=("free", -0.2))),
             "load 'L' displacement: has two values at (2, 1)",
         ),
         (
             (
-                Load("L", "top", platen=True, force=(0.0, -1.0)),
-                Load("L", "right", (0.0, 0.5), platen=True, force=(0.0, -1.0)),
+                rf.Load("L", "top", platen=True, force=(0.0, -1.0)),
+                rf.Load("L", "right", (0.0, 0.5), platen=True, force=(0.0, -1.0)),
             ),
             "load 'L': its platen on 'right' meets that of load 'L'",
         ),
     ],
 )
-def test_parts_that_cannot_act_together_are_refused(loads: tuple[Load, ...], words: str) -> None:
-    with pytest.raises(InputError) as caught:
+def test_parts_that_cannot_act_together_are_refused(loads: tuple[rf.Load, ...], words: str) -> None:
+    with pytest.raises(rf.InputError) as caught:
         system_of(block(loads=loads))
     assert words in str(caught.value)
     assert "\n" not in str(caught.value)

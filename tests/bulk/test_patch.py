@@ -10,24 +10,11 @@ from bodies import CELLS, ELEMENTS, block, built
 from numpy.typing import NDArray
 from small import named_loads
 
+import receding_fenicsx as rf
 from receding_fenicsx.bulk.body import back_substitute
 from receding_fenicsx.bulk.stress import stresses
-from receding_fenicsx.errors import NoEquilibrium
-from receding_fenicsx.evolution.evolve import evolve
-from receding_fenicsx.interface.law import State
 from receding_fenicsx.interface.mirror import mirror_of
-from receding_fenicsx.interface.system import ContactSystem
-from receding_fenicsx.scene.history import history_from_scene
-from receding_fenicsx.scene.model import (
-    Contact,
-    HistoryOptions,
-    Load,
-    Material,
-    Scene,
-    SolverOptions,
-)
 from receding_fenicsx.scene.symmetry import is_half_meshed
-from receding_fenicsx.studies.run import condense
 
 comm = MPI.COMM_WORLD
 Array = NDArray[np.float64]
@@ -45,16 +32,16 @@ def test_uniform_pressure_on_a_free_sliding_block_gives_uniform_stress(
     scene = block(
         cell,
         degree,
-        load=Load("p", "top", pressure=1.0),
-        material=Material(young, nu, kinematics),
-        contacts=(Contact(friction=0.0),),
-        history=HistoryOptions(kind="monotonic", maximum=p),
-        solver=SolverOptions(symmetry=symmetry),
+        load=rf.Load("p", "top", pressure=1.0),
+        material=rf.Material(young, nu, kinematics),
+        contacts=(rf.Contact(friction=0.0),),
+        history=rf.HistoryOptions(kind="monotonic", maximum=p),
+        solver=rf.SolverOptions(symmetry=symmetry),
     )
-    system = condense(scene)
+    system = rf.condense(scene)
     u = None
     if system is not None:
-        record = evolve(system, scene)
+        record = rf.evolve(system, scene)
         table = record.turning_points
         assert table.p[-1] == pytest.approx(p, rel=1e-11)
         assert np.abs(table.q[-1]).max() == 0.0
@@ -73,7 +60,9 @@ def test_uniform_pressure_on_a_free_sliding_block_gives_uniform_stress(
     bulk.destroy()
 
 
-def sheared(shear: float, poisson: float, loads: tuple[Load, ...], cell: str, degree: int) -> Scene:
+def sheared(
+    shear: float, poisson: float, loads: tuple[rf.Load, ...], cell: str, degree: int
+) -> rf.Scene:
     """A block under its weight, sheared up to a multiple of f times the weight."""
     names = ("weight", *(load.name for load in loads))
     rows = ((1.0,) + (0.0,) * len(loads), (1.0,) + (shear,) * len(loads))
@@ -81,24 +70,24 @@ def sheared(shear: float, poisson: float, loads: tuple[Load, ...], cell: str, de
         cell,
         degree,
         elements=32 // degree,
-        loads=(Load("weight", "top", pressure=1.0), *loads),
-        material=Material(1.0, poisson),
-        contacts=(Contact(friction=FRICTION),),
-        history=HistoryOptions(kind="table", columns=names, rows=rows),
+        loads=(rf.Load("weight", "top", pressure=1.0), *loads),
+        material=rf.Material(1.0, poisson),
+        contacts=(rf.Contact(friction=FRICTION),),
+        history=rf.HistoryOptions(kind="table", columns=names, rows=rows),
     )
 
 
-def sliding_factors(system: ContactSystem, scene: Scene, solver: SolverOptions) -> Array:
+def sliding_factors(system: rf.ContactSystem, scene: rf.Scene, solver: rf.SolverOptions) -> Array:
     """Load factors at which gross sliding is reported."""
-    with pytest.raises(NoEquilibrium, match="gross sliding") as caught:
-        evolve(system, history_from_scene(scene), solver)
+    with pytest.raises(rf.NoEquilibrium, match="gross sliding") as caught:
+        rf.evolve(system, rf.history_from_scene(scene), solver)
     return np.array(named_loads(caught.value, *system.load_names))
 
 
-TOP = Load("top", "top", traction=(FRICTION, 0.0))
+TOP = rf.Load("top", "top", traction=(FRICTION, 0.0))
 SIDES = (
-    Load("right", "right", traction=(0.0, FRICTION)),
-    Load("left", "left", traction=(0.0, -FRICTION)),
+    rf.Load("right", "right", traction=(0.0, FRICTION)),
+    rf.Load("left", "left", traction=(0.0, -FRICTION)),
 )
 
 
@@ -107,19 +96,19 @@ SIDES = (
     ("loads", "poisson"), [((TOP, *SIDES), 0.0), ((TOP,), 0.3)], ids=["uniform", "top"]
 )
 def test_block_sticks_at_99_percent_of_friction_and_slides_at_100(
-    cell: str, degree: int, loads: tuple[Load, ...], poisson: float
+    cell: str, degree: int, loads: tuple[rf.Load, ...], poisson: float
 ) -> None:
     """In uniform stress all of it sticks; sheared at its top only, some of it does."""
     scene = sheared(0.99, poisson, loads, cell, degree)
-    system = condense(scene)
+    system = rf.condense(scene)
     if system is None:
         return
-    record = evolve(system, scene)
+    record = rf.evolve(system, scene)
     state, Q = record.turning_points.state[-1], record.turning_points.Q[-1]
     assert Q.sum() == pytest.approx(-0.99 * FRICTION * 4.0, rel=1e-12)
-    assert np.any(state == State.STICK)
+    assert np.any(state == rf.State.STICK)
     if len(loads) == 3:
-        assert np.all(state == State.STICK)
+        assert np.all(state == rf.State.STICK)
         assert record.turning_points.q[-1] == pytest.approx(-0.99 * FRICTION, rel=1e-11)
         assert record.turning_points.p[-1] == pytest.approx(1.0, rel=1e-11)
     beyond = sheared(1.01, poisson, loads, cell, degree)
@@ -130,10 +119,10 @@ def test_block_sticks_at_99_percent_of_friction_and_slides_at_100(
     ("loads", "poisson"), [((TOP, *SIDES), 0.0), ((TOP,), 0.3)], ids=["uniform", "top"]
 )
 def test_load_steps_say_at_which_load_the_block_slides(
-    loads: tuple[Load, ...], poisson: float
+    loads: tuple[rf.Load, ...], poisson: float
 ) -> None:
     scene = sheared(1.01, poisson, loads, "quadrilateral", 1)
-    system = condense(scene)
+    system = rf.condense(scene)
     if system is not None:
-        steps = SolverOptions(method="gauss-seidel", steps_per_leg=10, max_sweeps=500)
+        steps = rf.SolverOptions(method="gauss-seidel", steps_per_leg=10, max_sweeps=500)
         assert sliding_factors(system, scene, steps) == pytest.approx(1.0, rel=1e-8)

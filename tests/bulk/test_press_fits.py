@@ -17,10 +17,7 @@ from receding_fenicsx.bulk.mesh.raw_mesh import RawMesh, line_of, with_radii
 from receding_fenicsx.bulk.stack import build_all
 from receding_fenicsx.evolution.instants import Instant
 from receding_fenicsx.interface.law import MIRRORED
-from receding_fenicsx.interface.system import ContactState
-from receding_fenicsx.mpi import on_root
 from receding_fenicsx.output.plots.labels import scales_of
-from receding_fenicsx.output.report.summary import summarise
 from receding_fenicsx.output.report.turning_points import zones_header
 from receding_fenicsx.output.snapshots.whole_body import whole_contact
 from receding_fenicsx.studies import run as study
@@ -48,7 +45,7 @@ Physical Curve("bed") = {5};
 def from_file(folder: Path, taper: float, **parts: object) -> rf.Scene:
     """Two rings of 19 by 10 from one .geo file, their fit at radius 20 or on a cone."""
     file = folder / "fit.geo"
-    on_root(comm, lambda: file.write_text(SECTION.replace("TAPER", str(taper))))
+    rf.on_root(comm, lambda: file.write_text(SECTION.replace("TAPER", str(taper))))
     shaft, hub = (rf.Body(name=n, mesh=str(file), surface=n) for n in ("shaft", "hub"))
     scene = rf.Scene(
         body=shaft,
@@ -93,7 +90,7 @@ def test_a_fit_is_shown_over_its_whole_length_in_balance(
     scale = table.P.sum(axis=1).max()
     assert axial == pytest.approx(-np.pi * (B**2 - A**2) * pressure, abs=1e-9 * scale)
     assert np.all(np.abs(table.Q) <= F * table.P + 1e-12 * scale)
-    summary = summarise(record)
+    summary = rf.summarise(record)
     assert zones_header(summary) == "zones"
     for point in summary["turning_points"]:
         assert "p_axis" not in point
@@ -165,7 +162,7 @@ def test_a_cone_on_the_axis_is_shown_from_its_tip(
 ) -> None:
     """A cylinder cut along a cone that sticks, pressed uniformly; the axis holds the tip."""
     file = shared_tmp_path / "tip.geo"
-    on_root(comm, lambda: file.write_text(TIP.replace("RISE", str(rise))))
+    rf.on_root(comm, lambda: file.write_text(TIP.replace("RISE", str(rise))))
     record = study.run(
         rf.Scene(
             body=rf.Body(name="top", mesh=str(file), surface="top"),
@@ -322,11 +319,11 @@ def test_pictures_show_a_fit_once_and_a_plane_on_both_sides_of_the_axis(
     )
     text = SECTION.replace("{10,", "{0,") + "Transfinite Curve {1} = 5;"
     scene = from_file(shared_tmp_path, 0.0, contacts=several, loads=(), supports=())
-    on_root(comm, lambda: (shared_tmp_path / "fit.geo").write_text(text.replace("TAPER", "0")))
+    rf.on_root(comm, lambda: (shared_tmp_path / "fit.geo").write_text(text.replace("TAPER", "0")))
     bulk = build_all(scene, make_meshes(comm, scene, True))
     n = len(bulk.contact.x)
     zeros, states = np.zeros(2 * n), np.full(n, 3, dtype=np.int8)
-    now = Instant(0, 0, 1.0, np.zeros(0), zeros[:n], ContactState(zeros, zeros, states))
+    now = Instant(0, 0, 1.0, np.zeros(0), zeros[:n], rf.ContactState(zeros, zeros, states))
     found = whole_contact(bulk, now)
     bulk.destroy()
     plane, fit = (found.edge == k for k in (0, 1))

@@ -12,48 +12,41 @@ from bodies import CELLS, block, built, cylinder
 from dolfinx import fem
 from numpy.typing import NDArray
 
+import receding_fenicsx as rf
 from receding_fenicsx.bulk import stack
 from receding_fenicsx.bulk.elastic_body import point_values, reference, shape_functions, touches
 from receding_fenicsx.bulk.fields import BodyFields, gather_fields, probe_matrix, solve_fields
 from receding_fenicsx.bulk.mesh.meshing import make_meshes
 from receding_fenicsx.bulk.stack import Stack, build_all
-from receding_fenicsx.errors import InputError
-from receding_fenicsx.scene.model import (
-    Body,
-    Contact,
-    Load,
-    Material,
-    MeshOptions,
-    Probe,
-    Scene,
-    Support,
-)
 
 comm = MPI.COMM_WORLD
 Array = NDArray[np.float64]
 
 STRESSES = ("sxx", "syy", "szz", "sxy")
-PRESS = Load("P", "top", platen=True, force=(0.0, -1.0))
-SIDE = Load("s", "left", (-0.25, 0.25), traction=(1.0, 0.5))
-PULL = Load("d", "right", (0.0, 0.5), displacement=(1.0, "y - 2"))
-DRIVE = Load("d", "upper.left", displacement=(1.0, "y - 2"))
-PAIR = Scene(
-    body=Body("upper", width=4.0, position=(0.0, 2.0)),
-    others=(Body("lower", width=8.0, height=2.0),),
-    material=Material(2.0, 0.3),
-    materials=(Material(3.0, 0.2, name="lower"),),
-    mesh=MeshOptions(contact_elements=12, degree=2),
-    contacts=(Contact("upper.bottom", against="lower.top"),),
+PRESS = rf.Load("P", "top", platen=True, force=(0.0, -1.0))
+SIDE = rf.Load("s", "left", (-0.25, 0.25), traction=(1.0, 0.5))
+PULL = rf.Load("d", "right", (0.0, 0.5), displacement=(1.0, "y - 2"))
+DRIVE = rf.Load("d", "upper.left", displacement=(1.0, "y - 2"))
+PAIR = rf.Scene(
+    body=rf.Body("upper", width=4.0, position=(0.0, 2.0)),
+    others=(rf.Body("lower", width=8.0, height=2.0),),
+    material=rf.Material(2.0, 0.3),
+    materials=(rf.Material(3.0, 0.2, name="lower"),),
+    mesh=rf.MeshOptions(contact_elements=12, degree=2),
+    contacts=(rf.Contact("upper.bottom", against="lower.top"),),
     loads=(
-        Load("p0", "upper.top", (-1.0, 1.0), pressure=1.0),
-        Load("q", "lower.right", traction=(1.0, 0.0)),
+        rf.Load("p0", "upper.top", (-1.0, 1.0), pressure=1.0),
+        rf.Load("q", "lower.right", traction=(1.0, 0.0)),
     ),
-    supports=(Support("xy", edge="lower.bottom"),),
+    supports=(rf.Support("xy", edge="lower.bottom"),),
 )
 CASES = {
     "triangles of order 1": (block(degree=1), False),
     "quadrilaterals of order 2, half": (block("quadrilateral", 2), True),
-    "plane stress, order 2": (block(degree=2, material=Material(2.0, 0.3, "plane stress")), True),
+    "plane stress, order 2": (
+        block(degree=2, material=rf.Material(2.0, 0.3, "plane stress")),
+        True,
+    ),
     "prescribed displacement": (block("quadrilateral", 1, loads=(SIDE, PULL)), False),
     "platen": (block(degree=2, loads=(PRESS, SIDE), supports=()), False),
     "revolution, order 1": (cylinder("quadrilateral", 1), True),
@@ -86,10 +79,10 @@ def at_rest(bulk: stack.Body) -> tuple[Array, Array]:
     return np.zeros(len(bulk.load_names)), np.zeros(2 * len(bulk.contact.node))
 
 
-def with_probes(scene: Scene, points: list[Array]) -> Scene:
+def with_probes(scene: rf.Scene, points: list[Array]) -> rf.Scene:
     names = [body.name for body in scene.bodies]
     probes = [
-        Probe(f"in {k}", points=tuple(map(tuple, at)), body=names[k] if scene.others else None)
+        rf.Probe(f"in {k}", points=tuple(map(tuple, at)), body=names[k] if scene.others else None)
         for k, at in enumerate(points)
     ]
     return replace(scene, probes=tuple(probes))
@@ -206,6 +199,8 @@ def test_shape_functions_carry_linear_fields_in_cells_of_any_shape(kind: str, de
 
 def test_point_outside_a_meshed_body_is_refused_on_all_ranks() -> None:
     made = built(block())
-    with pytest.raises(InputError, match=r"probe 'p': \(0, 1.1\) lies outside the mesh .*; move"):
+    with pytest.raises(
+        rf.InputError, match=r"probe 'p': \(0, 1.1\) lies outside the mesh .*; move"
+    ):
         point_values(made, np.array([[0.0, 0.5], [0.0, 1.1]]), ["probe 'p'"] * 2)
     made.destroy()

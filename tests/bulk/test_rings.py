@@ -13,44 +13,29 @@ import pytest
 from bodies import CELLS, NU, YOUNG, built, cylinder
 from msh import write_msh
 
+import receding_fenicsx as rf
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.bulk.fields import fields_at
 from receding_fenicsx.bulk.from_scene import bulk_of
 from receding_fenicsx.bulk.mesh.meshing import contact_nodes_of, raw_meshes
-from receding_fenicsx.errors import InputError
-from receding_fenicsx.evolution.evolve import evolve
 from receding_fenicsx.evolution.instants import Instant
 from receding_fenicsx.evolution.replay import turning_point
-from receding_fenicsx.interface.system import ContactState
-from receding_fenicsx.mpi import on_root
-from receding_fenicsx.output.report.summary import summarise
 from receding_fenicsx.output.report.turning_points import zones_header, zones_shown
 from receding_fenicsx.output.snapshots.view import view_of
-from receding_fenicsx.scene.history import history_from_scene
-from receding_fenicsx.scene.model import (
-    Body,
-    Contact,
-    HistoryOptions,
-    Load,
-    MeshOptions,
-    Scene,
-    Support,
-)
-from receding_fenicsx.scene.validate import validate
 from receding_fenicsx.studies import run as study
 from receding_fenicsx.timing import Timer
 
 comm = MPI.COMM_WORLD
 
 
-def washer(cell: str = "triangle", degree: int = 2, **parts: object) -> Scene:
+def washer(cell: str = "triangle", degree: int = 2, **parts: object) -> rf.Scene:
     """A ring 3 <= r <= 7 between smooth planes, under pressure inside and on its top."""
     scene = cylinder(
         cell,
         degree,
-        body=Body(width=4.0, height=1.0, position=(5.0, -0.5)),
-        loads=(Load("inside", "left", pressure=1.0), Load("top", "top", pressure=1.0)),
-        history=HistoryOptions(kind="table", columns=("inside", "top"), rows=((0.5, 0.8),)),
+        body=rf.Body(width=4.0, height=1.0, position=(5.0, -0.5)),
+        loads=(rf.Load("inside", "left", pressure=1.0), rf.Load("top", "top", pressure=1.0)),
+        history=rf.HistoryOptions(kind="table", columns=("inside", "top"), rows=((0.5, 0.8),)),
     )
     return replace(scene, **parts)  # type: ignore[arg-type]
 
@@ -60,7 +45,7 @@ def washer(cell: str = "triangle", degree: int = 2, **parts: object) -> Scene:
 def test_rectangle_beside_the_axis_is_lames_ring_at_its_own_radii(cell: str, degree: int) -> None:
     """u_r = ((1 - nu) A r + (1 + nu) B / r + nu p r) / E, with p on the plane everywhere."""
     a, b, inside, top = 3.0, 7.0, 0.5, 0.8
-    record = study.run(washer(cell, degree, mesh=MeshOptions(32, cell, degree, 1.3)))
+    record = study.run(washer(cell, degree, mesh=rf.MeshOptions(32, cell, degree, 1.3)))
     if record is None:
         return
     x, table = record.x, record.turning_points
@@ -75,25 +60,25 @@ def test_rectangle_beside_the_axis_is_lames_ring_at_its_own_radii(cell: str, deg
     # work-conjugate to the pressure inside: the volume that the bore's wall sweeps outwards
     bore = ((1.0 - NU) * A * a + (1.0 + NU) * B / a + NU * top * a) / YOUNG
     assert table.load_displacement[-1, 0] == pytest.approx(2.0 * np.pi * a * bore, rel=tolerance)
-    point = summarise(record)["turning_points"][-1]
+    point = rf.summarise(record)["turning_points"][-1]
     assert point["zones"] == [["contact", a, b]] and point["contact_half_width"] == 2.0
     assert "p_axis" not in point
-    assert zones_shown(point, summarise(record)) == "3.0000 contact to 7.0000"
-    assert zones_header(summarise(record)) == "zones"
+    assert zones_shown(point, rf.summarise(record)) == "3.0000 contact to 7.0000"
+    assert zones_header(rf.summarise(record)) == "zones"
 
 
 def test_profiles_spans_and_tables_of_a_ring_know_its_radii() -> None:
     """Expressions of friction, gap and loads, spans and tables all run from 3 to 7."""
     table = {"x": [3.0, 7.0], "value": [0.3, 0.7]}
-    contact = Contact(
+    contact = rf.Contact(
         span=(3.5, 6.0), friction="0.05*x", initial_gap={"x": [3.0, 7.0], "value": [0.0, 0.4]}
     )
     loads = (
-        Load("inside", "top", (4.0, 6.0), pressure="x"),
-        Load("top", "top", (6.0, 7.0), pressure=table),
+        rf.Load("inside", "top", (4.0, 6.0), pressure="x"),
+        rf.Load("top", "top", (6.0, 7.0), pressure=table),
     )
     scene = washer(contacts=(contact,), loads=loads)
-    validate(scene)
+    rf.validate(scene)
     assert contact_nodes_of(scene) == [10 * scene.mesh.degree + 1]
     bulk = built(scene, half=True)
     down = [-force.getArray(readonly=True)[1::2].sum() for force in bulk.loads]
@@ -109,16 +94,16 @@ def test_profiles_spans_and_tables_of_a_ring_know_its_radii() -> None:
 
 
 def test_a_ring_is_the_same_made_by_a_mesh_file(shared_tmp_path: Path) -> None:
-    rough = washer(contacts=(Contact(friction="0.05*x"),))
+    rough = washer(contacts=(rf.Contact(friction="0.05*x"),))
     path = shared_tmp_path / "ring.msh"
 
     def write() -> None:
         (mesh,) = raw_meshes(rough, True)
         write_msh(path, mesh.points, [mesh.cells], mesh.edges)
 
-    on_root(comm, write)
+    rf.on_root(comm, write)
     comm.barrier()
-    records = [study.run(scene) for scene in (rough, replace(rough, body=Body(mesh=str(path))))]
+    records = [study.run(scene) for scene in (rough, replace(rough, body=rf.Body(mesh=str(path))))]
     if records[0] is not None and records[1] is not None:
         for name in ("P", "Q", "v"):
             a, b = (np.abs(getattr(r.turning_points, name)) for r in records if r is not None)
@@ -127,44 +112,46 @@ def test_a_ring_is_the_same_made_by_a_mesh_file(shared_tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("x", [1.0, 2.0, -5.0, 2.0 + 1e-9])
 def test_a_ring_that_reaches_the_axis_is_refused(x: float) -> None:
-    with pytest.raises(InputError, match=r"\[body\] position: x = .* move it off the axis r = 0"):
-        validate(washer(body=Body(width=4.0, position=(x, 0.0))))
+    with pytest.raises(
+        rf.InputError, match=r"\[body\] position: x = .* move it off the axis r = 0"
+    ):
+        rf.validate(washer(body=rf.Body(width=4.0, position=(x, 0.0))))
 
 
 def test_a_cylinder_presses_a_ring_of_elements_of_its_size() -> None:
-    upper = Body(name="a", width=8.0, height=1.0)
-    lower = Body(name="b", width=2.0, height=1.0, position=(3.0, -1.0))
+    upper = rf.Body(name="a", width=8.0, height=1.0)
+    lower = rf.Body(name="b", width=2.0, height=1.0, position=(3.0, -1.0))
     scene = cylinder(
         degree=2,
-        mesh=MeshOptions(16, "triangle", 2, 1.3),
+        mesh=rf.MeshOptions(16, "triangle", 2, 1.3),
         body=upper,
         others=(lower,),
-        contacts=(Contact(edge="a.bottom", against="b.top", friction=0.0),),
-        loads=(Load("p", "a.top", pressure=1.0),),
-        supports=(Support("y", edge="b.bottom"),),
+        contacts=(rf.Contact(edge="a.bottom", against="b.top", friction=0.0),),
+        loads=(rf.Load("p", "a.top", pressure=1.0),),
+        supports=(rf.Support("y", edge="b.bottom"),),
     )
     record = study.run(scene)
     if record is not None:
         # elements of 0.5 on both, and no image of the contact at the axis
         assert record.x == pytest.approx(np.linspace(2.0, 4.0, 9), abs=1e-12)
         assert record.turning_points.P[-1].sum() == pytest.approx(np.pi * 16.0, rel=1e-10)
-        found = summarise(record)["turning_points"][-1]["zones"]
+        found = rf.summarise(record)["turning_points"][-1]["zones"]
         assert found[0][1] == 2.0 and found[-1][2] == 4.0
 
 
 def test_a_picture_of_a_ring_shows_it_where_it_is() -> None:
     """Both cuts of the body, the contact on the right one, profiles at their radii."""
     gap = "0.01*(x - 3)"
-    scene = washer(contacts=(Contact(friction="0.05*x", initial_gap=gap),))
+    scene = washer(contacts=(rf.Contact(friction="0.05*x", initial_gap=gap),))
     system = study.condense(scene)
 
     def instant() -> Instant:
         assert system is not None
-        record = evolve(system, history_from_scene(scene))
+        record = rf.evolve(system, rf.history_from_scene(scene))
         state = turning_point(record, system, 0)
         return Instant(0, 0, 1.0, record.turning_points.load[0], state.v, state)
 
-    now = comm.bcast(on_root(comm, instant))
+    now = comm.bcast(rf.on_root(comm, instant))
     bulk = bulk_of(scene, comm, Timer())
     found = fields_at(bulk, now.load, np.concatenate([now.v, now.state.w]))
     if found is not None:
@@ -186,17 +173,17 @@ def extremes(x: Array) -> list[float]:
 
 @pytest.mark.parametrize("friction", ["0.1*x", {"x": [0.0, 2.0], "value": [0.0, 0.2]}])
 def test_a_picture_of_a_cylinder_evaluates_profiles_at_radii_on_both_sides(friction: Any) -> None:
-    scene = cylinder(degree=2, contacts=(Contact(friction=friction),))
+    scene = cylinder(degree=2, contacts=(rf.Contact(friction=friction),))
     system = study.condense(scene)
 
     def instant() -> Instant:
         assert system is not None
-        zero = ContactState(
+        zero = rf.ContactState(
             np.zeros(2 * system.n), np.zeros(2 * system.n), np.ones(system.n, np.int8)
         )
         return Instant(0, 0, 1.0, np.ones(1), zero.v, zero)
 
-    now = comm.bcast(on_root(comm, instant))
+    now = comm.bcast(rf.on_root(comm, instant))
     bulk = bulk_of(scene, comm, Timer())
     found = fields_at(bulk, now.load, now.state.u)
     if found is not None:

@@ -11,37 +11,24 @@ import numpy as np
 import pytest
 from bodies import block, cylinder, played
 
+import receding_fenicsx as rf
 from receding_fenicsx.bulk.springs import _across
-from receding_fenicsx.errors import InputError
-from receding_fenicsx.scene.model import (
-    Body,
-    Contact,
-    HistoryOptions,
-    Load,
-    Material,
-    Probe,
-    Scene,
-    Spring,
-    Support,
-)
-from receding_fenicsx.scene.toml_file import from_toml, to_toml
-from receding_fenicsx.studies.run import condense
 
 comm = MPI.COMM_WORLD
 E, K = 2.0, 0.7
-ONCE = HistoryOptions(kind="monotonic")
-SMOOTH = (Contact(friction=0.0),)
+ONCE = rf.HistoryOptions(kind="monotonic")
+SMOOTH = (rf.Contact(friction=0.0),)
 
 
 @pytest.mark.parametrize("degree", [1, 2])
 @pytest.mark.parametrize("round_", [False, True])
 def test_pushed_block_shares_its_load_with_the_foundation(degree: int, round_: bool) -> None:
     """At nu = 0 the top moves by d = p / (E / H + k), and the plane carries E d / H."""
-    press = Load("p", "top", pressure=0.3)
+    press = rf.Load("p", "top", pressure=0.3)
     kinematics = "axisymmetric" if round_ else "plane strain"
     parts: dict[str, Any] = {
-        "material": Material(E, 0.0, kinematics),
-        "springs": (Spring("top", normal=K),),
+        "material": rf.Material(E, 0.0, kinematics),
+        "springs": (rf.Spring("top", normal=K),),
         "history": ONCE,
     }
     scene = (cylinder if round_ else block)("triangle", degree, contacts=SMOOTH, **parts)
@@ -58,14 +45,14 @@ def test_sheared_block_hangs_on_tangential_springs(degree: int) -> None:
     scene = block(
         "quadrilateral",
         degree,
-        material=Material(1e6, 0.3),
+        material=rf.Material(1e6, 0.3),
         contacts=SMOOTH,
         loads=(
-            Load("P", "top", pressure=0.1),
-            Load("Q", "top", (-1.0, 1.0), traction=(0.01, 0.0)),
+            rf.Load("P", "top", pressure=0.1),
+            rf.Load("Q", "top", (-1.0, 1.0), traction=(0.01, 0.0)),
         ),
-        springs=(Spring("top", span=(-1.0, 2.0), tangential=K),),
-        history=HistoryOptions(kind="monotonic", load="Q", constant={"P": 1.0}),
+        springs=(rf.Spring("top", span=(-1.0, 2.0), tangential=K),),
+        history=rf.HistoryOptions(kind="monotonic", load="Q", constant={"P": 1.0}),
     )
     record = played(scene)
     # the resultant through the top is taken up by springs at the top: no moment
@@ -75,12 +62,14 @@ def test_sheared_block_hangs_on_tangential_springs(degree: int) -> None:
 
 @pytest.mark.one_rank
 def test_stiff_springs_are_a_support_and_soft_ones_none() -> None:
-    load = Load("p", "left", (0.0, 0.5), pressure=0.02)
-    press = Load("P", "top", pressure=0.2)
-    history = HistoryOptions(kind="monotonic", load="p", constant={"P": 1.0})
-    scene = block(degree=2, loads=(load, press), history=history, contacts=(Contact(friction=0.2),))
-    held = played(replace(scene, supports=(Support("xy", edge="right"),))).turning_points
-    rigid = Spring("right", normal=1e7, tangential=1e7)
+    load = rf.Load("p", "left", (0.0, 0.5), pressure=0.02)
+    press = rf.Load("P", "top", pressure=0.2)
+    history = rf.HistoryOptions(kind="monotonic", load="p", constant={"P": 1.0})
+    scene = block(
+        degree=2, loads=(load, press), history=history, contacts=(rf.Contact(friction=0.2),)
+    )
+    held = played(replace(scene, supports=(rf.Support("xy", edge="right"),))).turning_points
+    rigid = rf.Spring("right", normal=1e7, tangential=1e7)
     stiff = played(replace(scene, springs=(rigid,))).turning_points
     np.testing.assert_allclose(stiff.P[-1, :-1], held.P[-1, :-1], atol=1e-6)
     soft = played(replace(scene, springs=(replace(rigid, normal=1e-9, tangential=1e-9),)))
@@ -90,33 +79,33 @@ def test_stiff_springs_are_a_support_and_soft_ones_none() -> None:
 
 def test_springs_hold_a_pair() -> None:
     """Two layers, nu = 0: the pressure passes, the top moves by p (H / E + 1/k)."""
-    bodies = [Body(name, height=0.5, position=(0.0, y)) for name, y in (("a", 0.5), ("b", 0.0))]
+    bodies = [rf.Body(name, height=0.5, position=(0.0, y)) for name, y in (("a", 0.5), ("b", 0.0))]
     scene = replace(
-        block(degree=1, material=Material(E, 0.0), history=ONCE),
+        block(degree=1, material=rf.Material(E, 0.0), history=ONCE),
         body=bodies[0],
         others=(bodies[1],),
-        contacts=(Contact("a.bottom", friction=0.0, against="b.top"),),
-        loads=(Load("p", "a.top", pressure=0.3),),
-        springs=(Spring("b.bottom", normal=K),),
+        contacts=(rf.Contact("a.bottom", friction=0.0, against="b.top"),),
+        loads=(rf.Load("p", "a.top", pressure=0.3),),
+        springs=(rf.Spring("b.bottom", normal=K),),
     )
     record = played(scene)
     assert record.turning_points.p[-1] == pytest.approx(0.3, rel=1e-9)
     moved = record.turning_points.load_displacement[-1, 0]
     assert moved == pytest.approx(4.0 * 0.3**2 * (1.0 / E + 1.0 / K), rel=1e-9)
-    assert from_toml(to_toml(scene)) == scene
+    assert rf.from_toml(rf.to_toml(scene)) == scene
 
 
 @pytest.mark.parametrize("round_", [False, True])
 def test_spring_at_a_point_shares_the_load(round_: bool) -> None:
     """At nu = 0 a platen moves by d = F / (E A / H + k), of a ring the full circle."""
-    press = Load("p", "top", platen=True, force=(0.0, -0.3))
+    press = rf.Load("p", "top", platen=True, force=(0.0, -0.3))
     make, area = (cylinder, 4.0 * np.pi) if round_ else (block, 4.0)
     kinematics = "axisymmetric" if round_ else "plane strain"
     scene = make(
         contacts=SMOOTH,
-        material=Material(E, 0.0, kinematics),
+        material=rf.Material(E, 0.0, kinematics),
         loads=(press,),
-        springs=(Spring(point=(1.0, 1.0), y=K),),
+        springs=(rf.Spring(point=(1.0, 1.0), y=K),),
         history=ONCE,
     )
     record = played(scene)
@@ -130,30 +119,32 @@ def test_spring_at_a_point_shares_the_load(round_: bool) -> None:
 def test_spring_at_a_point_holds_a_stiff_block() -> None:
     """The resultant through the point moves the block by F / k; nothing else holds it along x."""
     scene = block(
-        material=Material(1e7, 0.3),
+        material=rf.Material(1e7, 0.3),
         contacts=SMOOTH,
-        loads=(Load("P", "top", pressure=0.1), Load("Q", "left", traction=(0.05, 0.0))),
-        springs=(Spring(point=(2.0, 0.5), x=K),),
-        history=HistoryOptions(kind="monotonic", load="Q", constant={"P": 1.0}),
+        loads=(rf.Load("P", "top", pressure=0.1), rf.Load("Q", "left", traction=(0.05, 0.0))),
+        springs=(rf.Spring(point=(2.0, 0.5), x=K),),
+        history=rf.HistoryOptions(kind="monotonic", load="Q", constant={"P": 1.0}),
     )
     np.testing.assert_allclose(played(scene).turning_points.v[-1], 0.05 / K, rtol=1e-5)
 
 
-def tied(young: float, degree: int = 1, edge: str = "a.bottom", **parts: Any) -> Scene:
+def tied(young: float, degree: int = 1, edge: str = "a.bottom", **parts: Any) -> rf.Scene:
     """A layer on another one, tied beside an open contact by springs of 2 and 1.5 on length 2."""
-    bodies = [Body(name, height=0.5, position=(0.0, y)) for name, y in (("a", 0.5), ("b", 0.0))]
+    bodies = [rf.Body(name, height=0.5, position=(0.0, y)) for name, y in (("a", 0.5), ("b", 0.0))]
     other = {"a.bottom": "b.top", "b.top": "a.bottom"}[edge]
     scene = replace(
-        block(degree=degree, material=Material(young, 0.3)),
+        block(degree=degree, material=rf.Material(young, 0.3)),
         body=bodies[0],
         others=(bodies[1],),
-        contacts=(Contact("a.bottom", (-0.5, 0.5), 0.3, initial_gap=0.2, against="b.top"),),
-        loads=(Load("P", "a.top", pressure=0.3), Load("Q", "a.top", traction=(0.1, 0.0))),
-        supports=(Support("xy", edge="b.bottom"),),
+        contacts=(rf.Contact("a.bottom", (-0.5, 0.5), 0.3, initial_gap=0.2, against="b.top"),),
+        loads=(rf.Load("P", "a.top", pressure=0.3), rf.Load("Q", "a.top", traction=(0.1, 0.0))),
+        supports=(rf.Support("xy", edge="b.bottom"),),
         springs=tuple(
-            Spring(edge, span, 2.0, 1.5, against=other) for span in ((-1.5, -0.5), (0.5, 1.5))
+            rf.Spring(edge, span, 2.0, 1.5, against=other) for span in ((-1.5, -0.5), (0.5, 1.5))
         ),
-        history=HistoryOptions("table", columns=("P", "Q"), rows=((0.5, 0.0), (1.0, 0.0), (1, 1))),
+        history=rf.HistoryOptions(
+            "table", columns=("P", "Q"), rows=((0.5, 0.0), (1.0, 0.0), (1, 1))
+        ),
     )
     return replace(scene, **parts)
 
@@ -170,7 +161,9 @@ def test_stiff_bodies_rest_on_the_springs_between_them(degree: int) -> None:
 def test_springs_between_bodies_balance_whichever_edge_names_them() -> None:
     x = np.linspace(0.5, 1.5, 5)
     probes = tuple(
-        Probe(name, points=tuple((side * place, 0.5) for side in (-1, 1) for place in x), body=name)
+        rf.Probe(
+            name, points=tuple((side * place, 0.5) for side in (-1, 1) for place in x), body=name
+        )
         for name in ("a", "b")
     )
     a = played(tied(E, probes=probes))
@@ -179,7 +172,7 @@ def test_springs_between_bodies_balance_whichever_edge_names_them() -> None:
         one, two = (getattr(r.turning_points, key) for r in (a, b))
         np.testing.assert_allclose(one, two, atol=1e-11)
     assert max(a.energy_error_max, b.energy_error_max) < 1e-11
-    assert from_toml(to_toml(tied(E))) == tied(E)
+    assert rf.from_toml(rf.to_toml(tied(E))) == tied(E)
     # piecewise linear along the edges: the trapezoidal rule is exact
     jump = a.probe("a").displacement[-1] - a.probe("b").displacement[-1]
     weights = 0.25 * np.tile([0.5, 1.0, 1.0, 1.0, 0.5], 2)
@@ -191,7 +184,7 @@ def test_springs_between_bodies_balance_whichever_edge_names_them() -> None:
 
 @pytest.mark.one_rank
 def test_springs_to_a_stiff_body_are_springs_to_the_ground() -> None:
-    stiff = (Material(E, 0.3, name="a"), Material(1e9, 0.3, name="b"))
+    stiff = (rf.Material(E, 0.3, name="a"), rf.Material(1e9, 0.3, name="b"))
     scene = tied(E, 2, materials=stiff)
     grounded = replace(scene, springs=tuple(replace(s, against=None) for s in scene.springs))
     a, b = (played(s).turning_points for s in (scene, grounded))
@@ -211,18 +204,18 @@ def test_springs_to_a_stiff_body_are_springs_to_the_ground() -> None:
     ],
 )
 def test_bad_springs_between_bodies_are_refused(parts: dict[str, Any], words: str) -> None:
-    springs = (replace(Spring("a.bottom", (1.0, 1.5), 1.0, 1.0, against="b.top"), **parts),)
-    with pytest.raises(InputError, match=words) as error:
-        condense(tied(E, springs=springs), comm)
+    springs = (replace(rf.Spring("a.bottom", (1.0, 1.5), 1.0, 1.0, against="b.top"), **parts),)
+    with pytest.raises(rf.InputError, match=words) as error:
+        rf.condense(tied(E, springs=springs), comm)
     assert "\n" not in str(error.value)
 
 
 @pytest.mark.one_rank
 def test_tangential_springs_across_a_gap_are_refused() -> None:
     """Opposite forces along two edges that are apart would turn the pair."""
-    spring = Spring("a.bottom", normal=1.0, against="b.top")
+    spring = rf.Spring("a.bottom", normal=1.0, against="b.top")
     edge, below = (np.array([[0.0, y], [1.0, y]]) for y in (1.0, 0.9))
     down = np.array([0.0, -1.0])
     assert _across(spring, edge, below[::-1], down).tolist() == [1, 0]
-    with pytest.raises(InputError, match=r"tangential: .* are 0.1 apart, where forces"):
+    with pytest.raises(rf.InputError, match=r"tangential: .* are 0.1 apart, where forces"):
         _across(replace(spring, tangential=1.0), edge, below, down)

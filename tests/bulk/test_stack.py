@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
 from mpi4py import MPI
 
@@ -18,10 +17,7 @@ from receding_fenicsx.bulk.mesh.meshing import make_meshes
 from receding_fenicsx.bulk.stack import Stack, build_all
 from receding_fenicsx.evolution.problem import system_for
 from receding_fenicsx.modal import mode_system
-from receding_fenicsx.mpi import on_root
 from receding_fenicsx.output.snapshots.view import load_arrows
-from receding_fenicsx.scene.history import history_from_scene
-from receding_fenicsx.scene.validate import validate
 
 comm = MPI.COMM_WORLD
 ONCE = rf.HistoryOptions(kind="monotonic")
@@ -175,7 +171,7 @@ def test_the_record_of_a_stack_keeps_the_laws_by_code_that_shares_nothing() -> N
     solver, mesh = rf.SolverOptions(symmetry="none"), rf.MeshOptions(4, degree=2)
     scene = layers(loads=STRIP, solver=solver, mesh=mesh)
     system = system_for(scene, rf.given(rf.condense(scene, comm)))
-    assert objections(system, history_from_scene(scene), rf.evolve(system, scene)) == []
+    assert objections(system, rf.history_from_scene(scene), rf.evolve(system, scene)) == []
 
 
 def test_a_plane_is_a_very_stiff_third_body() -> None:
@@ -223,7 +219,7 @@ def test_nodal_forces_of_all_bodies_balance_in_all_contacts(order: tuple[int, ..
         (arrows,) = load_arrows(scene, ("p",), parts, np.ones(1), 0.0, 1.0)
         assert arrows.heads[:, 1] == pytest.approx(3.0, abs=0.1)
 
-    on_root(comm, check)
+    rf.on_root(comm, check)
     stack.destroy()
 
 
@@ -243,7 +239,7 @@ def test_a_beam_on_two_blocks_on_a_base_is_mirror_symmetric() -> None:
         history=ONCE,
         solver=rf.SolverOptions(symmetry="none"),
     )
-    validate(scene)
+    rf.validate(scene)
     record = played(scene)
     states, edge = record.turning_points, record.edge
     sums = [states.P[-1][edge == k].sum() for k in range(5)]
@@ -251,17 +247,6 @@ def test_a_beam_on_two_blocks_on_a_base_is_mirror_symmetric() -> None:
     for left, right in ((0, 1), (2, 3)):
         mirrored = states.P[-1][edge == left][::-1]
         assert states.P[-1][edge == right] == pytest.approx(mirrored, abs=1e-9)
-
-
-@pytest.mark.one_rank
-def test_a_resumed_run_of_a_stack_is_an_uninterrupted_one(tmp_path: Path) -> None:
-    scene = layers(mesh=rf.MeshOptions(contact_elements=8))
-    options = rf.RunOptions(pictures=False)
-    rf.run(replace(scene, history=rf.HistoryOptions(cycles=1)), tmp_path / "run", options)
-    resumed = rf.run(scene, tmp_path / "run", replace(options, resume=True))
-    fresh = rf.run(scene, tmp_path / "fresh", options)
-    assert resumed is not None and fresh is not None
-    assert np.array_equal(resumed.turning_points.P, fresh.turning_points.P)
 
 
 # -- refusals ------------------------------------------------------------------------------------
@@ -289,5 +274,5 @@ def test_a_resumed_run_of_a_stack_is_an_uninterrupted_one(tmp_path: Path) -> Non
 def test_stacks_that_cannot_be_modelled_are_refused(change: dict[str, object], words: str) -> None:
     scene = replace(layers(materials=()), **change)  # type: ignore[arg-type]
     with pytest.raises(rf.InputError, match=words):
-        validate(scene)
+        rf.validate(scene)
         played(scene)

@@ -13,30 +13,13 @@ from bodies import ELEMENTS, condense, displacements, reactions
 from models import q1_stiffness
 from msh import rectangle, write_msh
 
-from receding_fenicsx import evolve, read_scene
+import receding_fenicsx as rf
 from receding_fenicsx.bulk.body import Bulk, back_substitute
 from receding_fenicsx.bulk.fields import Fields, gather_fields, solve_fields
 from receding_fenicsx.bulk.fields import _together as together
 from receding_fenicsx.bulk.mesh.meshing import make_meshes
 from receding_fenicsx.bulk.stack import Stack, build_all
-from receding_fenicsx.errors import InputError, SolveError
-from receding_fenicsx.evolution.record import Record
-from receding_fenicsx.interface.law import State
-from receding_fenicsx.interface.system import ContactSystem
-from receding_fenicsx.mpi import on_root
-from receding_fenicsx.scene.model import (
-    Body,
-    Contact,
-    HistoryOptions,
-    Load,
-    Material,
-    MeshOptions,
-    Scene,
-    SolverOptions,
-    Support,
-)
 from receding_fenicsx.scene.one_body import part_of
-from receding_fenicsx.scene.validate import validate
 from receding_fenicsx.studies.run import condense as condense_scene
 
 comm = MPI.COMM_WORLD
@@ -49,41 +32,41 @@ def pair_scene(
     young: float = 3.0,
     poisson: float = 0.2,
     **parts: object,
-) -> Scene:
+) -> rf.Scene:
     """A block of 4 by 1 on one of 8 by 2 that stands on a support."""
-    scene = Scene(
-        body=Body("upper", width=4.0, position=(0.0, 2.0)),
-        others=(Body("lower", width=8.0, height=2.0),),
-        material=Material(2.0, 0.3),
-        materials=(Material(young, poisson, name="lower"),),
-        mesh=MeshOptions(contact_elements=12, cell=cell, degree=degree, growth=1.3),
-        contacts=(Contact("upper.bottom", against="lower.top"),),
-        loads=(Load("p0", "upper.top", (-1.0, 1.0), pressure=1.0),),
-        supports=(Support("xy", edge="lower.bottom"),),
-        history=HistoryOptions(cycles=2),
+    scene = rf.Scene(
+        body=rf.Body("upper", width=4.0, position=(0.0, 2.0)),
+        others=(rf.Body("lower", width=8.0, height=2.0),),
+        material=rf.Material(2.0, 0.3),
+        materials=(rf.Material(young, poisson, name="lower"),),
+        mesh=rf.MeshOptions(contact_elements=12, cell=cell, degree=degree, growth=1.3),
+        contacts=(rf.Contact("upper.bottom", against="lower.top"),),
+        loads=(rf.Load("p0", "upper.top", (-1.0, 1.0), pressure=1.0),),
+        supports=(rf.Support("xy", edge="lower.bottom"),),
+        history=rf.HistoryOptions(cycles=2),
     )
     return replace(scene, **parts)  # type: ignore[arg-type]
 
 
-def built(scene: Scene, half: bool = False) -> Stack:
+def built(scene: rf.Scene, half: bool = False) -> Stack:
     pair = build_all(scene, make_meshes(comm, scene, half))
     assert isinstance(pair, Stack)
     return pair
 
 
-def system_of(scene: Scene, half: bool = False) -> ContactSystem | None:
-    validate(scene)
+def system_of(scene: rf.Scene, half: bool = False) -> rf.ContactSystem | None:
+    rf.validate(scene)
     pair = built(scene, half)
     system = condense(pair)
     pair.destroy()
     return system
 
 
-def record_of(scene: Scene) -> Record | None:
+def record_of(scene: rf.Scene) -> rf.Record | None:
     system = condense_scene(scene, comm)
     if system is None:
-        return on_root(comm, lambda: None)
-    return on_root(comm, lambda: evolve(system, scene))
+        return rf.on_root(comm, lambda: None)
+    return rf.on_root(comm, lambda: rf.evolve(system, scene))
 
 
 # -- against one body ----------------------------------------------------------------------------
@@ -95,20 +78,20 @@ def test_mirrored_bodies_and_loads_are_one_body_on_a_frictionless_plane(
     symmetry: str, friction: float
 ) -> None:
     round_axis = symmetry == "axis"
-    load = Load("p0", "top", (0.0 if round_axis else -1.0, 1.0), pressure=1.0)
-    one = Scene(
-        material=Material(kinematics="axisymmetric" if round_axis else "plane strain"),
-        mesh=MeshOptions(contact_elements=16),
-        contacts=(Contact(friction=0.0),),
+    load = rf.Load("p0", "top", (0.0 if round_axis else -1.0, 1.0), pressure=1.0)
+    one = rf.Scene(
+        material=rf.Material(kinematics="axisymmetric" if round_axis else "plane strain"),
+        mesh=rf.MeshOptions(contact_elements=16),
+        contacts=(rf.Contact(friction=0.0),),
         loads=(load,),
-        history=HistoryOptions(cycles=2),
-        solver=SolverOptions(symmetry="auto" if round_axis else symmetry),
+        history=rf.HistoryOptions(cycles=2),
+        solver=rf.SolverOptions(symmetry="auto" if round_axis else symmetry),
     )
     two = replace(
         one,
-        body=Body("a"),
-        others=(Body("b", position=(0.0, -1.0)),),
-        contacts=(Contact("a.bottom", against="b.top", friction=friction),),
+        body=rf.Body("a"),
+        others=(rf.Body("b", position=(0.0, -1.0)),),
+        contacts=(rf.Contact("a.bottom", against="b.top", friction=friction),),
         # parts of one load: nothing but their balance holds the bodies
         loads=(replace(load, edge="a.top"), replace(load, edge="b.bottom")),
     )
@@ -118,7 +101,7 @@ def test_mirrored_bodies_and_loads_are_one_body_on_a_frictionless_plane(
         scale = np.abs(a.P).max()
         assert np.abs(a.P - b.P).max() < 1e-11 * scale
         assert np.abs(b.Q).max() < 1e-11 * scale
-        assert np.array_equal(a.state == State.SEPARATION, b.state == State.SEPARATION)
+        assert np.array_equal(a.state == rf.State.SEPARATION, b.state == rf.State.SEPARATION)
         gap = np.abs(a.w).max()
         assert np.abs(2.0 * a.w - b.w).max() < 1e-10 * gap
         assert b.load_displacement == pytest.approx(2.0 * a.load_displacement, rel=1e-10)
@@ -126,8 +109,8 @@ def test_mirrored_bodies_and_loads_are_one_body_on_a_frictionless_plane(
 
 @pytest.mark.parametrize("young", [1e-9, 1e-18])
 def test_ratio_of_moduli_that_costs_too_many_figures_is_said(young: float) -> None:
-    scene = pair_scene(young=young, supports=(Support("xy", edge="lower.bottom"),))
-    with pytest.raises(SolveError, match="moduli closer together"):
+    scene = pair_scene(young=young, supports=(rf.Support("xy", edge="lower.bottom"),))
+    with pytest.raises(rf.SolveError, match="moduli closer together"):
         system_of(scene)
 
 
@@ -141,8 +124,8 @@ def test_tied_bodies_have_the_field_of_one_mesh(
     scene = pair_scene(cell, degree, young=2.0, poisson=0.3, supports=())
     scene = replace(
         scene,
-        loads=(scene.loads[0], Load("side", "lower.right", traction=("y", "0.3"))),
-        supports=(Support("xy", edge="lower.bottom"),),
+        loads=(scene.loads[0], rf.Load("side", "lower.right", traction=("y", "0.3"))),
+        supports=(rf.Support("xy", edge="lower.bottom"),),
     )
 
     def write() -> Path:
@@ -164,14 +147,14 @@ def test_tied_bodies_have_the_field_of_one_mesh(
         cells = np.vstack([first.cells, new[second.cells]])
         return write_msh(shared_tmp_path / "both.msh", np.array(points), [cells], edges)
 
-    on_root(comm, write)
+    rf.on_root(comm, write)
     comm.barrier()
     whole = replace(
         scene,
-        body=Body(mesh=str(shared_tmp_path / "both.msh")),
+        body=rf.Body(mesh=str(shared_tmp_path / "both.msh")),
         others=(),
         materials=(),
-        contacts=(Contact("foot"),),
+        contacts=(rf.Contact("foot"),),
         loads=(replace(scene.loads[0], edge="load"), replace(scene.loads[1], edge="side")),
         supports=(),
     )
@@ -261,22 +244,22 @@ def squares(nx: int, ny: int, h: float, left: float, low: float, young: float, n
 @pytest.mark.parametrize("sides", [False, True])
 @pytest.mark.parametrize("young", [0.02, 3.0, 500.0])
 def test_condensed_pair_is_that_of_an_independent_assembly(young: float, sides: bool) -> None:
-    supports = [Support("xy", edge="lower.bottom")]
+    supports = [rf.Support("xy", edge="lower.bottom")]
     if sides:
         # the lower body's corners lie on the interface: held on one body only
-        supports += [Support("x", edge="lower.left"), Support("x", edge="lower.right")]
+        supports += [rf.Support("x", edge="lower.left"), rf.Support("x", edge="lower.right")]
     scene = pair_scene("quadrilateral", 1, young, 0.2, supports=tuple(supports))
     scene = replace(
         scene,
         body=replace(scene.body, position=(0.0, 1.0)),
         others=(replace(scene.others[0], width=4.0, height=1.0),),
-        mesh=MeshOptions(contact_elements=8, cell="quadrilateral", degree=1, growth=1.0),
+        mesh=rf.MeshOptions(contact_elements=8, cell="quadrilateral", degree=1, growth=1.0),
         loads=(
             scene.loads[0],
-            Load("s", "upper.right", traction=(0.0, 1.0)),
-            Load("b", "lower.right", traction=(0.0, 0.5)),
+            rf.Load("s", "upper.right", traction=(0.0, 1.0)),
+            rf.Load("b", "lower.right", traction=(0.0, 0.5)),
         ),
-        history=HistoryOptions("monotonic", load="p0"),
+        history=rf.HistoryOptions("monotonic", load="p0"),
     )
     pair = built(scene)
     system = condense(pair)
@@ -332,16 +315,16 @@ def test_fields_of_both_bodies_carry_the_reactions_of_the_pair(young: float, sid
 
     Either body may be the stiffer one, whose displacements are eliminated.
     """
-    supports = [Support("xy", edge="lower.bottom")]
-    lower = Body("lower", width=8.0, height=2.0)
+    supports = [rf.Support("xy", edge="lower.bottom")]
+    lower = rf.Body("lower", width=8.0, height=2.0)
     if sides:
         # the ends of the interface are held on the lower body only
         lower = replace(lower, width=4.0)
-        supports += [Support("x", edge="lower.left"), Support("x", edge="lower.right")]
+        supports += [rf.Support("x", edge="lower.left"), rf.Support("x", edge="lower.right")]
     scene = pair_scene("quadrilateral", 1, young, 0.2, supports=tuple(supports), others=(lower,))
-    loads = [scene.loads[0], Load("s", "upper.right", traction=(0.3, "y"))]
+    loads = [scene.loads[0], rf.Load("s", "upper.right", traction=(0.3, "y"))]
     if not sides:
-        loads.append(Load("p0", "lower.right", pressure="y"))
+        loads.append(rf.Load("p0", "lower.right", pressure="y"))
     pair = built(replace(scene, loads=tuple(loads)))
     system = condense(pair)
     load, u, expected = np.array([0.7, -1.1]), None, None
@@ -367,7 +350,7 @@ def test_fields_of_both_bodies_carry_the_reactions_of_the_pair(young: float, sid
 @pytest.mark.parametrize("span", [None, (-1.0, 1.0)])
 def test_platen_on_a_pair_carries_what_the_contact_does(span: tuple[float, float] | None) -> None:
     scene = pair_scene("triangle", 2)
-    table = HistoryOptions(
+    table = rf.HistoryOptions(
         "table",
         columns=("N", "s"),
         rows=((1.0, 0.0), (1.0, 1.0)),
@@ -375,11 +358,11 @@ def test_platen_on_a_pair_carries_what_the_contact_does(span: tuple[float, float
     )
     contact = replace(scene.contacts[0], span=span)
     scene = replace(scene, contacts=(contact,), history=replace(table, cycles=1))
-    down = Load("N", "upper.top", displacement=(0.0, -0.5))
-    aside = Load("s", "upper.top", displacement=(0.1, 0.0))
+    down = rf.Load("N", "upper.top", displacement=(0.0, -0.5))
+    aside = rf.Load("s", "upper.top", displacement=(0.1, 0.0))
     moved = record_of(replace(scene, loads=(down, aside)))
-    force = Load("N", "upper.top", platen=True, force=(0.0, -2.0))
-    shear = Load("s", "upper.top", platen=True, force=(0.4, 0.0))
+    force = rf.Load("N", "upper.top", platen=True, force=(0.0, -2.0))
+    shear = rf.Load("s", "upper.top", platen=True, force=(0.4, 0.0))
     pressed = record_of(replace(scene, loads=(force, shear)))
     if moved is None or pressed is None:
         return
@@ -399,7 +382,7 @@ def test_platen_on_a_pair_carries_what_the_contact_does(span: tuple[float, float
 
 def test_two_surfaces_of_one_file_balance_the_pull_on_their_oblique_pads() -> None:
     demo = Path(__file__).parents[2] / "demos" / "dovetail.toml"
-    record = record_of(read_scene(demo, ["mesh.contact_elements=8", "history.cycles=1"]))
+    record = record_of(rf.read_scene(demo, ["mesh.contact_elements=8", "history.cycles=1"]))
     if record is None:
         return
     table, total = record.turning_points, np.zeros((3, 2))
@@ -419,33 +402,42 @@ def test_two_surfaces_of_one_file_balance_the_pull_on_their_oblique_pads() -> No
     ("change", "words"),
     [
         ({"supports": ()}, "load 'p0' moves both bodies together, and nothing holds them"),
-        ({"supports": (Support("x", edge="lower.bottom"),)}, "load 'p0' moves both bodies"),
-        ({"contacts": (Contact("upper.bottom"),)}, "body 'lower': touches nothing; name one of"),
-        ({"contacts": (Contact("upper.bottom", against="upper.top"),)}, "edge of another body"),
-        ({"mesh": MeshOptions(contact_elements=10, cell="hexagon")}, "cell"),
-        ({"body": Body("upper", position=(0.0, 2.5))}, "do not lie on each other, but 0.5 apart"),
-        ({"body": Body("upper", position=(6.0, 2.0))}, "do not overlap"),
+        ({"supports": (rf.Support("x", edge="lower.bottom"),)}, "load 'p0' moves both bodies"),
+        ({"contacts": (rf.Contact("upper.bottom"),)}, "body 'lower': touches nothing; name one of"),
+        ({"contacts": (rf.Contact("upper.bottom", against="upper.top"),)}, "edge of another body"),
+        ({"mesh": rf.MeshOptions(contact_elements=10, cell="hexagon")}, "cell"),
         (
-            {"body": Body("upper", position=(2.1, 2.0)), "mesh": MeshOptions(11 * 2)},
+            {"body": rf.Body("upper", position=(0.0, 2.5))},
+            "do not lie on each other, but 0.5 apart",
+        ),
+        ({"body": rf.Body("upper", position=(6.0, 2.0))}, "do not overlap"),
+        (
+            {"body": rf.Body("upper", position=(2.1, 2.0)), "mesh": rf.MeshOptions(11 * 2)},
             "ends inside a facet of the other one at",
         ),
-        ({"contacts": (Contact("upper.bottom", against="lower.bottom"),)}, "on each other"),
-        ({"supports": (Support("xy", edge="lower.top"),)}, "'lower.top' lies on the contact edge"),
-        ({"supports": (Support("xy", point=(0.0, 0.0)),)}, "body: must name the body of the point"),
+        ({"contacts": (rf.Contact("upper.bottom", against="lower.bottom"),)}, "on each other"),
+        (
+            {"supports": (rf.Support("xy", edge="lower.top"),)},
+            "'lower.top' lies on the contact edge",
+        ),
+        (
+            {"supports": (rf.Support("xy", point=(0.0, 0.0)),)},
+            "body: must name the body of the point",
+        ),
         (
             {
                 "loads": (
-                    Load("p", "upper.top", pressure=1.0),
-                    Load("p", "upper.top", (0.0, 1.0), pressure=1.0),
+                    rf.Load("p", "upper.top", pressure=1.0),
+                    rf.Load("p", "upper.top", (0.0, 1.0), pressure=1.0),
                 )
             },
             "load 'p': two of its parts are a pressure on the same part of",
         ),
-        ({"others": (Body("lower"), Body("under"))}, "body 'under': touches nothing"),
+        ({"others": (rf.Body("lower"), rf.Body("under"))}, "body 'under': touches nothing"),
     ],
 )
 def test_pairs_that_cannot_be_modelled_are_refused(change: dict, words: str) -> None:
-    with pytest.raises(InputError) as caught:
+    with pytest.raises(rf.InputError) as caught:
         system_of(pair_scene(**change))
     assert words in str(caught.value)
     assert len(set(comm.allgather(str(caught.value)))) == 1

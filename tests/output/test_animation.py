@@ -15,20 +15,14 @@ from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from PIL import Image
 
-from receding_fenicsx import evolve, read_scene
+import receding_fenicsx as rf
 from receding_fenicsx.bulk.fields import Fields, fields_at
 from receding_fenicsx.bulk.from_scene import bulk_of
-from receding_fenicsx.errors import InputError, RecedingError
 from receding_fenicsx.evolution.instants import Instant
-from receding_fenicsx.evolution.replay import instant_of
-from receding_fenicsx.interface.system import ContactState
-from receding_fenicsx.mpi import given
-from receding_fenicsx.output.plots import style
 from receding_fenicsx.output.snapshots import animation, draw
 from receding_fenicsx.output.snapshots.colours import quantity_of
 from receding_fenicsx.output.snapshots.page import RIGHT, Clock, Layout, _draw_clock, compose
 from receding_fenicsx.output.snapshots.view import View
-from receding_fenicsx.pictures import animate
 from receding_fenicsx.studies import run as study
 from receding_fenicsx.timing import Timer
 
@@ -39,9 +33,9 @@ FRAMES = 5
 
 def film(folder: Path, heard: list[str]) -> list[Path] | None:
     """Run the block on a coarse mesh for one cycle and make a film of it."""
-    scene = read_scene(BLOCK, ["mesh.contact_elements=16", "history.cycles=1"])
+    scene = rf.read_scene(BLOCK, ["mesh.contact_elements=16", "history.cycles=1"])
     study.run(scene, folder, study.RunOptions(pictures=False), COMM)
-    return animate(folder, 1, frames=FRAMES, comm=COMM, progress=heard.append)
+    return rf.animate(folder, 1, frames=FRAMES, comm=COMM, progress=heard.append)
 
 
 def test_film_shows_all_frames_with_the_states_and_the_loads(
@@ -89,7 +83,7 @@ def test_film_shows_all_frames_with_the_states_and_the_loads(
     for frame in frames[FRAMES:]:
         assert np.abs(frames[FRAMES - 1].astype(int) - frame).mean() < 1.0
     # at a third of the load, in the middle, all four states occur (paper, Fig. 5)
-    for state, colour in style.STATE_COLOURS.items():
+    for state, colour in rf.style.STATE_COLOURS.items():
         near = np.abs(frames[FRAMES // 2] - 255.0 * np.array(to_rgb(colour))).max(axis=2) < 12.0
         assert near.sum() > 300, f"state {state} does not show"
     pages = Image.open(gif)
@@ -98,7 +92,7 @@ def test_film_shows_all_frames_with_the_states_and_the_loads(
     assert pages.size[0] == 800
     pages.seek(FRAMES // 2)
     pixels = np.asarray(pages.convert("RGB"))
-    for colour in (*style.STATE_COLOURS.values(), style.SHEAR_COLOUR):
+    for colour in (*rf.style.STATE_COLOURS.values(), rf.style.SHEAR_COLOUR):
         near = np.abs(pixels - 255.0 * np.array(to_rgb(colour))).max(axis=2) < 8.0
         assert near.sum() > 30, f"{colour} does not show"
 
@@ -108,10 +102,10 @@ def test_axis_of_a_film_that_ends_unloaded_has_room_for_the_largest_tractions(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     settings = ["mesh.contact_elements=16", "history.rows=[[4.0], [0.0]]"]
-    scene = read_scene(BLOCK.with_name("unloading.toml"), settings)
-    system = given(study.condense(scene, MPI.COMM_SELF))
-    record = evolve(system, scene)
-    instants = [instant_of(scene, system, record, 0, "1", s) for s in (0.0, 0.5, 0.9)]
+    scene = rf.read_scene(BLOCK.with_name("unloading.toml"), settings)
+    system = rf.given(study.condense(scene, MPI.COMM_SELF))
+    record = rf.evolve(system, scene)
+    instants = [rf.instant_of(scene, system, record, 0, "1", s) for s in (0.0, 0.5, 0.9)]
     bulk = bulk_of(scene, MPI.COMM_SELF, Timer())
     made = [fields_at(bulk, now.load, np.concatenate([now.v, now.state.w])) for now in instants]
     fields = [found for found in made if found is not None]
@@ -142,10 +136,12 @@ def test_axis_of_a_film_that_ends_unloaded_has_room_for_the_largest_tractions(
 def test_film_of_two_bodies_merges_no_vertices_of_both(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    scene = read_scene(BLOCK.with_name("layer.toml"), ["mesh.contact_elements=16"])
+    scene = rf.read_scene(BLOCK.with_name("layer.toml"), ["mesh.contact_elements=16"])
     bulk = bulk_of(scene, MPI.COMM_SELF, Timer())
     free = np.zeros(len(bulk.contact.x))
-    state = ContactState(np.zeros(2 * len(free)), np.zeros(2 * len(free)), free.astype(np.int8) + 1)
+    state = rf.ContactState(
+        np.zeros(2 * len(free)), np.zeros(2 * len(free)), free.astype(np.int8) + 1
+    )
     rest = Instant(0, 0, 0.0, np.zeros(len(bulk.load_names)), free, state)
     drawn: list[Fields] = []
     monkeypatch.setattr(animation, "draw_frames", lambda b, film, fields, *_: drawn.extend(fields))
@@ -167,7 +163,7 @@ def test_dots_of_the_dial_lie_on_no_number(now: float) -> None:
     load = np.array([[1.0, 0.5], [-1.0, 1.0], [1.0, 0.5]])
     here = np.array([np.interp(now, time, column) for column in load.T])
     clock = Clock(time, load, ("P", "Q"), now, here, (0.0, 1.0))
-    with mpl.rc_context(style.RC):
+    with mpl.rc_context(rf.style.RC):
         # the size that the dial has on the page
         figure = Figure(figsize=(4.0, 3.0), dpi=200)
         canvas = FigureCanvasAgg(figure)
@@ -193,7 +189,7 @@ def test_dots_of_the_dial_lie_on_no_number(now: float) -> None:
 def test_numbers_at_the_loads_of_a_film_are_not_cut_at_the_edge(lowest: float) -> None:
     load = np.array([[1.0, 0.3], [0.5, lowest], [1.0, 0.3]])
     clock = Clock(np.linspace(0.0, 1.0, 3), load, ("P", "Q"), 0.5, load[1], (0.0, 1.0))
-    with mpl.rc_context(style.RC):
+    with mpl.rc_context(rf.style.RC):
         figure = Figure(figsize=(4.0, 3.0), dpi=200)
         canvas = FigureCanvasAgg(figure)
         axes = figure.add_axes((0.5, 0.5, (RIGHT - 0.5) / 4.0, 0.2))
@@ -223,11 +219,11 @@ def test_failure_of_the_coder_is_said_and_leaves_no_file(
     blank = [np.zeros((4, 4, 3), np.uint8)]
     monkeypatch.setattr(imageio_ffmpeg, "get_ffmpeg_exe", lambda: "/bin/false")
     path = tmp_path / "film.mp4"
-    with pytest.raises(RecedingError, match="FFmpeg failed"):
+    with pytest.raises(rf.RecedingError, match="FFmpeg failed"):
         animation.write_film(path, blank)
     assert not path.exists()
 
 
 def test_unknown_stress_is_refused_with_the_known_ones(shared_tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="max_shear"):
-        animate(shared_tmp_path, 1, stress="szz", comm=COMM)
+    with pytest.raises(rf.InputError, match="max_shear"):
+        rf.animate(shared_tmp_path, 1, stress="szz", comm=COMM)

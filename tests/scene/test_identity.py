@@ -10,50 +10,34 @@ from typing import Any
 
 import pytest
 
-from receding_fenicsx.errors import InputError
+import receding_fenicsx as rf
 from receding_fenicsx.evolution.journal import JOURNAL
 from receding_fenicsx.scene.identity import digest
-from receding_fenicsx.scene.model import (
-    Body,
-    Bolt,
-    Contact,
-    HistoryOptions,
-    Load,
-    Material,
-    MeshOptions,
-    OutputOptions,
-    Probe,
-    Scene,
-    ShakedownOptions,
-    SolverOptions,
-    Spring,
-    Support,
-    Tie,
-)
-from receding_fenicsx.scene.options import Units
 from receding_fenicsx.store.run_folder import SYSTEM, is_finished, run_folder, write_summary
 
 pytestmark = pytest.mark.one_rank
 
-FULL = Scene(
+FULL = rf.Scene(
     title="all keys set",
-    body=Body("a", width=4.0, position=(0.0, 1.0), material="steel"),
-    others=(Body("b", width=6.0),),
-    material=Material(2.0, 0.3),
-    materials=(Material(3.0, 0.2, name="steel"),),
-    mesh=MeshOptions(8, "triangle", 2, 1.3),
-    contacts=(Contact("a.bottom", (-1.0, 1.5), "0.3 + 0.01*x", "0.1*x**2", "b.top", slave="edge"),),
-    loads=(
-        Load("p", "a.top", (-1.0, 0.5), pressure="1 + x**2"),
-        Load("t", "a.left", traction=(1.0, "y")),
-        Load("d", "b.right", displacement=("free", 0.5)),
-        Load("f", "a.right", platen=True, force=(1.0, 2.0)),
+    body=rf.Body("a", width=4.0, position=(0.0, 1.0), material="steel"),
+    others=(rf.Body("b", width=6.0),),
+    material=rf.Material(2.0, 0.3),
+    materials=(rf.Material(3.0, 0.2, name="steel"),),
+    mesh=rf.MeshOptions(8, "triangle", 2, 1.3),
+    contacts=(
+        rf.Contact("a.bottom", (-1.0, 1.5), "0.3 + 0.01*x", "0.1*x**2", "b.top", slave="edge"),
     ),
-    ties=(Tie("a.bottom", (1.6, 1.9), "b.top", "edge"),),
-    supports=(Support("xy", edge="b.bottom"), Support("x", point=(0.0, 0.0), body="b")),
-    springs=(Spring("b.left", (-0.1, 0.1), 1.0, 2.0),),
-    bolts=(Bolt("m", "a.top", "b.right", 0.1, (0.6, 0.8), (0.1, 0.2), (1.0, 0.0), 5.0),),
-    history=HistoryOptions(
+    loads=(
+        rf.Load("p", "a.top", (-1.0, 0.5), pressure="1 + x**2"),
+        rf.Load("t", "a.left", traction=(1.0, "y")),
+        rf.Load("d", "b.right", displacement=("free", 0.5)),
+        rf.Load("f", "a.right", platen=True, force=(1.0, 2.0)),
+    ),
+    ties=(rf.Tie("a.bottom", (1.6, 1.9), "b.top", "edge"),),
+    supports=(rf.Support("xy", edge="b.bottom"), rf.Support("x", point=(0.0, 0.0), body="b")),
+    springs=(rf.Spring("b.left", (-0.1, 0.1), 1.0, 2.0),),
+    bolts=(rf.Bolt("m", "a.top", "b.right", 0.1, (0.6, 0.8), (0.1, 0.2), (1.0, 0.0), 5.0),),
+    history=rf.HistoryOptions(
         "table",
         cycles=7,
         until="steady",
@@ -62,14 +46,16 @@ FULL = Scene(
         cycle_rows=((0.5, 1.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0)),
         initial_slip="0.001*x",
     ),
-    solver=SolverOptions("gauss-seidel", 10, "none", 1.4, False, 1e-9, 1e-11, 99, 1e-7, "static"),
-    output=OutputOptions(5, (1, 3), 4),
-    probes=(
-        Probe("one", points=((0.5, 1.5), (0.0, 1.5)), body="a"),
-        Probe("row", segment=((0.0, 0.5), (1.0, 0.5)), count=3, body="b"),
+    solver=rf.SolverOptions(
+        "gauss-seidel", 10, "none", 1.4, False, 1e-9, 1e-11, 99, 1e-7, "static"
     ),
-    units=Units("mm", "MPa", "N"),
-    shakedown=ShakedownOptions({"p": 1.0}, ({"p": 0.1}, {"p": -0.1}), "stay", 0.1, "p"),
+    output=rf.OutputOptions(5, (1, 3), 4),
+    probes=(
+        rf.Probe("one", points=((0.5, 1.5), (0.0, 1.5)), body="a"),
+        rf.Probe("row", segment=((0.0, 0.5), (1.0, 0.5)), count=3, body="b"),
+    ),
+    units=rf.Units("mm", "MPa", "N"),
+    shakedown=rf.ShakedownOptions({"p": 1.0}, ({"p": 0.1}, {"p": -0.1}), "stay", 0.1, "p"),
 )
 """A scene of two bodies that sets all keys that go with each other."""
 
@@ -144,7 +130,7 @@ def test_run_is_gone_on_with_only_where_no_key_but_the_free_ones_differs(tmp_pat
             assert is_finished(out, replace(other, history=FULL.history)) == done, key
             continue
         table, _, last = key.rpartition(".")
-        with pytest.raises(InputError) as caught:
+        with pytest.raises(rf.InputError) as caught:
             is_finished(out, other)
         named = f"[{table}] {last}" if table else key
         assert f"a run with another {named};" in str(caught.value), key
@@ -159,7 +145,7 @@ def test_saved_system_depends_on_all_of_the_body_and_on_nothing_else() -> None:
         physical &= (table, last) not in UNCONDENSED
         try:
             found = digest(other)
-        except InputError:
+        except rf.InputError:
             impossible.add(key)  # there is no such file or material
             continue
         assert (found != mine) == physical, key

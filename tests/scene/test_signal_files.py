@@ -8,13 +8,9 @@ from mpi4py import MPI
 
 import pytest
 
+import receding_fenicsx as rf
 from receding_fenicsx import cli
-from receding_fenicsx.errors import InputError
-from receding_fenicsx.mpi import on_root
-from receding_fenicsx.scene.history import history_from_scene
 from receding_fenicsx.scene.identity import difference
-from receding_fenicsx.scene.model import HistoryOptions, Scene
-from receding_fenicsx.scene.toml_file import from_toml, read_scene, to_toml
 
 comm = MPI.COMM_WORLD
 BODY = """
@@ -37,12 +33,12 @@ FILE = 'rows = {file = "signal.csv"}\n'
 def put(folder: Path, text: str, name: str = "signal.csv") -> None:
     """Write a file on rank 0."""
     comm.barrier()
-    on_root(comm, lambda: (folder / name).write_text(text, encoding="utf-8"))
+    rf.on_root(comm, lambda: (folder / name).write_text(text, encoding="utf-8"))
     comm.barrier()
 
 
-def read(folder: Path, history: str = FILE, body: str = BODY) -> Scene:
-    return from_toml(f"{body}{history}", folder=folder)
+def read(folder: Path, history: str = FILE, body: str = BODY) -> rf.Scene:
+    return rf.from_toml(f"{body}{history}", folder=folder)
 
 
 @pytest.mark.parametrize(
@@ -61,7 +57,7 @@ def read(folder: Path, history: str = FILE, body: str = BODY) -> Scene:
 )
 def test_every_format_gives_the_same_rows(text: str, shared_tmp_path: Path) -> None:
     put(shared_tmp_path, text)
-    history = history_from_scene(read(shared_tmp_path))
+    history = rf.history_from_scene(read(shared_tmp_path))
     assert history.load_names == ("P", "Q")
     assert history.path.tolist() == [[0.0, 0.0], *map(list, ROWS)]
 
@@ -87,22 +83,22 @@ def test_load_of_the_name_t_is_no_time(shared_tmp_path: Path) -> None:
 
 def test_dwell_of_a_signal_is_one_row(shared_tmp_path: Path) -> None:
     put(shared_tmp_path, "time,P,Q\n0,0,0\n1,0,0\n2,1,0\n3,1,0\n4,1,0\n5,1,0.5\n6,1,0.5\n")
-    assert history_from_scene(read(shared_tmp_path)).path.tolist() == [[0, 0], [1, 0], [1, 0.5]]
+    assert rf.history_from_scene(read(shared_tmp_path)).path.tolist() == [[0, 0], [1, 0], [1, 0.5]]
 
 
 def test_measured_block_is_closed_from_its_end_to_its_beginning(shared_tmp_path: Path) -> None:
     put(shared_tmp_path, "P,Q\n1,0.25\n1.5,-0.5\n1.25,0.5\n")
-    history = history_from_scene(read(shared_tmp_path, 'cycle_rows = {file = "signal.csv"}\n'))
+    history = rf.history_from_scene(read(shared_tmp_path, 'cycle_rows = {file = "signal.csv"}\n'))
     assert history.path.tolist() == [[0, 0], [1.25, 0.5]]
     assert history.loop.tolist() == [[1.25, 0.5], [1, 0.25], [1.5, -0.5], [1.25, 0.5]]
     both = read(shared_tmp_path, FILE + 'cycle_rows = {file = "signal.csv"}\n')
-    assert history_from_scene(both).path.shape == (4, 2) and both.history.columns == ("P", "Q")
+    assert rf.history_from_scene(both).path.shape == (4, 2) and both.history.columns == ("P", "Q")
 
 
 def test_constant_load_stands_beside_a_measured_one(shared_tmp_path: Path) -> None:
     put(shared_tmp_path, "Q\n0\n0.5\n-0.5\n0\n")
     scene = read(shared_tmp_path, f"constant = {{P = 2}}\n{FILE.replace('rows', 'cycle_rows')}")
-    history = history_from_scene(scene)
+    history = rf.history_from_scene(scene)
     assert history.path.tolist() == [[0, 0], [2, 0]]
     assert history.loop.tolist() == [[2, 0], [2, 0.5], [2, -0.5], [2, 0]]
 
@@ -110,7 +106,7 @@ def test_constant_load_stands_beside_a_measured_one(shared_tmp_path: Path) -> No
 def test_scene_holds_the_rows_and_notices_another_file(shared_tmp_path: Path) -> None:
     put(shared_tmp_path, "P,Q\n1,0.25\n1.5,-0.5\n1,0.5\n")
     scene = read(shared_tmp_path)
-    assert from_toml(to_toml(scene), folder=shared_tmp_path / "elsewhere") == scene
+    assert rf.from_toml(rf.to_toml(scene), folder=shared_tmp_path / "elsewhere") == scene
     put(shared_tmp_path, "P,Q\n1,0.25\n1.5,-0.5000001\n1,0.5\n")
     assert difference(scene, read(shared_tmp_path)) == "[history] rows"
 
@@ -167,7 +163,7 @@ def test_bad_keys_beside_a_file_are_refused(
     put(shared_tmp_path, "P,Q\n1,0.5\n1,0.25\n")
     put(shared_tmp_path, "Q,R\n1,0.5\n1,0.25\n", "other.csv")
     body = BODY.replace('kind = "table"\n', "") if "kind" in history else BODY
-    with pytest.raises(InputError) as caught:
+    with pytest.raises(rf.InputError) as caught:
         read(shared_tmp_path, history, body)
     for word in words:
         assert word in str(caught.value), str(caught.value)
@@ -176,6 +172,6 @@ def test_bad_keys_beside_a_file_are_refused(
 def test_scene_file_is_named_with_its_signal(shared_tmp_path: Path) -> None:
     put(shared_tmp_path, BODY + FILE, "scene.toml")
     put(shared_tmp_path, "P,Q\n1,0.25\n1.5,-0.5\n1,0.5\n")
-    assert read_scene(shared_tmp_path / "scene.toml").history == HistoryOptions(
+    assert rf.read_scene(shared_tmp_path / "scene.toml").history == rf.HistoryOptions(
         kind="table", cycles=2, columns=("P", "Q"), rows=ROWS
     )

@@ -11,14 +11,11 @@ import pytest
 from models import block_system
 from small import small_system
 
+import receding_fenicsx as rf
 from receding_fenicsx import cli
-from receding_fenicsx.errors import InputError
 from receding_fenicsx.interface.gauss_seidel.compliance_form import solve_problem, step_problem
 from receding_fenicsx.interface.gauss_seidel.sweeps import GaussSeidelOptions, solve_step
-from receding_fenicsx.interface.system import ContactState, ContactSystem
-from receding_fenicsx.scene.toml_file import read_scene
-from receding_fenicsx.store.fclib import export, write_fclib
-from receding_fenicsx.store.hdf5 import write_system
+from receding_fenicsx.store.fclib import write_fclib
 from receding_fenicsx.studies import run as study
 
 pytestmark = pytest.mark.one_rank
@@ -27,17 +24,17 @@ BLOCK = Path(__file__).parents[2] / "demos" / "block.toml"
 LOAD = np.array([1.0])
 
 
-def held_system() -> ContactSystem:
+def held_system() -> rf.ContactSystem:
     """A block on springs: no rigid motion is left."""
     system = block_system(16, 8)
     K = system.K + 0.02 * np.diag(~system.held).astype(float) * np.abs(system.K).max()
     return replace(system, K=K, rigid=np.zeros((2 * system.n, 0)))
 
 
-def unloading(system: ContactSystem) -> tuple[ContactState, np.ndarray]:
+def unloading(system: rf.ContactSystem) -> tuple[rf.ContactState, np.ndarray]:
     """The state under the full load and the load of the next step."""
     n = system.n
-    rest = ContactState(np.zeros(2 * n), np.zeros(2 * n), np.ones(n, dtype=np.int8))
+    rest = rf.ContactState(np.zeros(2 * n), np.zeros(2 * n), np.ones(n, dtype=np.int8))
     return solve_step(system, rest, LOAD, GaussSeidelOptions()).end, np.array([0.8])
 
 
@@ -121,7 +118,7 @@ def test_a_motion_that_is_free_to_round_off_is_refused(rest: float) -> None:
     turn = np.array([[1.0, -2.0], [2.0, 1.0]]) / np.sqrt(5.0)
     K = turn @ np.diag([2.0, rest]) @ turn.T
     system = small_system(K, {"a": [-1.0, 3.0]}, 0.5)
-    with pytest.raises(InputError, match="singular to round-off"):
+    with pytest.raises(rf.InputError, match="singular to round-off"):
         step_problem(replace(system, rigid=np.zeros((2, 0))), LOAD)
 
 
@@ -205,11 +202,11 @@ def test_siconos_finds_the_same_reactions(first: bool) -> None:
 
 def test_export_of_a_run_s_step_is_that_step(tmp_path: Path) -> None:
     settings = ["mesh.contact_elements=24", "history.cycles=2", "solver.steps_per_leg=400"]
-    scene = read_scene(BLOCK, settings)
+    scene = rf.read_scene(BLOCK, settings)
     record = study.run(scene, tmp_path / "run", study.RunOptions(pictures=False), MPI.COMM_SELF)
     assert record is not None
     path = tmp_path / "step.hdf5"
-    text = export(tmp_path / "run", path, (1, "unloading", 1.0))
+    text = rf.export(tmp_path / "run", path, (1, "unloading", 1.0))
     assert "cycle 1, leg 0, from s = 0.9975 to 1: 25 contacts, 1 rigid" in text
     row = np.flatnonzero((record.turning_points.cycle == 1) & (record.turning_points.leg == 0))[0]
     P = record.turning_points.P[row][24:].copy()
@@ -220,22 +217,22 @@ def test_export_of_a_run_s_step_is_that_step(tmp_path: Path) -> None:
         assert b"from s = 0.9975 to 1" in file["fclib_local/info/description"][()]
     # a step is the exact path up to what changes within it
     np.testing.assert_allclose(r[0::2], P, atol=1e-6 * P.max())
-    with pytest.raises(InputError, match="already exists"):
-        export(tmp_path / "run", path)
-    assert "from s = 0 to 1" in export(tmp_path / "run", path, overwrite=True)
+    with pytest.raises(rf.InputError, match="already exists"):
+        rf.export(tmp_path / "run", path)
+    assert "from s = 0 to 1" in rf.export(tmp_path / "run", path, overwrite=True)
     for where, since, words in (
         ((1, "unloading", 0.0), None, "--at 0"),
         ((1, "unloading", 0.5), 0.6, "--since 0.6"),
         ((7, "unloading", 0.5), None, "cycle 7"),
     ):
-        with pytest.raises(InputError, match=words):
-            export(tmp_path / "run", tmp_path / "x.hdf5", where, since)
+        with pytest.raises(rf.InputError, match=words):
+            rf.export(tmp_path / "run", tmp_path / "x.hdf5", where, since)
 
 
 def test_export_of_a_saved_system_from_the_command_line(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    write_system(tmp_path / "system.h5", block_system(16, 8))
+    rf.write_system(tmp_path / "system.h5", block_system(16, 8))
     arguments = ["export", str(tmp_path / "system.h5"), "--out", str(tmp_path / "x.hdf5")]
     if MPI.COMM_WORLD.size == 1:
         assert cli.main(arguments) == 0

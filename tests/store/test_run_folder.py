@@ -6,17 +6,14 @@ from pathlib import Path
 
 import pytest
 
-from receding_fenicsx.environment import child_environment
-from receding_fenicsx.errors import InputError
+import receding_fenicsx as rf
 from receding_fenicsx.evolution.journal import JOURNAL
-from receding_fenicsx.scene.model import Scene
-from receding_fenicsx.scene.toml_file import read_scene
 from receding_fenicsx.store.run_folder import SCENE, SYSTEM, has_run, part_of, run_folder
 
 pytestmark = pytest.mark.one_rank
 
 BLOCK_FILE = Path(__file__).parents[2] / "demos" / "block.toml"
-BLOCK = read_scene(BLOCK_FILE)
+BLOCK = rf.read_scene(BLOCK_FILE)
 LOCK = f"""
 import pathlib, sys, time
 from receding_fenicsx.store.run_folder import run_folder
@@ -39,7 +36,7 @@ def fill(folder: Path, text: str = "{}") -> None:
     (folder / "summary.json").write_text(text)
 
 
-def interrupt(out: Path, scene: Scene = BLOCK, **how: bool) -> None:
+def interrupt(out: Path, scene: rf.Scene = BLOCK, **how: bool) -> None:
     """Work in a run's folder until killed."""
     with pytest.raises(Killed), run_folder(out, scene, **how) as folder:
         fill(folder)
@@ -66,7 +63,7 @@ def test_only_earlier_runs_are_replaced_and_only_when_asked(tmp_path: Path) -> N
     out.mkdir()
     with run_folder(out, BLOCK) as folder:  # an empty folder holds nothing to lose
         (folder / "summary.json").write_text("first")
-    with pytest.raises(InputError, match=r"already exists.*--overwrite"), run_folder(out, BLOCK):
+    with pytest.raises(rf.InputError, match=r"already exists.*--overwrite"), run_folder(out, BLOCK):
         pass
     with pytest.raises(RuntimeError), run_folder(out, BLOCK, overwrite=True) as folder:
         raise RuntimeError
@@ -77,20 +74,20 @@ def test_only_earlier_runs_are_replaced_and_only_when_asked(tmp_path: Path) -> N
     (tmp_path / "thesis").mkdir()
     (tmp_path / "thesis" / "chapter.tex").write_text("years of work")
     with (
-        pytest.raises(InputError, match="is not the folder of a run"),
+        pytest.raises(rf.InputError, match="is not the folder of a run"),
         run_folder(tmp_path / "thesis", BLOCK, overwrite=True),
     ):
         pass
     assert (tmp_path / "thesis" / "chapter.tex").exists()
     # the finished run has no journal
     with (
-        pytest.raises(InputError, match="no run that can be resumed"),
+        pytest.raises(rf.InputError, match="no run that can be resumed"),
         run_folder(out, BLOCK, resume=True),
     ):
         pass
     (tmp_path / "file").write_text("")
     with (
-        pytest.raises(InputError, match="is a file"),
+        pytest.raises(rf.InputError, match="is a file"),
         run_folder(tmp_path / "file", BLOCK, overwrite=True),
     ):
         pass
@@ -102,7 +99,7 @@ def test_interrupted_run_is_neither_forgotten_nor_taken_for_finished(tmp_path: P
     interrupt(out)
     assert os.listdir(tmp_path) == ["run.part"]
     assert has_run(out)
-    with pytest.raises(InputError, match=r"interrupted run.*--resume.*--overwrite"):
+    with pytest.raises(rf.InputError, match=r"interrupted run.*--resume.*--overwrite"):
         interrupt(out)
     with run_folder(out, BLOCK, resume=True) as folder:
         assert folder == part_of(out) and (folder / SYSTEM).exists()
@@ -117,9 +114,9 @@ def test_interrupted_run_is_neither_forgotten_nor_taken_for_finished(tmp_path: P
 
 def test_run_without_a_checkpoint_is_kept_only_if_a_signal_ended_it(tmp_path: Path) -> None:
     out = tmp_path / "run"
-    with pytest.raises(InputError), run_folder(out, BLOCK) as folder:
+    with pytest.raises(rf.InputError), run_folder(out, BLOCK) as folder:
         (folder / SYSTEM).write_text("condensed")
-        raise InputError("its first leg fails, and would again")
+        raise rf.InputError("its first leg fails, and would again")
     assert os.listdir(tmp_path) == []
     with pytest.raises(Killed), run_folder(out, BLOCK) as folder:
         (folder / SYSTEM).write_text("condensed")
@@ -158,7 +155,7 @@ def test_run_of_another_scene_is_not_resumed(
 ) -> None:
     interrupt(tmp_path / "run")
     other = replace(BLOCK, **{table: replace(getattr(BLOCK, table), **change)})
-    with pytest.raises(InputError, match=f"a run with another {named}"):
+    with pytest.raises(rf.InputError, match=f"a run with another {named}"):
         interrupt(tmp_path / "run", other, resume=True)
     for free in (
         replace(BLOCK, title="another"),
@@ -179,7 +176,7 @@ def test_differing_load_and_contact_are_named(tmp_path: Path) -> None:
         (replace(BLOCK, loads=(load, load)), "load"),
         (replace(BLOCK, contacts=(contact,)), r"\[contact\] friction"),
     ):
-        with pytest.raises(InputError, match=f"a run with another {named}"):
+        with pytest.raises(rf.InputError, match=f"a run with another {named}"):
             interrupt(tmp_path / "run", other, resume=True)
 
 
@@ -188,14 +185,14 @@ def test_folder_in_use_is_left_alone(tmp_path: Path) -> None:
     interrupt(out)
     # a lock belongs to a process: another one takes it
     child = subprocess.Popen(
-        [sys.executable, "-c", LOCK, str(out)], stdout=subprocess.PIPE, env=child_environment()
+        [sys.executable, "-c", LOCK, str(out)], stdout=subprocess.PIPE, env=rf.child_environment()
     )
     assert child.stdout is not None
     try:
         assert child.stdout.readline() == b"locked\n"
         ways: tuple[dict[str, bool], ...] = ({"resume": True}, {"overwrite": True}, {})
         for how in ways:
-            with pytest.raises(InputError, match="another run is using this folder"):
+            with pytest.raises(rf.InputError, match="another run is using this folder"):
                 interrupt(out, BLOCK, **how)
     finally:
         child.kill()

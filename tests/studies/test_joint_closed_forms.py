@@ -9,7 +9,6 @@ from mpi4py import MPI
 
 import numpy as np
 import pytest
-from small import small_system
 
 import receding_fenicsx as rf
 
@@ -63,18 +62,6 @@ def test_two_clamped_beams_dissipate_as_goodman_and_klumpp_say(length: float) ->
     found = rf.evolve(system, scene).cycles.dissipation
     assert found[-1] == pytest.approx(D, rel=2e-4)
     assert np.ptp(found) < 1e-10 * D and len(found) == 100
-
-
-@pytest.mark.one_rank
-def test_the_limit_cycle_of_one_node_is_exact() -> None:
-    k, f = 2.5, 0.4
-    system = small_system(np.diag([k, 2.0]), {"P": [0.0, 1.0], "pull": [-1.0, 0.0]}, f)
-    system = replace(system, load_compliance=np.zeros((2, 2)), load_sign=-np.ones(2))
-    for pull in (0.5, 1.3):
-        path = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, pull]])
-        loop = np.array([[1.0, pull], [1.0, -pull], [1.0, pull]])
-        record = rf.evolve(system, rf.History(("P", "pull"), path, loop, 3))
-        assert record.cycles.dissipation[-1] == pytest.approx(4 * f * (pull - f) / k, rel=1e-14)
 
 
 def dovetail(elements: int) -> rf.Scene:

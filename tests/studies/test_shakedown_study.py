@@ -294,17 +294,6 @@ def test_steady_states_need_cycles() -> None:
 
 
 @pytest.mark.one_rank
-def test_interval_holds_starts_that_reached_a_steady_state() -> None:
-    kinds = ("not reached", "cyclic slip", "shakedown", "failed", "ratchetting")
-    D = np.array([9.0, 3.0, 1.0, np.nan, 2.0])
-    none = np.zeros((5, 1))
-    states = rf.SteadyStates(
-        none[0], kinds, none, D, kinds, none.astype(np.int8), np.ones(5, dtype=np.int64), {}
-    )
-    assert states.interval == (1.0, 3.0) and states.slips_for_ever == 3
-
-
-@pytest.mark.one_rank
 def test_text_and_diagram_name_each_mesh_limit_and_region_by_its_own() -> None:
     system = two_nodes()
     limits = rf.shakedown_limits(system, {"mean": 1.0}, TO_AND_FRO)

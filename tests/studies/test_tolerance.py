@@ -11,21 +11,13 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 
+import receding_fenicsx as rf
 from receding_fenicsx import cli
-from receding_fenicsx.errors import InputError, Interrupted, ToleranceNotMet
-from receding_fenicsx.mpi import on_root
 from receding_fenicsx.output.report.run import ERRORS, verdict
-from receding_fenicsx.output.report.summary import run_table
 from receding_fenicsx.reference.closed_forms import BLOCK
-from receding_fenicsx.scene.model import Scene
-from receding_fenicsx.scene.toml_file import from_toml, read_scene, to_toml
-from receding_fenicsx.store.hdf5 import read_record
-from receding_fenicsx.store.run_folder import read_summary
 from receding_fenicsx.store.workspace import CASES
 from receding_fenicsx.studies import run as study
-from receding_fenicsx.studies.accuracy.estimate import headline
-from receding_fenicsx.studies.accuracy.meshes import is_refined, scaled_mesh
-from receding_fenicsx.studies.sweep import sweep
+from receding_fenicsx.studies.accuracy.meshes import is_refined
 
 DEMOS = Path(__file__).parents[2] / "demos"
 COMM = MPI.COMM_WORLD
@@ -33,28 +25,28 @@ PLAIN = study.RunOptions(pictures=False)
 NARROW = ("contact.friction=0.0", f"load.p0.span=[{-BLOCK.load}, {BLOCK.load}]")
 
 
-def block(*overrides: str) -> Scene:
-    return read_scene(DEMOS / "block.toml", ["history.cycles=1", *overrides])
+def block(*overrides: str) -> rf.Scene:
+    return rf.read_scene(DEMOS / "block.toml", ["history.cycles=1", *overrides])
 
 
-def searching(scene: Scene, tolerance: float, *numbers: str, budget: float = 600.0) -> Scene:
+def searching(scene: rf.Scene, tolerance: float, *numbers: str, budget: float = 600.0) -> rf.Scene:
     options = replace(scene.accuracy, tolerance=tolerance, numbers=numbers, budget_seconds=budget)
     return replace(scene, accuracy=options)
 
 
 def summary_of(folder: Path) -> dict[str, Any]:
-    return read_summary(folder / "summary.json")
+    return rf.read_summary(folder / "summary.json")
 
 
 # -- errors on every scene ------------------------------------------------------------------------
 
 
 def test_bolts_have_their_preloads_on_coarser_meshes(monkeypatch: pytest.MonkeyPatch) -> None:
-    scene = read_scene(DEMOS / "bolted_joint.toml")
+    scene = rf.read_scene(DEMOS / "bolted_joint.toml")
     bolts = tuple(replace(bolt, shortening=None, preload=0.02) for bolt in scene.bolts)
     seen = []
 
-    def errors_of_run(own: Scene, *_: object) -> dict[str, Any]:
+    def errors_of_run(own: rf.Scene, *_: object) -> dict[str, Any]:
         seen.append(own.bolts)
         return {}
 
@@ -79,19 +71,19 @@ def test_errors_are_estimated_on_own_meshes_two_bodies_and_several_edges(
     elements = (
         [] if overrides[:1] == ("mesh.contact_elements=120",) else ["mesh.contact_elements=48"]
     )
-    scene = read_scene(DEMOS / f"{name}.toml", [*elements, *overrides])
+    scene = rf.read_scene(DEMOS / f"{name}.toml", [*elements, *overrides])
     record = study.run(scene, shared_tmp_path / "run", replace(PLAIN, error=True), COMM)
     if record is None:
         return
     errors = summary_of(shared_tmp_path / "run")["errors"]
-    assert list(errors) == list(headline(record)) and expected in errors
+    assert list(errors) == list(rf.headline(record)) and expected in errors
     for name, found in errors.items():
         assert found["converges"] is False or found["error"] > 0.0, name
         if name.startswith(("load_displacement", "dissipation_first")):
             assert found["order"] is not None, name
 
 
-def own_msh(folder: Path, quadrilaterals: int = 0) -> Scene:
+def own_msh(folder: Path, quadrilaterals: int = 0) -> rf.Scene:
     """Return the block as a mesh file that knows nothing of contact elements."""
     text = f"""
     SetFactory("OpenCASCADE"); Rectangle(1) = {{-2, 0, 0, 4, 1}};
@@ -102,7 +94,7 @@ def own_msh(folder: Path, quadrilaterals: int = 0) -> Scene:
     Physical Curve("top") = Curve In BoundingBox{{-3, .9, -1, 3, 1.1, 1}};
     """
     file = folder / "own.geo"
-    on_root(COMM, lambda: file.write_text(text))
+    rf.on_root(COMM, lambda: file.write_text(text))
     scene = block("load.p0.span=[-0.5, 0.5]")
     return replace(scene, body=replace(scene.body, mesh=str(file)))
 
@@ -121,9 +113,9 @@ def test_a_mesh_file_is_refined_and_is_its_own_coarser_partner(shared_tmp_path: 
 
 
 def test_probes_have_errors_too(shared_tmp_path: Path) -> None:
-    text = to_toml(block("mesh.contact_elements=32"))
+    text = rf.to_toml(block("mesh.contact_elements=32"))
     text += '\n[[probe]]\nname = "axis"\npoint = [0.0, 0.5]\n'
-    study.run(from_toml(text), shared_tmp_path / "run", replace(PLAIN, error=True), COMM)
+    study.run(rf.from_toml(text), shared_tmp_path / "run", replace(PLAIN, error=True), COMM)
     if COMM.rank == 0:
         errors = summary_of(shared_tmp_path / "run")["errors"]
         # u_x and s_xy vanish on the axis
@@ -149,11 +141,11 @@ def test_a_tolerance_is_met_and_the_true_error_is_within_it(shared_tmp_path: Pat
         assert abs(row["value"] - limit) <= 2.0 * row["error"] <= 2e-3 * row["size"]
     # the record is that of the last mesh
     last = found["way"][-1]
-    assert len(record.x) == len(read_record(out / "record.h5").x) == last["nodes"]
+    assert len(record.x) == len(rf.read_record(out / "record.h5").x) == last["nodes"]
     assert record.scene is not None
     assert record.scene.mesh.contact_elements == last["elements"]
-    assert verdict(summary) in run_table(summary) and "tolerance 0.002 met" in verdict(summary)
-    printed = run_table(summary, everything=True)
+    assert verdict(summary) in rf.run_table(summary) and "tolerance 0.002 met" in verdict(summary)
+    printed = rf.run_table(summary, everything=True)
     for level in found["way"]:
         assert f"{level['elements']}  " in printed
 
@@ -192,7 +184,7 @@ def test_a_tolerance_beyond_the_budget_keeps_the_best_run(
 
 def test_a_number_that_the_run_lacks_leaves_nothing_behind(shared_tmp_path: Path) -> None:
     out = shared_tmp_path / "run"
-    with pytest.raises(InputError, match="no 'dissipation_ratio'; it has centre_pressure"):
+    with pytest.raises(rf.InputError, match="no 'dissipation_ratio'; it has centre_pressure"):
         study.run(searching(block(*NARROW), 1e-3, "dissipation_ratio"), out, PLAIN, COMM)
     COMM.barrier()  # rank 0 removes its folder after all have heard of the error
     assert not out.exists() and not out.with_name("run.part").exists()
@@ -208,12 +200,12 @@ def test_an_interrupted_search_is_resumed_where_it_was(
     def stop_third(*arguments: Any) -> Any:
         calls.append(1)
         if len(calls) == 3:
-            raise Interrupted("enough", 143)
+            raise rf.Interrupted("enough", 143)
         return evolved(*arguments)
 
     monkeypatch.setattr(study, "_system", stop_third)
     out = shared_tmp_path / "run"
-    with pytest.raises(Interrupted, match="enough") as caught:
+    with pytest.raises(rf.Interrupted, match="enough") as caught:
         study.run(scene, out, PLAIN, COMM)
     assert caught.value.exit_code == 143
     if COMM.rank == 0:
@@ -242,11 +234,11 @@ def test_errors_that_are_interrupted_continue_with_the_meshes_that_are_solved(
     def stop_second(*arguments: Any) -> Any:
         calls.append(1)
         if len(calls) == 2:
-            raise Interrupted("enough", 143)
+            raise rf.Interrupted("enough", 143)
         return solve(*arguments)
 
     monkeypatch.setattr(study, "condense", stop_second)
-    with pytest.raises(Interrupted, match="enough"):
+    with pytest.raises(rf.Interrupted, match="enough"):
         study.run(scene, shared_tmp_path / "run", errors, COMM)
     study.run(scene, shared_tmp_path / "run", replace(errors, resume=True), COMM)
     # of three coarser meshes one was finished, and one was begun twice
@@ -278,7 +270,7 @@ def test_interrupt_between_meshes_says_how_to_continue(
 
 def test_a_finished_search_goes_on_with_a_smaller_tolerance(shared_tmp_path: Path) -> None:
     out, numbers = shared_tmp_path / "run", ("load_displacement",)
-    with pytest.raises(ToleranceNotMet):
+    with pytest.raises(rf.ToleranceNotMet):
         study.run(searching(block(), 1e-3, *numbers, budget=1e-3), out, PLAIN, COMM)
     study.run(searching(block(), 1e-3, *numbers), out, replace(PLAIN, resume=True), COMM)
     if COMM.rank == 0:
@@ -288,8 +280,8 @@ def test_a_finished_search_goes_on_with_a_smaller_tolerance(shared_tmp_path: Pat
 
 
 def test_a_sweep_does_not_leave_a_tolerance_aside_without_a_word(shared_tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="tolerance: a sweep solves all its cases"):
-        sweep(searching(block(), 1e-2), {"contact.friction": [0.1]}, shared_tmp_path / "sweep")
+    with pytest.raises(rf.InputError, match="tolerance: a sweep solves all its cases"):
+        rf.sweep(searching(block(), 1e-2), {"contact.friction": [0.1]}, shared_tmp_path / "sweep")
 
 
 def test_a_search_says_what_is_wrong_with_a_mesh_file_that_no_mesh_can_serve(
@@ -300,14 +292,14 @@ def test_a_search_says_what_is_wrong_with_a_mesh_file_that_no_mesh_can_serve(
         (shared_tmp_path / "empty.msh").write_text(empty)
     COMM.barrier()
     scene = replace(block(), body=replace(block().body, mesh=str(shared_tmp_path / "empty.msh")))
-    with pytest.raises(InputError, match=r"empty.msh\": has no cells"):
+    with pytest.raises(rf.InputError, match=r"empty.msh\": has no cells"):
         study.run(searching(scene, 1e-2), shared_tmp_path / "run", PLAIN, COMM)
     assert not (shared_tmp_path / "run" / "summary.json").exists()
 
 
 def test_sharp_corners_in_contact_are_graded_unasked(shared_tmp_path: Path) -> None:
     """True errors against a mesh twice as fine; equal elements are three times worse."""
-    scene = read_scene(DEMOS / "punch_axisymmetric.toml", ["output.cycles=[]"])
+    scene = rf.read_scene(DEMOS / "punch_axisymmetric.toml", ["output.cycles=[]"])
     record = study.run(searching(scene, 4e-3), shared_tmp_path / "run", PLAIN, COMM)
     off = replace(scene, mesh=replace(scene.mesh, refine=()))
     study.run(searching(off, 0.2), shared_tmp_path / "off", PLAIN, COMM)
@@ -319,8 +311,8 @@ def test_sharp_corners_in_contact_are_graded_unasked(shared_tmp_path: Path) -> N
     assert record.scene is not None
     elements = record.scene.mesh.contact_elements
     finest, equal = (
-        headline(study.run(each, None, PLAIN, MPI.COMM_SELF))  # type: ignore[arg-type]
-        for each in (scaled_mesh(record.scene, 2 * elements), scaled_mesh(scene, elements))
+        rf.headline(study.run(each, None, PLAIN, MPI.COMM_SELF))  # type: ignore[arg-type]
+        for each in (rf.scaled_mesh(record.scene, 2 * elements), rf.scaled_mesh(scene, elements))
     )
     for name in ("centre_pressure", "load_displacement[P]", "dissipation_first_loading"):
         exact, found = finest[name].value, summary["errors"][name]

@@ -12,49 +12,41 @@ import pytest
 from bodies import CELLS, block, built, condense
 from msh import turned, write_msh
 
-from receding_fenicsx import evolve
+import receding_fenicsx as rf
 from receding_fenicsx.bulk.mesh.curves import curve_of
 from receding_fenicsx.bulk.mesh.raw_mesh import RawMesh
-from receding_fenicsx.errors import InputError
 from receding_fenicsx.evolution.problem import with_profiles
-from receding_fenicsx.evolution.record import Record
-from receding_fenicsx.interface.law import State
 from receding_fenicsx.interface.mirror import mirror_of
-from receding_fenicsx.interface.system import ContactSystem
-from receding_fenicsx.mpi import on_root
-from receding_fenicsx.output.plots import figures
-from receding_fenicsx.output.report.summary import run_table, summarise
-from receding_fenicsx.scene.model import Body, Contact, HistoryOptions, Load, Scene, SolverOptions
 from receding_fenicsx.store import hdf5
 from receding_fenicsx.studies.run import condense as condense_scene
 
 comm = MPI.COMM_WORLD
 
 
-def system_of(scene: Scene, half: bool = False) -> ContactSystem | None:
+def system_of(scene: rf.Scene, half: bool = False) -> rf.ContactSystem | None:
     bulk = built(scene, half)
     system = condense(bulk)
     bulk.destroy()
     return system
 
 
-def record_of(scene: Scene) -> Record | None:
+def record_of(scene: rf.Scene) -> rf.Record | None:
     system = condense_scene(scene, comm)
     if system is None:
-        return on_root(comm, lambda: None)
-    return on_root(comm, lambda: evolve(system, scene))
+        return rf.on_root(comm, lambda: None)
+    return rf.on_root(comm, lambda: rf.evolve(system, scene))
 
 
-WALLS = (Contact(span=(-1.5, 1.5)), Contact("left"), Contact("right", friction=0.1))
+WALLS = (rf.Contact(span=(-1.5, 1.5)), rf.Contact("left"), rf.Contact("right", friction=0.1))
 """The block between two walls, on a plane that ends before them."""
 DIRECTIONS = {"bottom": (0.0, 1.0), "left": (1.0, 0.0), "right": (-1.0, 0.0)}
 """n of each edge."""
 
 
-def box(load: Load | None = None, solver: SolverOptions | None = None) -> Scene:
-    history = HistoryOptions(cycles=3, minimum=0.2)
+def box(load: rf.Load | None = None, solver: rf.SolverOptions | None = None) -> rf.Scene:
+    history = rf.HistoryOptions(cycles=3, minimum=0.2)
     scene = block("triangle", 1, 24, load=load, contacts=WALLS, history=history)
-    return replace(scene, solver=solver or SolverOptions())
+    return replace(scene, solver=solver or rf.SolverOptions())
 
 
 @pytest.mark.parametrize("cell", CELLS)
@@ -82,8 +74,8 @@ def test_letting_go_of_two_edges_leaves_the_system_of_the_third(cell: str, degre
 @pytest.mark.parametrize("friction", [0.0, 0.3])
 def test_forces_of_three_edges_balance_the_load(friction: float) -> None:
     contacts = tuple(replace(contact, friction=friction) for contact in WALLS)
-    side = Load("side", "top", traction=(0.2, -0.5))
-    table = HistoryOptions("table", columns=("side",), rows=((1.0,), (0.3,)))
+    side = rf.Load("side", "top", traction=(0.2, -0.5))
+    table = rf.HistoryOptions("table", columns=("side",), rows=((1.0,), (0.3,)))
     record = record_of(replace(box(load=side), contacts=contacts, history=table))
     if record is None:
         return
@@ -101,7 +93,7 @@ def test_forces_of_three_edges_balance_the_load(friction: float) -> None:
 
 def test_both_methods_agree_on_three_edges() -> None:
     exact = record_of(box())
-    steps = SolverOptions(method="gauss-seidel", steps_per_leg=60)
+    steps = rf.SolverOptions(method="gauss-seidel", steps_per_leg=60)
     stepped = record_of(box(solver=steps))
     if exact is None or stepped is None:
         return
@@ -133,26 +125,26 @@ def test_record_files_and_figures_know_the_edges(
         assert np.array_equal(
             nodes[part.events.node], record.events.node[np.isin(record.events.node, nodes)]
         )
-    summary = summarise(read)
+    summary = rf.summarise(read)
     rows = summary["turning_points"]
     assert [row["edge"] for row in rows[:3]] == ["bottom", "left", "right"]
     assert len(rows) == 3 * len(read.turning_points.s)
     assert rows[1]["zones"][0][1] == pytest.approx(-0.5) and rows[1]["zones"][-1][2] == 0.5
-    assert "left" in run_table(summary)
-    with pytest.raises(InputError, match="several contact edges; ask one of them"):
+    assert "left" in rf.run_table(summary)
+    with pytest.raises(rf.InputError, match="several contact edges; ask one of them"):
         read.at(cycle=1)
     assert read.by_edge()["left"].at(cycle=1).x[0] == pytest.approx(-0.5)
     # what the figures show is tested elsewhere
-    monkeypatch.setattr(figures, "save", lambda figure, path: path.touch())
-    made = figures.plot_all(read, shared_tmp_path / "figures", formats=("png",))
+    monkeypatch.setattr(rf.figures, "save", lambda figure, path: path.touch())
+    made = rf.figures.plot_all(read, shared_tmp_path / "figures", formats=("png",))
     whole, *each = sorted({file.parent.name for file in made}, key=lambda name: name != "figures")
     assert (whole, sorted(each)) == ("figures", ["bottom", "left", "right"])
     assert len(made) == len(set(made))
 
 
 def test_two_feet_on_one_edge_are_told_apart_and_mirror_each_other() -> None:
-    feet = (Contact(span=(-2.0, -1.0)), Contact(span=(1.0, 2.0)))
-    record = record_of(block("triangle", 2, 16, contacts=feet, history=HistoryOptions(cycles=1)))
+    feet = (rf.Contact(span=(-2.0, -1.0)), rf.Contact(span=(1.0, 2.0)))
+    record = record_of(block("triangle", 2, 16, contacts=feet, history=rf.HistoryOptions(cycles=1)))
     if record is None:
         return
     left, right = record.by_edge().values()
@@ -165,9 +157,9 @@ def test_two_feet_on_one_edge_are_told_apart_and_mirror_each_other() -> None:
 
 
 def test_half_of_two_symmetric_edges_gives_the_whole() -> None:
-    contacts = (Contact(), Contact("top", (-0.5, 0.5), initial_gap=0.01))
-    load = Load("p0", "top", (1.0, 1.5), pressure=1.0)
-    other = Load("p1", "top", (-1.5, -1.0), pressure=1.0)
+    contacts = (rf.Contact(), rf.Contact("top", (-0.5, 0.5), initial_gap=0.01))
+    load = rf.Load("p0", "top", (1.0, 1.5), pressure=1.0)
+    other = rf.Load("p1", "top", (-1.5, -1.0), pressure=1.0)
     scene = block("triangle", 1, 16, contacts=contacts, loads=(load, other))
     whole = system_of(replace(scene, loads=()))
     half = system_of(replace(scene, loads=()), half=True)
@@ -187,7 +179,7 @@ def test_half_of_two_symmetric_edges_gives_the_whole() -> None:
     assert np.abs(on_whole[m:] - mirror.total(on_half[n:])).max() < 1e-11 * np.abs(on_whole).max()
 
 
-def groove(path: Path, degrees: float, friction: float) -> Scene:
+def groove(path: Path, degrees: float, friction: float) -> rf.Scene:
     """A square that stands on its corner in a right-angled groove, the corner itself being free."""
 
     def write() -> None:
@@ -205,16 +197,16 @@ def groove(path: Path, degrees: float, friction: float) -> Scene:
         places = turned(points, 45.0 + degrees)
         write_msh(path, places, [cells.reshape(-1, 4)], edges)
 
-    on_root(comm, write)
+    rf.on_root(comm, write)
     comm.barrier()
     # a force straight down into the groove, spread over the two upper sides
     down = np.radians(degrees - 90.0)
     traction = (0.5 * np.cos(down), 0.5 * np.sin(down))
-    return Scene(
-        body=Body(mesh=str(path)),
-        contacts=(Contact("left", friction=friction), Contact("right", friction=friction)),
-        loads=(Load("a", "roof", traction=traction), Load("b", "wall", traction=traction)),
-        history=HistoryOptions(
+    return rf.Scene(
+        body=rf.Body(mesh=str(path)),
+        contacts=(rf.Contact("left", friction=friction), rf.Contact("right", friction=friction)),
+        loads=(rf.Load("a", "roof", traction=traction), rf.Load("b", "wall", traction=traction)),
+        history=rf.HistoryOptions(
             "table", columns=("a", "b"), rows=((1.0, 1.0), (1.8, 0.2), (0.8, 0.9))
         ),
     )
@@ -243,7 +235,7 @@ def test_groove_carries_the_load_and_may_be_turned(friction: float, shared_tmp_p
         scale = np.abs(a.P if name in "PQ" else a.v).max()
         assert np.abs(getattr(b, name) - expected).max() < 1e-9 * scale
     assert np.array_equal(a.state, b.state) or friction == 0.0
-    assert friction == 0.0 or State.FORWARD_SLIP in a.state
+    assert friction == 0.0 or rf.State.FORWARD_SLIP in a.state
 
 
 def test_normals_of_an_arc_of_unequal_facets_are_those_of_its_circle() -> None:

@@ -12,13 +12,10 @@ import numpy as np
 import pytest
 from bodies import block, make_mesh
 
+import receding_fenicsx as rf
 from receding_fenicsx import workers
 from receding_fenicsx.bulk.mesh import user_mesh
 from receding_fenicsx.bulk.mesh.meshing import raw_meshes
-from receding_fenicsx.errors import InputError
-from receding_fenicsx.mpi import on_root
-from receding_fenicsx.scene.model import Body, Contact, Load, MeshOptions, Scene
-from receding_fenicsx.scene.toml_file import read_scene
 
 comm = MPI.COMM_WORLD
 DEMOS = Path(__file__).parents[3] / "demos"
@@ -30,13 +27,13 @@ Physical Curve("foot") = {1}; Physical Curve("head") = {3};
 FACTORY = 'SetFactory("OpenCASCADE");'
 
 
-def geo_scene(path: Path, text: str) -> Scene:
-    on_root(comm, lambda: path.write_text(FACTORY + text))
+def geo_scene(path: Path, text: str) -> rf.Scene:
+    rf.on_root(comm, lambda: path.write_text(FACTORY + text))
     comm.barrier()
     return block(
-        body=Body(mesh=str(path)),
-        contacts=(Contact(edge="foot"),),
-        load=Load("p", "head", pressure=1.0),
+        body=rf.Body(mesh=str(path)),
+        contacts=(rf.Contact(edge="foot"),),
+        load=rf.Load("p", "head", pressure=1.0),
     )
 
 
@@ -55,7 +52,7 @@ def test_file_that_ends_gmsh_is_refused_on_all_ranks(
     text: str, words: str, shared_tmp_path: Path
 ) -> None:
     scene = geo_scene(shared_tmp_path / "my.geo", GEO + text)
-    with pytest.raises(InputError) as caught:
+    with pytest.raises(rf.InputError) as caught:
         make_mesh(comm, scene, False)
     texts = set(comm.allgather(str(caught.value)))
     assert len(texts) == 1 and "\n" not in str(caught.value)
@@ -66,7 +63,7 @@ def test_file_that_ends_gmsh_is_refused_on_all_ranks(
 def test_process_answers_the_mesh_that_gmsh_makes_here(tmp_path: Path) -> None:
     body = geo_scene(tmp_path / "my.geo", GEO + 'Printf("%g", width);').body
     (child,), (here,) = (
-        read([body], MeshOptions(contact_elements=8), False)
+        read([body], rf.MeshOptions(contact_elements=8), False)
         for read in (user_mesh.read_user_meshes, user_mesh._meshes)
     )
     assert len(here.cells) > 8 and set(here.edges) == {"foot", "head"}
@@ -75,7 +72,7 @@ def test_process_answers_the_mesh_that_gmsh_makes_here(tmp_path: Path) -> None:
 
 @pytest.mark.one_rank
 def test_bodies_of_one_file_are_meshed_together(monkeypatch: pytest.MonkeyPatch) -> None:
-    scene = read_scene(DEMOS / "dovetail.toml", ["mesh.contact_elements=8"])
+    scene = rf.read_scene(DEMOS / "dovetail.toml", ["mesh.contact_elements=8"])
     apart = [user_mesh.read_user_meshes([body], scene.mesh)[0] for body in scene.bodies]
     jobs: list[object] = []
 

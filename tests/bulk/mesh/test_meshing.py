@@ -132,13 +132,6 @@ def test_layers_of_quadrilaterals_shrink_towards_ends_of_loads() -> None:
     assert 0.75 < ratio.min() and ratio.max() < 1.33
 
 
-def test_growth_one_makes_squares() -> None:
-    points, cells = everything(make_mesh(comm, block("quadrilateral", growth=1.0), False))
-    extent = np.ptp(points[cells], axis=1)
-    assert len(cells) == 16 * 4
-    assert extent == pytest.approx(np.full(extent.shape, 0.25), rel=1e-9)
-
-
 @pytest.mark.parametrize("half", [False, True])
 def test_vertices_lie_at_ends_of_spans_and_at_points(half: bool) -> None:
     wanted = [(0.77, 1.0), (2.0, 0.31), (1.5, 0.0), (0.31, 0.47)]
@@ -226,12 +219,6 @@ def test_misfit_without_a_near_count_advises_to_move() -> None:
         make_mesh(comm, scene, False)
 
 
-def test_columns_of_quadrilaterals_must_meet_the_load() -> None:
-    load = Load("push", "top", (-0.6, 0.6), pressure=1.0)
-    with pytest.raises(InputError, match=r"load 'push' span .* use 20"):
-        make_mesh(comm, block("quadrilateral", load=load), False)
-
-
 @pytest.mark.parametrize(
     ("change", "message"),
     [
@@ -281,8 +268,3 @@ def test_a_gmsh_session_of_the_user_survives() -> None:
         assert len(gmsh.model.getEntities(0)) == 1
     finally:
         gmsh.finalize()
-
-
-def test_missing_geometry_is_named() -> None:
-    with pytest.raises(InputError, match=r"'nothing\.geo' is missing"):
-        geo_path("nothing.geo")
