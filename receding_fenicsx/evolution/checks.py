@@ -21,17 +21,8 @@ def energy_error(
 ) -> tuple[float, float]:
     """Return the relative error of D + change of (1/2 u K u) + integral lambda r* . du = 0.
 
-    With K u = r - sum lambda r* at both ends.
-
-    Args:
-        system: the condensed body in 2N form.
-        start: state at the leg's start.
-        ends: (n_loads,) load factors at its start and at its end.
-        leg: the leg.
-        energy_scale: largest energy of an earlier leg.
-
-    Returns:
-        The error, and the largest energy of a leg so far.
+    With K u = r - sum lambda r* at both ends, of a leg and load factors (n_loads,) at its ends. The
+    largest energy of a leg, of the earlier ones before, is returned too.
     """
     forces = leg.end.r + start.r - (ends[0] + ends[1]) @ system.r_star
     stored = 0.5 * float((leg.end.u - start.u) @ forces)
@@ -50,13 +41,7 @@ def energy_error(
 
 
 def check_energy(model: ContactSystem, error: float, load: Array) -> None:
-    """Raise SolveError where a leg of the exact path breaks its energy identity.
-
-    Args:
-        model: the condensed body.
-        error: energy error of the leg.
-        load: (n_loads,) load factors at its end.
-    """
+    """Raise SolveError where a leg of the exact path breaks its energy identity."""
     if error > 1e-6:  # correct ones have up to 1e-8
         raise SolveError(
             f"the exact path breaks the energy identity before {model.load_text(load)}: "
@@ -66,13 +51,7 @@ def check_energy(model: ContactSystem, error: float, load: Array) -> None:
 
 
 def check_force_range(model: ContactSystem, history: History, force: float) -> None:
-    """Raise SolveError where the cycles change the forces too little to be told from round-off.
-
-    Args:
-        model: the condensed body in 2N form.
-        history: the history.
-        force: largest nodal force of the first loading.
-    """
+    """Raise SolveError where the cycles change the forces by no more than their round-off."""
     way = (history.loop - history.loop[0]) @ model.r_star
     change = float(np.abs(way).max(initial=0.0))
     if change < 1e-7 * force:
@@ -101,11 +80,7 @@ def check_landing(model: ContactSystem, end: ContactState) -> None:
 
 
 def check_holds(model: ContactSystem, leg: Leg, load: Array) -> None:
-    """Check that something holds the body at the end of a leg.
-
-    Raises:
-        NoEquilibrium: the displacements are so large that only round-off of K balances the loads.
-    """
+    """Raise NoEquilibrium where only round-off of K balances the loads at a leg's end."""
     if is_carried_by_round_off(model, leg.end.u, leg.force_scale):
         raise NoEquilibrium(
             f"nothing holds the body at {model.load_text(load)}: it has moved by "

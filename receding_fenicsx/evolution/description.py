@@ -26,13 +26,7 @@ WIDTH, HEIGHT, LEFT = 560, 18, 200
 
 
 def text_of(record: RecordData, title: str, edges: Mapping[str, RecordData]) -> str:
-    """Return what a record is of and its headline numbers, at most 30 lines.
-
-    Args:
-        record: the record.
-        title: what was evolved.
-        edges: the record of each contact edge by itself, by the edge's name.
-    """
+    """Return what a record, and each edge's by itself, is of, in at most 30 lines."""
     which = "half of the contact" if record.half else "the whole contact"
     points, samples, steady = record.turning_points, record.samples, record.steady
     D, load = record.cycles.dissipation, record.turning_points.load
@@ -78,12 +72,7 @@ def text_of(record: RecordData, title: str, edges: Mapping[str, RecordData]) -> 
 
 
 def html_of(text: str, edges: Mapping[str, RecordData]) -> str:
-    """Return a description with a strip of zones for each of the last turning points.
-
-    Args:
-        text: the description of a record.
-        edges: the record of each contact edge by itself, by the edge's name.
-    """
+    """Return a description with a strip of zones for each of an edge's last turning points."""
     strips = _last_turning_points(edges)
     states = sorted({int(s) for _, at in strips for s in np.unique(at.state)})
     legend = " ".join(

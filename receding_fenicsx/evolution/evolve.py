@@ -112,19 +112,8 @@ def continue_history(
     """Evolve a problem from the end of the last cycle of its journal, from rest if it has none.
 
     At each checkpoint of the journal the solver is replaced by a new one, so that a run resumed
-    there equals an undisturbed one bit by bit.
-
-    Args:
-        problem: what is evolved.
-        journal: the finished cycles; takes the further ones.
-        progress: called after every cycle.
-
-    Returns:
-        The record of the whole contact.
-
-    Raises:
-        SolveError: a solver found no answer that satisfies the contact law; its ``record`` holds
-            the history up to the leg that failed.
+    there equals an undisturbed one bit by bit. The ``record`` of a SolveError holds the history up
+    to the leg that failed.
     """
     cycles, history = journal.cycles, problem.history
     run = RunState(problem, cycles)

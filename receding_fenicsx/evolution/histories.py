@@ -50,21 +50,14 @@ def with_corners(
 ) -> tuple[Scene, Array | None]:
     """Return a scene with the number of corners that its harmonic history needs, bolts tightened.
 
-    The corners are doubled until the error estimate of the dissipation meets the tolerance.
+    The corners are doubled until the error estimate of the dissipation meets the tolerance;
+    SolveError where the largest number does not. A scene without a harmonic history, with a fixed
+    number of corners, or with all loads in phase (where two corners are exact) is returned as it
+    is.
 
-    Args:
-        system: the condensed body.
-        scene: a scene; one without a harmonic history, with a fixed number of corners, or with all
-            loads in phase (where two corners are exact) is returned as it is.
-        say: called with the progress.
-
-    Returns:
-        The scene with ``history.corners``, and a row for each polygon: (k, 2) its corners and its
-        error estimate, NaN in the first two rows. None where nothing was doubled. Where a polygon
-        cannot be followed to its end, the scene with that polygon.
-
-    Raises:
-        SolveError: the largest number of corners does not meet the tolerance.
+    With the scene comes a row (k, 2) for each polygon, its corners and error estimate, NaN in the
+    first two; None where nothing was doubled. Where a polygon cannot be followed to its end, the
+    scene has that polygon.
     """
     scene, options = tightened(system, scene), scene.history
     if options.kind != "harmonic" or options.corners is not None or is_straight(options):
@@ -117,12 +110,7 @@ def _dissipation(problem: Problem, scene: Scene) -> tuple[Array, float]:
 def tightened(system: ContactSystem, scene: Scene) -> Scene:
     """Return a scene whose bolts with preloads have the shortenings that give them.
 
-    Args:
-        system: the condensed body.
-        scene: the scene; one without such bolts, or with shortenings, is returned as it is.
-
-    Raises:
-        SolveError: there is no equilibrium on the way, or Newton's method does not converge.
+    SolveError: there is no equilibrium on the way, or Newton's method does not converge.
     """
     names = scene.load_names
     free = [bolt for bolt in scene.bolts if bolt.shortening is None]

@@ -60,15 +60,9 @@ def event_rows(system: ContactSystem, count: int = 0) -> NDArray[np.void]:
 def instant(
     system: ContactSystem, place: tuple[int, int, float], load: Array, state: ContactState
 ) -> Instant:
-    """Return a state with its place on the load path.
+    """Return a state, in the 2N layout, with its place on the load path: cycle, leg and position s.
 
     Without friction v is no unknown: v = slip_map @ [w; lambda].
-
-    Args:
-        system: the condensed body.
-        place: cycle, leg and position s.
-        load: load factors.
-        state: state in the 2N layout of the solvers.
     """
     v = state.v
     if system.slip_map is not None:
@@ -77,12 +71,7 @@ def instant(
 
 
 def rest_state(system: ContactSystem, slip: Array | None = None) -> ContactState:
-    """Return the state without loads: u = [slip; 0], r = 0, open nodes where there is a gap.
-
-    Args:
-        system: the condensed body.
-        slip: (N,) tangential displacement at rest; none when left out.
-    """
+    """Return the state without loads: u = [slip; 0], r = 0, open nodes where there is a gap."""
     n = system.n
     v = np.zeros(n) if slip is None else slip
     state = np.where(system.g0 > 0.0, State.SEPARATION, State.STICK).astype(np.int8)

@@ -78,13 +78,7 @@ class JournalFile(Journal):
     def __init__(self, path: Path, system: ContactSystem, checkpoint_cycles: int) -> None:
         """Open the journal of a run and read its checkpoints, or create it.
 
-        Args:
-            path: the file; an incomplete block at its end is cut off.
-            system: the condensed body.
-            checkpoint_cycles: cycles between two checkpoints.
-
-        Raises:
-            InputError: it is the file of another program or of another system.
+        An incomplete block at its end is cut off. InputError: it is of another system or program.
         """
         super().__init__(checkpoint_cycles)
         self.path = Path(path)
@@ -109,11 +103,7 @@ class JournalFile(Journal):
             self.write()
 
     def write(self) -> None:
-        """Write all cycles up to the last checkpoint.
-
-        Raises:
-            RecedingError: the disk is full, or the file cannot be written any more.
-        """
+        """Write all cycles up to the last checkpoint."""
         if self._ready == self._written:
             return
         begin = time.monotonic()
@@ -168,10 +158,6 @@ def is_checkpoint(cycle: int, every: int) -> bool:
 
     Checkpoints are ``every`` cycles apart at first. The spacing doubles with each doubling of the
     cycles beyond ``FINISHED_PER_LOST_CYCLE * every``.
-
-    Args:
-        cycle: number of the cycle, 0 for the first loading.
-        every: cycles between two checkpoints at the beginning.
     """
     # finished cycles per cycle that a kill may lose in long histories, at least: each checkpoint
     # costs the time of some cycles, as factors and rates are computed anew

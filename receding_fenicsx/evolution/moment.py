@@ -180,18 +180,7 @@ def extreme_row(points: States, rows: NDArray[np.intp], load: str) -> int:
 def _stored(
     rows: list[tuple[States, int]], load: float | None, s: float | None, scale: float, where: str
 ) -> tuple[States, int]:
-    """Return the one row at a load factor or a position s.
-
-    Args:
-        rows: tables and rows to select from.
-        load: load factor, None for any.
-        s: position along the leg, None for any.
-        scale: largest load factor.
-        where: the cycle and leg, for error messages.
-
-    Raises:
-        InputError: none is there, or several on different legs are.
-    """
+    """Return the one row at a load factor or a position s; None stands for any."""
     off = np.zeros(len(rows))
     if load is not None:
         off = np.array([abs(float(t.load[k, 0]) - load) for t, k in rows]) / scale

@@ -37,18 +37,11 @@ def known_places(start: ContactState, ends: tuple[Array, Array], leg: Leg) -> Pl
 
 
 def probed_at(system: ContactSystem, known: Places | None, wanted: Array) -> Array:
-    """Return displacements and stresses (6 m,) at the probes, at places along a leg.
+    """Return displacements and stresses (k, 6 m) at the m points of the probes, at places on a leg.
 
     Between two events the path is straight, so that values at an event itself are exact; where a
-    solver does not tell the displacements there they are linear between its samples.
-
-    Args:
-        system: the condensed body.
-        known: where the displacements are known; None for a leg that is one static problem.
-        wanted: (k,) places of events.
-
-    Returns:
-        The values (k, 6 m) at each place, NaN where nothing is known; m = 0 without probes.
+    solver does not tell the displacements there they are linear between its samples. Values are NaN
+    where nothing is known, as on a leg that is one static problem.
     """
     if system.probes is None or known is None or not len(wanted):
         return np.full((len(wanted), event_rows(system)["probed"].shape[1]), np.nan)
@@ -73,14 +66,6 @@ def probes_table(
 
     At each place of the load path there is one instant: a turning point rather than the sample or
     event there.
-
-    Args:
-        system: the condensed body.
-        corners: ends of the legs.
-        samples: samples and events of the kept cycles.
-
-    Returns:
-        The table; None for a system without probes.
     """
     probes = system.probes
     if probes is None:

@@ -30,9 +30,6 @@ def with_profiles(scene: Scene, system: ContactSystem) -> ContactSystem:
     They are evaluated here only, for a newly condensed body and for a saved one. Body, material,
     mesh, contact edges, loads and supports of the scene must be those that the system was condensed
     from. Probes of another scene are dropped.
-
-    Raises:
-        InputError: friction or gap is negative at a node, or cannot be evaluated there.
     """
     pairs = [directions(contact.friction) for contact in scene.contacts]
     f, f_backward = (_values(scene, system, "friction", p) for p in zip(*pairs, strict=True))
@@ -174,13 +171,7 @@ class Problem:
 
 
 def problem_of_scene(system: ContactSystem, scene: Scene) -> Problem:
-    """Return the problem of a scene on the system condensed from its body.
-
-    Raises:
-        ValueError: the shortenings of its bolts are not known
-            (:mod:`~receding_fenicsx.evolution.histories`).
-        InputError: the scene is not valid, or the system is that of another body.
-    """
+    """Return the problem of a scene, its bolts tightened, on the system of its body."""
     validate(scene)
     if any(bolt.shortening is None for bolt in scene.bolts):
         raise ValueError("bolts with preloads have to be tightened first")
@@ -214,12 +205,7 @@ def problem_of_history(
     output: OutputOptions | None = None,
     initial_slip: Array | None = None,
 ) -> Problem:
-    """Return the problem of a path of load factors on a system as it is.
-
-    Raises:
-        InputError: the history's loads are not the system's, or an array has a wrong length or
-            values without meaning.
-    """
+    """Return the problem of a path of load factors on a system as it is."""
     return _checked(
         replace(system, scene_toml=""),
         history,

@@ -114,11 +114,7 @@ class Record(RecordData):
         return moment.find(self, cycle, load, leg, s)
 
     def probe(self, name: str) -> ProbeHistory:
-        """Return displacements and stresses at the points of a probe, along the load path.
-
-        Raises:
-            InputError: the record has no such probe.
-        """
+        """Return displacements and stresses at the points of a probe, along the load path."""
         return history_of(self, name)
 
     def to_table(self, which: str = "turning_points") -> dict[str, NDArray[Any]]:

@@ -40,15 +40,9 @@ SOLVERS: dict[str, Callable[[ContactSystem, SolverOptions], Solver]] = {
 def make_solver(
     system: ContactSystem, options: SolverOptions, chooser: Chooser | None = None
 ) -> Solver:
-    """Return a new solver of the method asked for.
+    """Return a new solver of a method for a system of ``kind = "frictional"``.
 
-    Args:
-        system: the condensed body, ``kind = "frictional"``.
-        options: method and tolerances.
-        chooser: chooses among several continuations of the exact path; None takes the first.
-
-    Raises:
-        InputError: there is no such method.
+    ``chooser`` chooses among several continuations of the exact path; None takes the first.
     """
     if options.method not in SOLVERS:
         raise InputError(f'method "{options.method}": is unknown; use one of {", ".join(SOLVERS)}')

@@ -104,11 +104,7 @@ def _parts(record: RecordData, which: str) -> tuple[Columns, Columns, Columns]:
 
 
 def optional(name: str) -> ModuleType:
-    """Import pandas or xarray.
-
-    Raises:
-        InputError: it is not installed.
-    """
+    """Import pandas or xarray."""
     try:
         return import_module(name)
     except ModuleNotFoundError:

@@ -90,13 +90,7 @@ class LimitSearch:
         return True
 
     def _cycle(self, cycles: list[FinishedCycle]) -> FinishedCycle:
-        """Return the cycle that repeats itself, played and checked.
-
-        Raises:
-            NoLimit: none was found.
-            SolveError: a path ends early.
-            SingularExchange: a motion without stiffness is left.
-        """
+        """Return the cycle that repeats itself, played and checked."""
         number, in_steps = len(cycles), self.problem.solver.method != "events"
         allowed, force = self.searched + MAX_PLAYED, cycles[-1].totals.force_scale
         if in_steps or number == self.problem.history.cycles:

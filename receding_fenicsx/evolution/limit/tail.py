@@ -72,13 +72,8 @@ class Tail(NamedTuple):
 def follow(cycle: TracedCycle, force: float, tolerance: float) -> Tail:
     """Follow the cycles that come after one to their limit.
 
-    Args:
-        cycle: the cycle.
-        force: largest nodal force of the history so far.
-        tolerance: force by which the order of events, gaps and margins may be missed.
-
-    Raises:
-        NoLimit: the events come in another order in some cycle, or there is no limit.
+    ``tolerance`` is the force by which the order of events, gaps and margins may be missed.
+    NoLimit: the events come in another order in some cycle, or there is no limit.
     """
     if not np.array_equal(cycle.start.state, cycle.end.state):
         raise NoLimit("nodes end the last cycle in other states than they began it")
@@ -147,11 +142,8 @@ def follow(cycle: TracedCycle, force: float, tolerance: float) -> Tail:
 
 
 def _check_quantities(cycle: TracedCycle, still: Array, summed: Array, tolerance: float) -> None:
-    """Raise NoLimit where a gap or margin falls below zero at a stop in some cycle to come.
-
-    Between two cycles those in between differ from the chord by little: where the quantities are
-    not far enough from zero for that the cycles in between are looked at.
-    """
+    """Raise NoLimit where a gap or margin falls below zero at a stop in some cycle to come."""
+    # those between two cycles differ from the chord by little: they are looked at near zero only
     events, n = cycle.events, cycle.segments.system.n
     weight = cycle.segments.weight[n:]
     W, q = events.change[:, n:] * weight, np.array([stop.q[n:] for stop in cycle.stops]) * weight
@@ -183,15 +175,7 @@ def _check_quantities(cycle: TracedCycle, still: Array, summed: Array, tolerance
 
 
 def _moved(at: Ints, total: Array, by: Array, W: Array, q: Array) -> Array:
-    """Return (J, m) what quantities at the stops change where the events move.
-
-    Args:
-        at: (E,) stops of the events.
-        total: (E,) sum of what the events move in the cycles before.
-        by: (E,) what they move.
-        W: (E, m) changes of the rates of the quantities at the events.
-        q: (J, m) the rates on the way to the stops.
-    """
+    """Return (J, m) what quantities at the stops change where the (E,) events move."""
     steps = np.zeros_like(q)
     steps[at + 1] = W * by[:, None]
     y: Array = steps.cumsum(axis=0) + total @ W
@@ -357,17 +341,10 @@ def quantities(segments: Segments, u: Array, r: Array) -> Array:
 
 
 def trace(segments: Segments, start: ContactState, loop: Array, force: float) -> TracedCycle:
-    """Trace one cycle.
+    """Trace one cycle of load factors (m + 1, n_loads).
 
-    Args:
-        segments: makes the rates.
-        start: state at its start.
-        loop: (m + 1, n_loads) load factors of a cycle.
-        force: largest nodal force of the history so far.
-
-    Raises:
-        SolveError: the path ends, or its residual is above its tolerance.
-        SingularExchange: a motion without stiffness is left.
+    SolveError: the path ends, or its residual is above its tolerance. SingularExchange: a motion
+    without stiffness is left.
     """
     # loads Numba, which takes longer than all the rest
     from receding_fenicsx.interface.exact.compilation import loop_of
