@@ -22,6 +22,7 @@ from receding_fenicsx.scene.profiles import DIRECTIONS
 from receding_fenicsx.scene.toml_reader import (
     ARRAYS,
     KNOWN,
+    MOVED,
     NAMED,
     as_list,
     named_materials,
@@ -71,8 +72,13 @@ def from_toml(text: str, overrides: Iterable[str] = (), folder: Path | None = No
 
 @lru_cache(maxsize=16)
 def known_scene(text: str) -> Scene:
-    """Return the scene of a TOML text of :func:`to_toml`, read once."""
-    return from_toml(text)
+    """Return the scene of a TOML text of :func:`to_toml`, read once, also of an older version."""
+    raw = parse_toml(text)
+    for table, key in MOVED:
+        part = raw.get(table.strip("[]"))
+        if isinstance(part, dict):
+            part.pop(key, None)
+    return from_raw(raw)
 
 
 def from_raw(raw: dict[str, Any], folder: Path | None = None) -> Scene:

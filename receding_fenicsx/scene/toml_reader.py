@@ -34,8 +34,9 @@ NAMED = ("body", "load", "probe", "bolt")
 
 MOVED = {
     ("[accuracy]", "grading"): "is now [mesh] refine; give places for true, refine = [] for false",
+    ("[solver]", "overshoot"): "was removed; limits are found without it, leave it out",
 }
-"""Table and key of what has another name now, and its name."""
+"""Table and key of what has another name now, or none, and what to write instead."""
 WANTED = {
     "float_type": "a number",
     "int_type": "a whole number",

@@ -81,7 +81,7 @@ def _title(kind: str, digest: str) -> bytes:
 
 @contextmanager
 def open_file(path: Path, kind: str) -> Iterator[h5py.File]:
-    """Yield a file of :func:`new_hdf5`, of a kind and with the digest of its title.
+    """Yield a file of :func:`new_hdf5`, of a kind and with the digest of its title, if it has one.
 
     InputError: the file does not exist, is of another kind or format version, or a bit of it has
     changed since it was written.
@@ -92,17 +92,25 @@ def open_file(path: Path, kind: str) -> Iterator[h5py.File]:
     try:
         with open(path, "rb") as plain:
             title = plain.read(TITLE_BYTES)
-            intact = title == _title(kind, hashlib.file_digest(plain, "sha256").hexdigest())
+            # the program once wrote files without a title, but with HDF5's own checksums
+            bare = title.startswith(b"\x89HDF")
+            intact = bare or title == _title(kind, hashlib.file_digest(plain, "sha256").hexdigest())
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror}); check the path") from None
+    damaged = InputError(
+        f"{path}: is damaged, was changed, or is not a {kind} of format version "
+        f"{FORMAT_VERSION}; create it again"
+    )
     if not intact:
-        raise InputError(
-            f"{path}: is damaged, was changed, or is not a {kind} of format version "
-            f"{FORMAT_VERSION}; create it again"
-        )
+        raise damaged
     try:
         with h5py.File(path, "r") as file:
+            about = file.attrs.get("format"), file.attrs.get("format_version")
+            if bare and about != (kind, FORMAT_VERSION):
+                raise damaged
             yield file
+    except OSError:
+        raise damaged from None
     except KeyError as error:
         raise InputError(
             f"{path}: was written by another version of this program ({error}); create it again"
@@ -248,13 +256,17 @@ def read_system(path: Path, scene: Scene | None = None) -> ContactSystem:
     if not system.scene_toml:
         raise InputError(f"{path}: was not condensed from a scene; condense this scene")
     if condensed_from != digest(scene):
-        found = None
+        found, same = None, False
         with suppress(InputError):  # the mesh file of that scene may no longer exist
-            found = body_difference(known_scene(system.scene_toml), scene)
-        raise InputError(
-            f"{path}: was condensed from a scene with another {found or 'mesh file'}; condense "
-            "this scene again"
-        )
+            known = known_scene(system.scene_toml)
+            found = body_difference(known, scene)
+            # digests of other versions of this program differ
+            same = digest(known) == digest(scene) and not any(b.mesh for b in known.bodies)
+        if not same:
+            raise InputError(
+                f"{path}: was condensed from a scene with another {found or 'mesh file'}; condense "
+                "this scene again"
+            )
     try:
         return system_for(scene, system)
     except InputError as error:

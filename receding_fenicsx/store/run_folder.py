@@ -30,7 +30,7 @@ from receding_fenicsx.mpi import on_root
 from receding_fenicsx.scene.identity import FREE_WHEN_FINISHED, FREE_WHEN_RESUMED, difference
 from receding_fenicsx.scene.model import Scene
 from receding_fenicsx.scene.options import SAMPLES_PER_LEG
-from receding_fenicsx.scene.toml_file import from_toml, to_toml
+from receding_fenicsx.scene.toml_file import known_scene, to_toml
 from receding_fenicsx.store.hdf5 import read_record, read_system
 from receding_fenicsx.store.workspace import CASES, FolderKind, locked
 
@@ -201,7 +201,7 @@ def forget_system(part: Path) -> None:
 
 def _scene_of(folder: Path) -> Scene:
     try:
-        return from_toml((folder / SCENE).read_text(encoding="utf-8"))
+        return known_scene((folder / SCENE).read_text(encoding="utf-8"))
     except (OSError, UnicodeDecodeError, InputError) as error:
         raise InputError(
             f"{folder / SCENE}: is damaged ({error}); start a new run with --overwrite"

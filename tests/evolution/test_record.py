@@ -29,7 +29,7 @@ from receding_fenicsx.output.report import checks
 from receding_fenicsx.output.report.html import report_html
 from receding_fenicsx.output.report.summary import run_table, summarise
 from receding_fenicsx.scene.history import history_from_scene
-from receding_fenicsx.scene.toml_file import from_toml, to_toml
+from receding_fenicsx.scene.toml_file import from_toml, known_scene, to_toml
 from receding_fenicsx.store.hdf5 import (
     RECORD,
     new_hdf5,
@@ -248,6 +248,25 @@ def test_files_that_another_program_changed_are_refused(
         change(file)
     with pytest.raises(InputError, match=rf"file\.h5: is damaged, was changed, or is not .*{kind}"):
         READERS[kind](path)
+
+
+@each_kind
+def test_files_without_a_title_are_read(
+    kind: str, written: dict[str, Path], tmp_path: Path
+) -> None:
+    path = tmp_path / "bare.h5"
+    with h5py.File(written[kind]) as file, h5py.File(path, "w") as bare:
+        for name in file:
+            file.copy(name, bare)
+        bare.attrs.update(file.attrs)
+    found, same = READERS[kind](path), READERS[kind](written[kind])
+    assert repr(found) == repr(same)
+    assert found.scene_toml == same.scene_toml  # type: ignore[attr-defined]
+
+
+def test_saved_scenes_with_keys_that_have_gone_are_read() -> None:
+    text = to_toml(from_toml(BLOCK))
+    assert known_scene(text.replace("[solver]", "[solver]\novershoot = 0.0")) == known_scene(text)
 
 
 @each_kind

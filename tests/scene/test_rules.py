@@ -188,6 +188,7 @@ RULES: list[tuple[str, str, str, str]] = [
         "solver.branch=2",
     ),
     ("block", "accuracy.grading=true", "[accuracy] grading: is now [mesh] refine", ""),
+    ("block", "solver.overshoot=0.1", "[solver] overshoot: was removed", ""),
     ("block", 'accuracy.numbers=["pressure"]', "unknown number 'pressure'; ", ""),
     ("block", 'accuracy.numbers=["dissipation_ratio[bottom]"]', "is one number; leave out", ""),
     ("block", 'accuracy.numbers=["largest_pressure[top]"]', "[accuracy] numbers", ""),
