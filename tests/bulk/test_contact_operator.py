@@ -13,6 +13,7 @@ import pytest
 from bodies import ONCE
 from msh import write_msh
 from numpy.typing import NDArray
+from scipy.optimize import brentq
 
 import receding_fenicsx as rf
 from receding_fenicsx.bulk.from_scene import bulk_of
@@ -212,6 +213,78 @@ def test_quarter_of_rings_held_by_symmetry_is_the_whole(
         P, Q = record.turning_points.P[-1], record.turning_points.Q[-1]
         assert P / system.weight == pytest.approx(LAME, rel=0.01)
         assert np.abs(Q[~system.held[: system.n]]).max() < (0.005 if counts[1] > 12 else 1e-4)
+
+
+HALF_PIN = """
+DefineConstant[ contact_elements = 48, ratio = 1, size = 12 ];
+n = ratio * contact_elements / 2; h = Pi / contact_elements;
+Point(1) = {0, 0, 0, 0.06};
+Point(2) = {0, -1, 0, h}; Point(3) = {1, 0, 0, h}; Point(4) = {0, 1, 0, h};
+Circle(1) = {2, 1, 3}; Circle(2) = {3, 1, 4}; Line(3) = {4, 1}; Line(4) = {1, 2};
+Point(5) = {0, -size, 0, size / 6}; Point(6) = {size, -size, 0, size / 6};
+Point(7) = {size, size, 0, size / 6}; Point(8) = {0, size, 0, size / 6};
+Line(5) = {2, 5}; Line(6) = {5, 6}; Line(7) = {6, 7}; Line(8) = {7, 8}; Line(9) = {8, 4};
+Curve Loop(1) = {1, 2, 3, 4}; Plane Surface(1) = {1};
+Curve Loop(2) = {5, 6, 7, 8, 9, -2, -1}; Plane Surface(2) = {2};
+Transfinite Curve {1, 2} = n + 1;
+Physical Surface("pin") = {1}; Physical Surface("plate") = {2}; Physical Curve("rim") = {1, 2};
+Physical Curve("axis") = {3, 4}; Physical Curve("sides") = {5, 9}; Physical Curve("top") = {8};
+"""
+
+
+def persson(angle: Array) -> Array:
+    """Pressure of a pin of radius 1 in a hole of its size, pulled by 1 at its middle.
+
+    Persson's solution for one material and an infinite plate (On the stress distribution of
+    cylindrical elastic bodies in contact, Chalmers 1964; Ciavarella & Decuzzi, Int. J. Solids
+    Struct. 38, 2001): without clearance b of the contact's half angle 2 arctan(b) is the root of
+    ln(b^2 + 1) + 2 b^4 = 2, 84.83 degrees at any load.
+    """
+    b = brentq(lambda b: np.log(b**2 + 1.0) + 2.0 * b**4 - 2.0, 0.5, 1.5)
+    y, w = np.tan(0.5 * angle), np.sqrt(b**2 + 1.0)
+    s = np.sqrt((b**2 - y**2).clip(min=0.0))
+    return 2.0 * s / (np.pi * w * (1.0 + y**2)) + np.log((w + s) / (w - s)) / (
+        2.0 * np.pi * b**2 * w**2
+    )
+
+
+@pytest.mark.one_rank
+@pytest.mark.parametrize("ratio", [1.0, 0.75])
+def test_a_pin_in_a_hole_of_its_size_has_perssons_pressure(tmp_path: Path, ratio: float) -> None:
+    """The size of the plate counts with its inverse: two sizes give the infinite one."""
+    file = tmp_path / "pin.geo"
+    file.write_text(HALF_PIN)
+    pressure = []
+    for size in (12.0, 24.0):
+        parts = [
+            rf.Body(name, mesh=str(file), surface=name, parameters={"size": size, "ratio": part})
+            for name, part in (("pin", 1.0), ("plate", ratio))
+        ]
+        pull = "-exp(-(x**2 + y**2)/0.01)/(0.01*pi)"
+        scene = rf.Scene(
+            body=parts[0],
+            others=(parts[1],),
+            mesh=rf.MeshOptions(contact_elements=48, degree=2),
+            contacts=(rf.Contact("pin.rim", friction=0.0, against="plate.rim"),),
+            loads=(rf.Load("F", body="pin", body_force=(0.0, pull)),),
+            supports=(
+                rf.Support("x", edge="pin.axis"),
+                rf.Support("x", edge="plate.sides"),
+                rf.Support("xy", edge="plate.top"),
+            ),
+            history=ONCE,
+        )
+        record = rf.run(scene)
+        assert record is not None
+        angle = np.arctan2(record.points[:, 0], -record.points[:, 1])
+        pressure.append(record.turning_points.p[-1])
+        # the nodes beside 84.83 degrees
+        touching = angle[pressure[-1] > 0.0].max()
+        assert abs(touching - np.radians(84.83)) < np.pi / 48.0
+    # not beside the axis and the end of the contact, where nodes do not match
+    inside = (angle > 0.1) & (angle < 1.3)
+    found = 2.0 * pressure[1] - pressure[0]
+    assert found[inside] == pytest.approx(persson(angle[inside]), abs=4e-3)
 
 
 @pytest.mark.parametrize("turn", [1e-3, 0.5])
