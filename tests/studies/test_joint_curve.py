@@ -136,6 +136,8 @@ def test_the_figure_draws_damping_ratio_and_frequency_of_a_mode_else_d_and_stiff
     kinds = ("cyclic slip",) * 3
     curve = rf.JointCurve(drive, a, D, 0.1 * D, k, masing, a, kinds, backbone, nothing)
     left, right = joint_figure(curve).axes
+    assert (left.get_xscale(), left.get_yscale(), right.get_xscale()) == ("log",) * 3
+    assert "at 1.5" in repr(curve)
     lines = {line.get_label(): line for line in left.lines}
     points = left.lines[0].get_ydata()
     # a mass-normalised mode: omega^2 = alpha/q and zeta = D / (2 pi omega^2 q^2)

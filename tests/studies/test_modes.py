@@ -94,6 +94,7 @@ def test_frequency_and_damping_follow_from_the_loop() -> None:
         return
     system, omega = driven(scene, "mode:1", {"N": 1.0})
     assert curve.omega[0] == pytest.approx(omega[0], rel=1e-9) and curve.zeta[0] == 0.0
+    assert f"omega = {omega[0]:.6g}" in repr(curve)
     a = curve.amplitude[2]
     names, held = system.load_names, np.array([1.0, 0.0])
     loop = held + np.array([[0.0, a], [0.0, -a], [0.0, a]])

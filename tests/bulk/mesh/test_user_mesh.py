@@ -247,6 +247,16 @@ def test_mesh_that_cannot_serve_is_refused_by_name(shared_tmp_path: Path) -> Non
         assert words in text, text
 
 
+@pytest.mark.parametrize("cells", [SQUARES, TRIANGLES])
+def test_cells_of_a_file_may_run_clockwise(cells: Ints, shared_tmp_path: Path) -> None:
+    path, turned_cells = shared_tmp_path / "my.msh", cells.copy()
+    turned_cells[1] = turned_cells[1, ::-1]
+    found = [system_of(two_cells(path, cells=[each])) for each in (cells, turned_cells)]
+    if found[0] is not None and found[1] is not None:
+        assert np.array_equal(found[0].points, found[1].points) and found[0].n == 3
+        assert found[1].K == pytest.approx(found[0].K, abs=1e-13)
+
+
 def test_span_has_to_end_at_vertices(shared_tmp_path: Path) -> None:
     scene = two_cells(shared_tmp_path / "my.msh")
     for span, words in [
