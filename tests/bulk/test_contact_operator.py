@@ -23,6 +23,8 @@ from receding_fenicsx.output.report.run import slip_warnings
 from receding_fenicsx.studies.run import condense
 from receding_fenicsx.timing import Timer
 
+pytestmark = pytest.mark.one_rank  # small bodies are condensed by one rank
+
 comm = MPI.COMM_WORLD
 Array = NDArray[np.float64]
 
@@ -570,7 +572,6 @@ def test_what_cannot_be_tied_is_refused_in_one_line(
     assert words in str(caught.value) and "\n" not in str(caught.value)
 
 
-@pytest.mark.one_rank
 def test_tied_layers_vibrate_as_one_mesh(shared_tmp_path: Path) -> None:
     found = []
     for counts in (None, (16, 16), (16, 11)):

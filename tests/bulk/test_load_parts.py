@@ -13,6 +13,8 @@ from bodies import block
 
 import receding_fenicsx as rf
 
+pytestmark = pytest.mark.one_rank  # small bodies are condensed by one rank
+
 PRESS = rf.Load("P", "top", pressure="1 + 0.2*x")
 PARTS = {
     "pressure and tractions on three edges": (

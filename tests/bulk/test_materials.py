@@ -17,6 +17,8 @@ from receding_fenicsx.mpi import on_root
 from receding_fenicsx.scene.symmetry import is_half_meshed
 from receding_fenicsx.studies.run import condense
 
+pytestmark = pytest.mark.one_rank  # small bodies are condensed by one rank
+
 comm = MPI.COMM_WORLD
 
 TWO = """
@@ -168,7 +170,6 @@ def test_materials_that_cannot_serve_are_refused_in_one_line(
 FIBRES = rf.Material(8.0, 0.25, "plane stress", young_2=2.0, shear=0.7)
 
 
-@pytest.mark.one_rank
 def test_isotropic_constants_are_a_case_of_the_orthotropic_ones() -> None:
     plain = rf.Material(3.0, 0.3, "plane stress")
     for angle in (0.0, 37.0):

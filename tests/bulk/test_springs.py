@@ -14,6 +14,8 @@ from bodies import block, cylinder, played
 import receding_fenicsx as rf
 from receding_fenicsx.bulk.springs import _across
 
+pytestmark = pytest.mark.one_rank  # small bodies are condensed by one rank
+
 comm = MPI.COMM_WORLD
 E, K = 2.0, 0.7
 ONCE = rf.HistoryOptions(kind="monotonic")
@@ -60,7 +62,6 @@ def test_sheared_block_hangs_on_tangential_springs(degree: int) -> None:
     assert record.turning_points.P[-1].sum() == pytest.approx(0.4, rel=1e-9)
 
 
-@pytest.mark.one_rank
 def test_stiff_springs_are_a_support_and_soft_ones_none() -> None:
     load = rf.Load("p", "left", (0.0, 0.5), pressure=0.02)
     press = rf.Load("P", "top", pressure=0.2)
@@ -115,7 +116,6 @@ def test_spring_at_a_point_shares_the_load(round_: bool) -> None:
     assert record.turning_points.load_displacement[-1, 0] == pytest.approx(0.3 * moved, rel=1e-9)
 
 
-@pytest.mark.one_rank
 def test_spring_at_a_point_holds_a_stiff_block() -> None:
     """The resultant through the point moves the block by F / k; nothing else holds it along x."""
     scene = block(
@@ -182,7 +182,6 @@ def test_springs_between_bodies_balance_whichever_edge_names_them() -> None:
     np.testing.assert_allclose(force[0], table.Q[-1].sum() + 0.4, rtol=1e-9)
 
 
-@pytest.mark.one_rank
 def test_springs_to_a_stiff_body_are_springs_to_the_ground() -> None:
     stiff = (rf.Material(E, 0.3, name="a"), rf.Material(1e9, 0.3, name="b"))
     scene = tied(E, 2, materials=stiff)
@@ -210,7 +209,6 @@ def test_bad_springs_between_bodies_are_refused(parts: dict[str, Any], words: st
     assert "\n" not in str(error.value)
 
 
-@pytest.mark.one_rank
 def test_tangential_springs_across_a_gap_are_refused() -> None:
     """Opposite forces along two edges that are apart would turn the pair."""
     spring = rf.Spring("a.bottom", normal=1.0, against="b.top")

@@ -12,6 +12,8 @@ import pytest
 
 import receding_fenicsx as rf
 
+pytestmark = pytest.mark.one_rank  # small bodies are condensed by one rank
+
 ROOT = Path(__file__).parents[2]
 STRIP = ROOT / "tests" / "trials" / "strip_on_wall.toml"
 BEAMS = ROOT / "tests" / "trials" / "goodman_klumpp.toml"
