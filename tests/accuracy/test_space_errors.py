@@ -13,7 +13,7 @@ import receding_fenicsx as rf
 from receding_fenicsx.evolution.evolve import evolve_bare
 from receding_fenicsx.reference.closed_forms import BLOCK
 from receding_fenicsx.studies import run as study
-from receding_fenicsx.studies.accuracy import estimate
+from receding_fenicsx.studies.accuracy import estimate, meshes
 from receding_fenicsx.studies.accuracy import study as space_errors
 from receding_fenicsx.studies.accuracy.estimate import estimated_error, observed_order
 from receding_fenicsx.studies.accuracy.meshes import to_limit
@@ -132,6 +132,19 @@ def test_meshes_that_do_not_fit_the_scene_are_passed_over(
 
     assert_found(space_errors.space_errors(scene_of(64), made_up(scene_of(64)), solve_some))
     assert tried == [32, 30, 24, 16, 14]
+
+
+def test_a_coarser_partner_fits_the_scene(monkeypatch: pytest.MonkeyPatch) -> None:
+    count = meshes.count_nodes
+
+    def some(scene: Scene) -> int:
+        if scene.mesh.contact_elements == 32:
+            raise InputError("no vertex")
+        return count(scene)
+
+    monkeypatch.setattr(meshes, "count_nodes", some)
+    found = meshes.coarser(scene_of(64))
+    assert found is not None and found.mesh.contact_elements == 30
 
 
 def test_no_estimate_claims_more_than_meshes_can_tell(monkeypatch: pytest.MonkeyPatch) -> None:

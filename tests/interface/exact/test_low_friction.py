@@ -34,7 +34,8 @@ def test_a_block_unloaded_to_zero_dissipates_f_times_its_frictionless_slip(f: fl
 @pytest.mark.parametrize("minimum", [0.0, 1.0 / 3.0])
 @pytest.mark.parametrize("f", [1e-8, 1e-10, 1e-12])
 def test_friction_lost_in_round_off_is_named(f: float, minimum: float, on_jump: str) -> None:
-    system = replace(WHOLE, f=np.full(WHOLE.n, f))
+    # the outer nodes lift off: their friction does not matter
+    system = replace(WHOLE, f=np.where(np.abs(WHOLE.x) < 1.99, f, 0.5))
     try:
         record = evolve(system, cyclic(1, minimum), SolverOptions(on_jump=on_jump), ALL)
     except SolveError as error:
