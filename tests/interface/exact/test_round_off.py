@@ -15,10 +15,8 @@ from small import small_system, table
 from receding_fenicsx.errors import NoEquilibrium
 from receding_fenicsx.evolution.evolve import evolve
 from receding_fenicsx.evolution.record import Record
-from receding_fenicsx.interface.exact.segments import Segments
 from receding_fenicsx.interface.exact.tableau import Tableau
 from receding_fenicsx.interface.exact.walk import Walk
-from receding_fenicsx.interface.law import BACKWARD, FORWARD, SEPARATION, STICK
 from receding_fenicsx.interface.residual import reachable
 from receding_fenicsx.interface.system import ContactSystem
 from receding_fenicsx.scene.history import history_from_scene
@@ -89,17 +87,6 @@ def test_a_clamped_contact_node_changes_nothing_for_the_others() -> None:
         assert other.released == pytest.approx(one.released, rel=1e-6, abs=1e-12)
         jumps += one.jumps
     assert jumps >= 5
-
-
-def test_a_clamped_contact_node_has_no_limit_that_it_could_reach() -> None:
-    system = with_clamped_node(random_system(3, 4, 2.5), 3)
-    segments = Segments(system)
-    state = np.array([STICK, FORWARD, SEPARATION, BACKWARD, STICK], dtype=np.int8)
-    direction = np.array([-1.0, 0.5])
-    rates = segments.tableau(state).rates(direction)
-    refined = segments.tableau(state).refined(rates, direction)
-    assert np.abs(refined - rates).max() <= 1e-13 * np.abs(rates).max()
-    assert np.all(refined.reshape(4, 5)[:, 4] == 0.0)
 
 
 # -- rates that round-off has spoilt ---------------------------------------------------------------
@@ -184,20 +171,6 @@ def test_soft_springs_carry_a_body_that_is_lifted_off_and_put_back(k: float, g0:
     # put back, it is pressed on through its gaps
     assert ends.P[1] == pytest.approx(-pull[2:] - k * g0, rel=1e-12)
     assert ends.w[1].tolist() == [-g0, -g0]
-
-
-@pytest.mark.parametrize("k", [1.3e-5, 1.80972838e-7, 2.55640e-8])
-def test_exchanges_on_a_soft_spring_leave_no_round_off_in_rates(k: float) -> None:
-    """Lifted, pressed, slipping and lifted: open, v = -Q*/9.1 and w = -P*/k, between ends too."""
-    loads = {"a": [-2.0, 2.0], "b": [0.0, -1.0], "c": [-2.0, 0.0]}
-    system = small_system(np.diag([9.1, k]), loads, 2.0, 0.0625)
-    loop = [[1.25, -0.5, 1], [1.25, 1, 1.25], [-0.5, 1.25, 1], [-0.25, 0.5, -0.5], [1.25, -0.5, 1]]
-    record = evolve(system, table(system, [[0.0] * 3, [1.0, 0, 0], loop[0]], loop, 2), output=ALL)
-    rows, held = record.samples, record.samples.load @ system.r_star
-    open_ = rows.state[:, 0] == SEPARATION
-    assert open_.any() and not open_.all()
-    assert rows.w[open_, 0] == pytest.approx(-held[open_, 1] / k, rel=1e-12, abs=1e-14 / k)
-    assert rows.v[open_, 0] == pytest.approx(-held[open_, 0] / 9.1, rel=1e-9, abs=1e-12)
 
 
 def test_a_stiffness_that_is_round_off_carries_no_load() -> None:

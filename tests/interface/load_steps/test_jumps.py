@@ -231,7 +231,7 @@ def test_a_free_node_that_is_pulled_off_has_no_equilibrium(spring: float) -> Non
             evolve(node, table(node, [0.0, 1.0, -0.1]), solver)
 
 
-@pytest.mark.parametrize("number", [1248, 1643, 1683])
+@pytest.mark.parametrize("number", [1248, 1643])
 def test_steps_whose_sweeps_cycle_follow_the_exact_path(number: int) -> None:
     p = problem(number)
     with pytest.raises(NotConverged, match="stopped after 900 sweeps"):
