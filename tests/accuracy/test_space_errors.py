@@ -137,9 +137,9 @@ def test_meshes_that_do_not_fit_the_scene_are_passed_over(
 def test_a_coarser_partner_fits_the_scene(monkeypatch: pytest.MonkeyPatch) -> None:
     count = meshes.count_nodes
 
-    def some(scene: Scene) -> int:
+    def some(scene: rf.Scene) -> int:
         if scene.mesh.contact_elements == 32:
-            raise InputError("no vertex")
+            raise rf.InputError("no vertex")
         return count(scene)
 
     monkeypatch.setattr(meshes, "count_nodes", some)
