@@ -12,8 +12,10 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
+import receding_fenicsx as rf
 from receding_fenicsx import cli
 from receding_fenicsx.environment import child_environment
 
@@ -182,6 +184,32 @@ def test_recipe_for_an_mpi_pool_runs(beside_demos: Path, mpirun: Callable[..., A
     done = mpirun(2, "-m", "mpi4py.futures", beside_demos / "program.py")
     assert done.returncode == 0, done.stderr
     assert all(f"\n{friction}" in done.stdout for friction in (0.2, 0.35, 0.5)), done.stdout
+
+
+def test_recipe_for_one_mpi_job_runs(beside_demos: Path, mpirun: Callable[..., Any]) -> None:
+    (line,) = re.findall(r"^mpirun -n 3 receding-fenicsx (.*)$", text_of("docs/cluster.md"), re.M)
+    done = mpirun(3, "-m", "receding_fenicsx", *shlex.split(line), *CHEAPER["sweep"])
+    assert done.returncode == 0, done.stderr
+    assert len((beside_demos / "results/mpi/sweep.csv").read_text().splitlines()) == 1 + 4
+
+
+def test_a_body_condensed_out_of_core_is_the_same(beside_demos: Path) -> None:
+    (options, command) = re.findall(
+        r'^PETSC_OPTIONS="(.*)" MUMPS_OOC_TMPDIR=/scratch receding-fenicsx (.*)$',
+        text_of("docs/cluster.md"),
+        re.M,
+    )[0]
+    words = command.replace("SCENE", "demos/block.toml").split()
+    systems = []
+    for variables in ({}, {"PETSC_OPTIONS": options, "MUMPS_OOC_TMPDIR": str(beside_demos)}):
+        subprocess.run(
+            [sys.executable, "-m", "receding_fenicsx", *words, *CHEAPER["condense"], "--overwrite"],
+            env=child_environment() | variables,
+            check=True,
+        )
+        systems.append(rf.read_system("FILE.h5"))
+    np.testing.assert_allclose(systems[1].K, systems[0].K, atol=1e-13 * abs(systems[0].K).max())
+    np.testing.assert_allclose(systems[1].r_star, systems[0].r_star, atol=1e-13)
 
 
 def test_recipe_for_snakemake_runs_by_its_local_executor(beside_demos: Path) -> None:
