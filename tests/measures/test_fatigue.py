@@ -32,9 +32,18 @@ A, P0 = HERTZ.a, HERTZ.p0
 STICK = A * np.sqrt(1.0 - U)
 
 
-def cylinders(size: float | None = None, elements: int = 80) -> rf.Record | None:
-    """Run the cylinders, the elements at the edges of their contact of some size."""
-    scene = rf.from_toml(CYLINDERS.read_text() + PROBES, [f"mesh.contact_elements={elements}"])
+def cylinders(size: float | None = None, elements: int = 80, bulk: float = 0.0) -> rf.Record | None:
+    """Run the cylinders, the elements at the edges of their contact of some size.
+
+    A bulk stress of the lower one goes to and fro with the shear force.
+    """
+    changes, more = [f"mesh.contact_elements={elements}"], ""
+    if bulk:
+        more = f'[[load]]\nname = "B"\nedge = "lower.far"\ntension = {bulk}\n'
+        Q = U * F * P
+        changes += ['history.columns=["P", "Q", "B"]', f"history.rows=[[1, 0, 0], [1, {Q}, 1]]"]
+        changes += [f"history.cycle_rows=[[1, {-Q}, -1], [1, {Q}, 1]]"]
+    scene = rf.from_toml(CYLINDERS.read_text() + more + PROBES, changes)
     if size is not None:
         places = tuple(rf.Refinement(size, (s * A - 2 * size, s * A + 2 * size)) for s in (-1, 1))
         scene = replace(scene, mesh=replace(scene.mesh, refine=places))
@@ -48,12 +57,16 @@ def slip_amplitude(x: np.ndarray) -> np.ndarray:
     return np.where(np.abs(x) < A, F * P0 / (HERTZ.modulus * A) * area, 0.0)
 
 
-def test_edge_stress_and_swt_meet_cattaneo_and_mindlin_with_order_one_half() -> None:
-    stress = 2.0 * F * P0 * np.sqrt(U)
+@pytest.mark.parametrize("bulk", [0.0, 0.05])
+def test_edge_stress_and_swt_meet_cattaneo_and_mindlin_with_order_one_half(bulk: float) -> None:
+    # the bulk stress moves the stick zone by a bulk / (4 f p0) away from the worst edge
+    away = A + A * bulk / (4.0 * F * P0)
+    stress = bulk + 2.0 * F * P0 * (1.0 - (away - np.sqrt(away**2 - STICK**2)) / A)
+    assert bulk or stress == pytest.approx(2.0 * F * P0 * np.sqrt(U), rel=1e-14)
     errors = []
     sizes = (4e-3, 1e-3, 2.5e-4)
     # all ranks run all of them
-    for size, record in [(size, cylinders(size)) for size in sizes]:
+    for size, record in [(size, cylinders(size, bulk=bulk)) for size in sizes]:
         if record is None:
             return
         swt = rf.fatigue(record)["edge"]["swt"]
