@@ -104,7 +104,14 @@ def _tested(finding: Finding) -> Finding:
     if finding.version is None:
         return finding
     if finding.name == "MUMPS":
-        return _factorisation(finding)
+        # on every system its output holds its version
+        output, failure = _child(FACTORISE)
+        said = re.search(r"DMUMPS +([0-9][0-9.]*)", output)
+        if failure or said is None:
+            reason = failure or "its output has no version"
+            advice = f"{reason}; check that PETSc and MPI belong together"
+            return Finding(finding.name, None, advice)
+        return replace(finding, version=f"{said[1]}, works")
     if finding.name == "matplotlib":
         # the versions in a summary do without loading it
         return _probe(finding.name, lambda: _module_version("matplotlib"), finding.advice)
@@ -128,21 +135,29 @@ def _modules() -> list[Finding]:
         "apt install python3-dolfinx-real (or pip install dolfinx-solver-real on Python >= 3.12)"
     )
     pip = "pip install {} in the program's environment"
-    probes: list[tuple[str, Callable[[], str], str]] = [
+    Probe = tuple[str, Callable[[], str], str]
+
+    def of_module(name: str, advice: str = "") -> Probe:
+        return name, lambda: _module_version(name), advice or pip.format(name)
+
+    def of_package(name: str, advice: str = "") -> Probe:
+        return name, lambda: metadata.version(name), advice or pip.format(name)
+
+    probes: list[Probe] = [
         ("python", platform.python_version, ""),
         ("receding_fenicsx", lambda: str(import_module("receding_fenicsx").__version__), ""),
-        ("numpy", lambda: _module_version("numpy"), pip.format("numpy")),
-        ("scipy", lambda: _module_version("scipy"), pip.format("scipy")),
-        ("numba", lambda: metadata.version("numba"), pip.format("numba")),
-        (
-            "h5py",
-            lambda: _module_version("h5py"),
-            "apt install python3-h5py (Debian's DOLFINx needs Debian's)",
-        ),
+        of_module("numpy"),
+        of_module("scipy"),
+        of_package("numba"),
+        of_module("h5py", "apt install python3-h5py (Debian's DOLFINx needs Debian's)"),
         ("MPI", _mpi, debian),
-        ("mpi4py", lambda: _module_version("mpi4py"), debian),
-        ("dolfinx", lambda: _module_version("dolfinx"), debian),
-        ("petsc", _petsc, debian),
+        of_module("mpi4py", debian),
+        of_module("dolfinx", debian),
+        (
+            "petsc",
+            lambda: ".".join(map(str, import_module("petsc4py.PETSc").Sys.getVersion())),
+            debian,
+        ),
         ("MUMPS", _mumps, "use a PETSc built with MUMPS, such as Debian's"),
         (
             "gmsh",
@@ -150,16 +165,10 @@ def _modules() -> list[Finding]:
             pip.format("gmsh") + " and apt install libgl1 libglu1-mesa libxrender1 libxcursor1 "
             "libxfixes3 libxft2 libfontconfig1 libxinerama1",
         ),
-        ("matplotlib", lambda: metadata.version("matplotlib"), pip.format("matplotlib")),
-        ("pyvista", lambda: metadata.version("pyvista"), pip.format("pyvista")),
-        ("vtk", lambda: metadata.version("vtk"), pip.format("'vtk>=9.5,<9.6'")),
-        ("pillow", lambda: metadata.version("pillow"), pip.format("pillow")),
-        (
-            "imageio-ffmpeg",
-            lambda: metadata.version("imageio-ffmpeg"),
-            pip.format("imageio-ffmpeg"),
-        ),
-        ("loky", lambda: metadata.version("loky"), pip.format("loky")),
+        of_package("matplotlib"),
+        of_package("pyvista"),
+        of_package("vtk", pip.format("'vtk>=9.5,<9.6'")),
+        *map(of_package, ("pillow", "imageio-ffmpeg", "loky")),
         ("BLAS", _blas, "apt install libopenblas0-pthread"),
     ]
     return [_probe(*probe) for probe in probes]
@@ -185,12 +194,6 @@ def _mpi() -> str:
     return " ".join(first.replace("Version:", "").split())
 
 
-def _petsc() -> str:
-    from petsc4py import PETSc
-
-    return ".".join(str(part) for part in PETSc.Sys.getVersion())
-
-
 def _mumps() -> str:
     from petsc4py import PETSc
 
@@ -198,19 +201,6 @@ def _mumps() -> str:
         raise RuntimeError("this PETSc has no MUMPS")
     named = _loaded(r"lib(?:dmumps|mumps_common)[-_.]?([0-9][0-9.]*[0-9])?")
     return named[0] if named else "built into PETSc"
-
-
-def _factorisation(finding: Finding) -> Finding:
-    """Factorise in a child process; the output of MUMPS holds its version on every system."""
-    advice = "check that PETSc and MPI belong together"
-    done = _child(FACTORISE)
-    if isinstance(done, str):
-        return Finding(finding.name, None, f"{done}; {advice}")
-    said = re.search(r"DMUMPS +([0-9][0-9.]*)", done.stdout)
-    if done.returncode != 0 or said is None:
-        last = (done.stderr.strip().splitlines() or ["no message"])[-1]
-        return Finding(finding.name, None, f"exit code {done.returncode}, {last}; {advice}")
-    return replace(finding, version=f"{said[1]}, works")
 
 
 def _blas() -> str:
@@ -235,11 +225,10 @@ def _loaded(pattern: str, folder: str = "/") -> list[str]:
     return list(dict.fromkeys(match[1] for match in matches if match and match[1]))
 
 
-def _child(program: str) -> subprocess.CompletedProcess[str] | str:
-    """Run a Python program outside this MPI job; return its result, or the name of the error."""
+def _child(program: str) -> tuple[str, str]:
+    """Run a Python program outside this MPI job; return its output, and why it failed, or ""."""
     try:
-        # time limit of a child process
-        return subprocess.run(
+        done = subprocess.run(
             [sys.executable, "-c", program],
             env=child_environment(),
             capture_output=True,
@@ -247,18 +236,18 @@ def _child(program: str) -> subprocess.CompletedProcess[str] | str:
             timeout=120,
         )
     except (OSError, subprocess.TimeoutExpired) as error:
-        return type(error).__name__
+        return "", type(error).__name__
+    if done.returncode == 0:
+        return done.stdout, ""
+    last = (done.stderr.strip().splitlines() or ["no message"])[-1]
+    return done.stdout, f"exit code {done.returncode}, {last}"
 
 
 def _rendering() -> Finding:
     """Render in a child process, since VTK may crash without EGL and OSMesa."""
     name = "off-screen rendering"
-    advice = "apt install libosmesa6 (or libegl1)"
     libraries = [lib for lib in ("EGL", "OSMesa") if ctypes.util.find_library(lib)]
-    done = _child(RENDER)
-    if isinstance(done, str):
-        return Finding(name, None, f"{done}; {advice}")
-    if done.returncode == 0:
-        return Finding(name, f"works (found: {', '.join(libraries) or 'a display'})")
-    last = (done.stderr.strip().splitlines() or ["no message"])[-1]
-    return Finding(name, None, f"exit code {done.returncode}, {last}; {advice}")
+    _, failure = _child(RENDER)
+    if failure:
+        return Finding(name, None, f"{failure}; apt install libosmesa6 (or libegl1)")
+    return Finding(name, f"works (found: {', '.join(libraries) or 'a display'})")

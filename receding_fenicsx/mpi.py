@@ -130,11 +130,8 @@ def given(value: T | None) -> T:
 
 
 def _wait_for_root(request: MPI.Request) -> None:
-    """Sleep until rank 0 has done its work.
-
-    A signal that ends the job reaches every rank, and rank 0 may have to save its work first. The
-    others wait ``SAVING_SECONDS`` before they obey the signal.
-    """
+    """Sleep until rank 0 has done its work."""
+    # a signal that ends the job reaches every rank; rank 0 may have to save its work first
     stopped: BaseException | None = None
     begin, end = time.monotonic(), float("inf")
     while time.monotonic() < end:

@@ -177,9 +177,8 @@ def draw_run(
     instants, place = comm.bcast((mpi.on_root(comm, begin), folder))
     if body:
         with picture_body(scene, comm) as fine:
-            quantities = colours.DEFAULT_QUANTITIES
-            if not everything:
-                quantities = (colours.quantity_of("max_shear"),)
+            names = ("von_mises", "max_shear") if everything else ("max_shear",)
+            quantities = tuple(colours.quantity_of(name) for name in names)
             snapshots(fine, instants, place / "snapshots", quantities, say)
 
 

@@ -73,10 +73,7 @@ def mixed_masses(x: Array, elements: Ints) -> Array:
 
 
 def _far_pairs(a: Array, b: Array, c: Array, d: Array) -> tuple[Array, Array]:
-    """Return (E, F, 2, 2) integrals of both kernels over pairs of elements apart.
-
-    The elements are [a, b] for x and [c, d] for s; overlapping ones get finite values of no use.
-    """
+    """Return (E, F, 2, 2) integrals of both kernels over pairs of elements apart."""
     point, weight = np.polynomial.legendre.leggauss(GAUSS_POINTS)
     upper, weight = 0.5 * (1.0 + point), 0.5 * weight
     shape = np.stack([1.0 - upper, upper]) * weight

@@ -28,9 +28,6 @@ from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.measures.cracks import EdgeCrack, edge_crack
 from receding_fenicsx.scene.model import FatigueOptions, Material, Scene
 
-PLANES = 90
-"""Planes of the first search; each of three further ones is 20 times finer around the best."""
-
 
 @dataclass(frozen=True)
 class Parameter:
@@ -88,7 +85,8 @@ def fatigue_at(stress: Array, material: Material, options: FatigueOptions) -> di
 def _critical_plane(of_planes: Any, m: int) -> Parameter:
     """Return the largest value over planes of a function of angles (m, k), by ever finer angles."""
     theta, width = np.zeros(m), np.pi
-    for count in (PLANES, 41, 41, 41):
+    # planes of the first search; each of three further ones is 20 times finer around the best
+    for count in (90, 41, 41, 41):
         steps = np.arange(count) / count if width == np.pi else np.linspace(-0.5, 0.5, count)
         angles = theta[:, None] + width * steps
         values = of_planes(angles)

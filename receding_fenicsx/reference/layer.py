@@ -84,11 +84,7 @@ def _zero(singular: Callable[[float], float]) -> float:
 
 
 def _pressures(widths: Array, load: float, modulus_ratio: float, second: float = 1.0) -> Array:
-    """Coefficients of p, and of a, at given half widths: (1 or 2, TERMS + 1).
-
-    They are those of sqrt(1 - s^2) U_2n(s), the last one that of 1 / sqrt(1 - s^2). Contacts of
-    other half widths than the right ones end in a singularity (or in tension).
-    """
+    """Return (1 or 2, TERMS + 1) coefficients of sqrt(1 - s^2) U_2n(s) and of 1 / sqrt(1 - s^2)."""
     k, dk = _wave_numbers(min(1.0, second))
     (R, G), (R_2, G_2) = _kernels(k), _kernels(k * second)
     r = modulus_ratio

@@ -148,11 +148,7 @@ class GaussSeidelPath:
         )
 
     def _ties(self, now: LegInSteps, before: ContactState, s: float) -> list[Changes]:
-        """Return nodes on limits at the end of a step, and those that might have been within.
-
-        A stuck node might have reached its nearer limit if it was no further from it than a node
-        that has begun to slip.
-        """
+        """Return nodes on limits at a step's end; stuck ones as near to theirs as new slip."""
         segments, n, end = self._trials.continuation.segments, self.system.n, now.end
         found = list[Changes]()
         if s < 1.0:  # the next leg begins with those at the end of this one

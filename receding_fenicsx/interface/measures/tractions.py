@@ -138,9 +138,6 @@ def traction_at(x: Array, weight: Array, force: Array, points: ArrayLike) -> Arr
 
 Flags = NDArray[np.bool_]
 
-PASSES = 2
-"""Times that forces are moved: each pass also smooths differences between neighbouring elements."""
-
 
 def recover(at: Tractions) -> tuple[Array, Array]:
     """Return recovered tractions p and q at the nodes of one contact edge.
@@ -218,7 +215,8 @@ def _moved(at: Tractions, elements: tuple[Ints, Array], active: Flags) -> tuple[
     starts = np.append(0, np.flatnonzero(np.diff(sign)) + 1)
     runs = list(zip(starts, np.append(starts[1:], len(sign)) - 1, strict=True))
     P, Q = at.P.copy(), at.Q.copy()
-    for _ in range(PASSES):
+    # times that forces are moved: each pass also smooths differences between neighbouring elements
+    for _ in range(2):
         flow = _flow(at, elements, P, in_contact)
         change = np.diff(flow, prepend=0.0, append=0.0)
         change_Q = np.diff(_flow(at, elements, Q, in_stick), prepend=0.0, append=0.0)

@@ -304,11 +304,7 @@ def fill_strip(a: Timeline, b: Timeline, x0: float, x1: float) -> Strip:
 
 
 def _matches(a: Timeline, b: Timeline) -> list[tuple[int, int]]:
-    """Pair the changes of state that two neighbouring nodes both make, in order.
-
-    Change k of a timeline is the change to state k. The largest number of pairs is chosen, and
-    among equal numbers the pairs closest in s.
-    """
+    """Pair the changes of state that two neighbouring nodes both make, in order."""
     na, nb = len(a.state), len(b.state)
 
     def gain(i: int, j: int) -> float:
@@ -358,10 +354,7 @@ def _fill_block(strip: Strip, a: Timeline, b: Timeline) -> None:
 
 
 def _fill_islands(strip: Strip, here: Timeline, other: Timeline, x: float) -> None:
-    """Fill zones of one side only as triangles with a corner midway.
-
-    A zone at the begin or the end of the block has its corner at the block's begin or end there.
-    """
+    """Fill zones of one side only as triangles with a corner midway."""
     middle = 0.5 * (strip.x0 + strip.x1)
     ends = 0.5 * (here.s[[0, -1]] + other.s[[0, -1]])
     scale = (ends[1] - ends[0]) / (here.s[-1] - here.s[0])

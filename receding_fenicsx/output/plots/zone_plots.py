@@ -245,16 +245,7 @@ def _draw_map(
     inches: tuple[float, float],
     legs: int = 1,
 ) -> None:
-    """Draw zones, their boundaries and numbers; no arrows to zones of very many legs.
-
-    Args:
-        axes: the axes.
-        drawn: the map.
-        ends: vertical positions of s = 0 and s = 1.
-        scales: units.
-        inches: width and height of the axes, for the numbers.
-        legs: number of legs in the map.
-    """
+    """Draw zones, their boundaries and numbers; no arrows to zones of very many legs."""
     begin, end = ends
 
     def place(points: Array) -> Array:
@@ -305,16 +296,7 @@ def _draw_limit(
     ends: Sequence[float] | Array,
     scales: Scales,
 ) -> bool:
-    """Draw where nodes reach the friction limit without slip; return whether there are any.
-
-    Args:
-        axes: axes of a map of some legs.
-        record: the record.
-        still: the nodes.
-        legs: the legs, from s = 0 of the map to s = 1.
-        ends: (n + 1,) vertical positions of the ends of the legs.
-        scales: units.
-    """
+    """Draw where nodes reach the friction limit without slip; return whether there are any."""
     here = np.isin(still.leg, legs)
     if len(legs) == 1:
         # at a turning point the line would lie on the frame

@@ -1,4 +1,4 @@
-"""Section on checks: residual, energy, uniqueness, friction limits, corners."""
+"""Sections on checks (residual, energy, uniqueness, friction limits, corners) and on fatigue."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import numpy as np
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.interface.uniqueness.watch import LARGE_MARGIN
 from receding_fenicsx.measures.ends import is_singular
+from receding_fenicsx.measures.fatigue import fatigue_summary
 from receding_fenicsx.measures.limit_nodes import limit_nodes
 from receding_fenicsx.output.report.section import Rows, Section, Summary
 from receding_fenicsx.output.report.turning_points import headline_points
@@ -38,10 +39,7 @@ def _summary(record: Record) -> dict[str, Any]:
 
 
 def _limit_ranges(record: Record) -> list[list[Any]]:
-    """Return ranges of x that reach the friction limit without slip in the last cycle.
-
-    With several contact edges the name of the edge follows each range.
-    """
+    """Return ranges of x that reach the friction limit without slip in the last cycle."""
     last = len(record.cycles.dissipation)
     if not last or not np.any(record.samples.cycle == last):
         return []
@@ -175,3 +173,58 @@ def _lines(summary: Summary) -> list[str]:
 
 
 CHECKS = Section("Checks", summary=_summary, rows=_rows, lines=_lines)
+
+
+# -- fatigue parameters: the worst point of each -------------------------------------------------
+
+CRITERIA = {
+    "swt": "Smith, Watson and Topper",
+    "fatemi_socie": "Fatemi and Socie",
+    "dang_van": "Dang Van",
+    "crossland": "Crossland",
+    "ruiz_f1": "Ruiz F1",
+    "ruiz_f2": "Ruiz F2",
+}
+COLUMNS = ("max", "x", "y", "probe", "angle", "estimate", "averaged", "life")
+
+
+def _parameters(summary: Summary) -> dict[str, Any]:
+    return dict(summary.get("fatigue", {}).get("parameters", {}))
+
+
+def _note(summary: Summary) -> str:
+    """Return what the mesh decides by more than a tenth."""
+    large = [
+        CRITERIA[name]
+        for name, row in _parameters(summary).items()
+        if row["estimate"] is not None and row["estimate"] > 0.1 * abs(row["max"])
+    ]
+    if not large:
+        return ""
+    return (
+        f"The mesh decides {', '.join(large)} by more than 10%: refine the ends of the contact; at "
+        "a singular corner take the mean over a length, [fatigue] average."
+    )
+
+
+def _fatigue_lines(summary: Summary) -> list[str]:
+    row = _parameters(summary).get("swt")
+    if row is None:
+        return []
+    life = "" if row["life"] is None else f", {row['life']:.3g} cycles"
+    error = "" if row["estimate"] is None else f" +- {row['estimate']:.1g}"
+    place = f"x = {row['x']:.4g} of probe '{row['probe']}', plane at {row['angle']:.0f} degrees"
+    return [f"fatigue: Smith, Watson and Topper {row['max']:.4g}{error} at {place}{life}"]
+
+
+FATIGUE = Section(
+    "Fatigue parameters",
+    summary=fatigue_summary,
+    rows=lambda summary: [
+        [CRITERIA[name], *(row.get(column) for column in COLUMNS)]
+        for name, row in _parameters(summary).items()
+    ],
+    head=lambda _: ["parameter", *COLUMNS],
+    note=_note,
+    lines=_fatigue_lines,
+)

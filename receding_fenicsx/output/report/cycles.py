@@ -12,17 +12,6 @@ from receding_fenicsx.output.report.section import Rows, Section, Summary, shown
 from receding_fenicsx.scene.history import DEFAULT_TOLERANCE, history_from_scene, is_straight
 
 
-def _summary(record: Record) -> dict[str, Any]:
-    slip = np.abs(record.cycles.slip_increment)
-    return {
-        "dissipation_first_loading": float(record.dissipation_first_loading),
-        "dissipation_per_cycle": record.cycles.dissipation.tolist(),
-        "dissipates": record.dissipates,
-        # of nodes in contact at the cycle's start and end
-        "slip_per_cycle_max": slip.max(axis=1, initial=0.0).tolist(),
-    }
-
-
 def _rows(summary: Summary) -> Rows:
     """Return the first 20 cycles and the last one."""
     D, slip = summary["dissipation_per_cycle"], summary["slip_per_cycle_max"]
@@ -41,7 +30,15 @@ def ratio_words(summary: Summary) -> tuple[str, str] | None:
 
 CYCLES = Section(
     "Cycles",
-    summary=_summary,
+    summary=lambda record: {
+        "dissipation_first_loading": float(record.dissipation_first_loading),
+        "dissipation_per_cycle": record.cycles.dissipation.tolist(),
+        "dissipates": record.dissipates,
+        # of nodes in contact at the cycle's start and end
+        "slip_per_cycle_max": np.abs(record.cycles.slip_increment)
+        .max(axis=1, initial=0.0)
+        .tolist(),
+    },
     rows=_rows,
     head=lambda _: ["cycle N", "dissipation D", "over cycle 1", "largest slip increment"],
     note=lambda summary: (

@@ -105,15 +105,16 @@ def slip_warnings(record: Record) -> list[str]:
     return lines
 
 
-def _warnings(record: Record) -> dict[str, Any]:
-    scene = scene_warnings(record.scene) if record.scene else []
-    found = [*cut_off_warnings(record), *slip_warnings(record), *loose_warnings(record)]
-    return {"warnings": [*scene, *found]}
-
-
 WARNINGS = Section(
     "Warnings",
-    summary=_warnings,
+    summary=lambda record: {
+        "warnings": [
+            *(scene_warnings(record.scene) if record.scene else []),
+            *cut_off_warnings(record),
+            *slip_warnings(record),
+            *loose_warnings(record),
+        ]
+    },
     rows=lambda summary: [[text] for text in summary.get("warnings") or []],
     lines=lambda summary: [f"warning: {text}" for text in summary.get("warnings") or []],
 )
@@ -130,12 +131,7 @@ def _bolts(record: Record) -> dict[str, list[float]]:
 
 
 def _forces(record: Record) -> dict[str, Any]:
-    """Return the keys "bolts" and "forces": each one's force at the turning points.
-
-    The force of a prescribed displacement is the component along it: the work-conjugate load
-    displacement over the size of the displacement at factor 1. A displacement that is no single
-    number has none.
-    """
+    """Return the keys "bolts" and "forces": each one's force at the turning points."""
     names = record.scene.driven_names if record.scene else ()
     kinds = {name: kind_of(record.scene, name, record.axisymmetric) for name in names}
     conjugate = record.turning_points.load_displacement
@@ -272,21 +268,17 @@ SEARCH = Section(
 # -- time, memory and versions -------------------------------------------------------------------
 
 
-def _cost_rows(summary: Summary) -> Rows:
-    if "timings" not in summary:
-        return []
-    rows: Rows = [[f"{name}, s", f"{value:.3f}"] for name, value in summary["timings"].items()]
-    rows.append(["peak memory, MB", f"{summary['peak_memory_MB']:.0f}"])
-    return [*rows, ["MPI ranks", summary["ranks"]]]
-
-
-def _cost_line(summary: Summary) -> list[str]:
-    if "timings" not in summary:
-        return []
-    times = summary["timings"]
+def _costs(summary: Summary) -> tuple[Rows, list[str]]:
+    """Return rows and line on time and memory."""
+    times = summary.get("timings")
+    if times is None:
+        return [], []
+    memory = f"{summary['peak_memory_MB']:.0f}"
+    rows: Rows = [[f"{name}, s", f"{value:.3f}"] for name, value in times.items()]
     drawn = f" (pictures {times['pictures']:.1f} s)" if times.get("pictures") else ""
-    return [f"{sum(times.values()):.1f} s{drawn}, {summary['peak_memory_MB']:.0f} MB"]
+    line = f"{sum(times.values()):.1f} s{drawn}, {memory} MB"
+    return [*rows, ["peak memory, MB", memory], ["MPI ranks", summary["ranks"]]], [line]
 
 
-COSTS = Section("Time and memory", rows=_cost_rows, lines=_cost_line)
+COSTS = Section("Time and memory", rows=lambda s: _costs(s)[0], lines=lambda s: _costs(s)[1])
 VERSIONS = Section("Versions", rows=lambda summary: list(summary.get("versions", {}).items()))

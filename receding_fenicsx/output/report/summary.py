@@ -8,9 +8,8 @@ from typing import Any
 
 from receding_fenicsx.arrays import aligned
 from receding_fenicsx.evolution.record import Record
-from receding_fenicsx.output.report.checks import CHECKS
+from receding_fenicsx.output.report.checks import CHECKS, FATIGUE
 from receding_fenicsx.output.report.cycles import CYCLES, STEADY
-from receding_fenicsx.output.report.fatigue import FATIGUE
 from receding_fenicsx.output.report.run import (
     COSTS,
     ERRORS,

@@ -224,10 +224,7 @@ def length_format(summary: Summary) -> str:
 
 
 def _format(values: Sequence[float]) -> str:
-    """Return a format that shows about five digits of the largest value.
-
-    Values that round to zero have no sign.
-    """
+    """Return a format that shows about five digits of the largest value."""
     largest = max((abs(value) for value in values), default=0.0)
     if largest == 0.0 or 0.1 <= largest < 100.0:
         return "z.4f"

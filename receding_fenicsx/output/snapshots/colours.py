@@ -42,8 +42,6 @@ QUANTITIES = (
     Quantity("sxy", r"\sigma_{xy}"),
     Quantity("max_shear", r"2\tau_\mathrm{max}", signed=False, fringes=True),
 )
-DEFAULT_QUANTITIES = tuple(q for q in QUANTITIES if q.name in ("von_mises", "max_shear"))
-"""Stresses that every run draws; a picture takes about a quarter of a second."""
 
 
 def quantity_of(name: str) -> Quantity:

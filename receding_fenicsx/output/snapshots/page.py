@@ -313,10 +313,7 @@ def traction_limits(view: View) -> tuple[float, float]:
 
 
 def _draw_tractions(axes: Axes, view: View, layout: Layout, clock: Clock | None) -> None:
-    """Draw p, q and the friction limits along the first contact edge.
-
-    Below a horizontal edge each position stands under its place in the picture.
-    """
+    """Draw p, q and the friction limits along the first contact edge."""
     known = np.isfinite(view.p)
     divided = f"/{view.pressure_symbol}" if view.pressure_symbol else ""
     axes.axhline(0.0, color="black", lw=0.4)
@@ -351,10 +348,7 @@ def _draw_tractions(axes: Axes, view: View, layout: Layout, clock: Clock | None)
 
 
 def _draw_outlines(axes: Axes, view: View) -> None:
-    """Draw the undeformed and the deformed outline, and planes and states of contact edges.
-
-    The states are a band below a rigid plane, or a coloured line between two bodies.
-    """
+    """Draw the undeformed and the deformed outline, and planes and states of contact edges."""
     before = LineCollection(list(view.points[view.edges]), colors=style.GUIDE_COLOUR)
     before.set(linewidths=0.6, linestyles=[(0, (3, 2))], zorder=2)
     after = LineCollection(list(view.moved[view.edges]), colors="black", capstyle="round")

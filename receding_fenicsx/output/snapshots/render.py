@@ -25,8 +25,6 @@ Pixels = NDArray[np.uint8]
 POOL = "renderer"
 """Name of the pool of the process that renders."""
 
-ADVICE = "install libosmesa6 (or libegl1), then see receding-fenicsx doctor"
-
 SAMPLES = 2
 """Number of samples along each side of a pixel, of which its colour is the mean."""
 
@@ -60,11 +58,15 @@ def render(
         RecedingError: off-screen rendering does not work on this machine.
     """
     try:
-        job = workers.submit(POOL, _render, points, cells, values, limits, colours, window, size)
+        picture = points, cells, values, limits, colours, window, size
+        job = workers.submit(POOL, _render, picture)
         return workers.result(POOL, job, 120.0)  # seconds
     except Exception as error:
         reason = " ".join(str(error).split()) or type(error).__name__
-        raise RecedingError(f"off-screen rendering failed ({reason}); {ADVICE}") from None
+        raise RecedingError(
+            f"off-screen rendering failed ({reason}); install libosmesa6 (or libegl1), "
+            "then see receding-fenicsx doctor"
+        ) from None
 
 
 def _prepare() -> None:
@@ -90,16 +92,9 @@ def _window() -> Any:
     return plotter
 
 
-def _render(
-    points: Array,
-    cells: Ints,
-    values: Array,
-    limits: tuple[float, float],
-    colours: Array,
-    window: tuple[float, float, float, float],
-    size: tuple[int, int],
-) -> Pixels:
-    """Render a picture in this process, see :func:`render`."""
+def _render(picture: tuple[Any, ...]) -> Pixels:
+    """Render a picture in this process; it holds the arguments of :func:`render`."""
+    points, cells, values, limits, colours, window, size = picture
     plotter = _window()
     import pyvista as pv
     from matplotlib.colors import ListedColormap

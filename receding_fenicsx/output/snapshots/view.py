@@ -342,11 +342,7 @@ def largest_factors(scene: Scene) -> Array:
 
 
 def _traction(scene: Scene, load: Load, spacing: float) -> tuple[Array, Array]:
-    """Return points of the edge and tractions there, (n, 2) each, of a load with factor 1.
-
-    The traction of a platen is its mean value, that of a prescribed displacement is zero. Loads
-    that begin on the axis of revolution are continued to its other side.
-    """
+    """Return points of the edge and tractions there, (n, 2) each, of a load with factor 1."""
     begin, end = edge_range(scene, load.edge)
     # of a load that travels, the part on the edge
     place = load.travel[0] if load.travel else 0.0
