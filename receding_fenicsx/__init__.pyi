@@ -139,7 +139,7 @@ from .studies.shakedown.study import ShakedownStudy as ShakedownStudy
 from .studies.shakedown.exact_cycles import opening_limit as opening_limit
 from .studies.shakedown.exact_cycles import range_history as range_history
 from .studies.starts import steady_states as steady_states, SteadyStates as SteadyStates
-from .studies.shakedown.study import steady_states_figure as steady_states_figure
+from .studies.starts import steady_states_figure as steady_states_figure
 
 # Wear
 from .scene.model import WearOptions as WearOptions

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import logging
 import sys
-from collections.abc import Callable
 from concurrent.futures import Executor
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -28,6 +27,7 @@ from receding_fenicsx.interface.system import ContactSystem
 from receding_fenicsx.measures.fatigue import fatigue_summary
 from receding_fenicsx.mpi import world
 from receding_fenicsx.output.report import summary
+from receding_fenicsx.output.report.cycles import limit_summary
 from receding_fenicsx.pictures import draw_run, drawing_modules
 from receding_fenicsx.scene import history
 from receding_fenicsx.scene.model import Scene
@@ -47,7 +47,8 @@ from receding_fenicsx.studies.runner import Runner, StudyOptions, check_workers,
 from receding_fenicsx.studies.starts import (
     check_landings,
     check_starts,
-    limit_with_starts,
+    starts_summary,
+    steady_states,
 )
 from receding_fenicsx.timing import Countdown, Say, Timer
 
@@ -232,7 +233,8 @@ def _starts(
         progress = StudyOptions(progress=timer.say)
         runner = Runner("starts", progress, file, options.workers, executor)
         system, record = mpi.given(found.system), mpi.given(found.record)
-        return limit_with_starts(system, found.scene, record, options.starts, runner)
+        states = steady_states(system, found.scene, options.starts, runner=runner)
+        return {"limit": {**limit_summary(record)["limit"], "starts": starts_summary(states)}}
 
     with resumable(folder, "between starts"), timer("starts"):
         return on_ranks(comm, limits) or {}
@@ -384,7 +386,7 @@ def run_history(
     scene: Scene,
     system: ContactSystem,
     folder: Path | None,
-    say: Callable[[str], None] | None = None,
+    say: Say | None = None,
 ) -> tuple[Record, SolveError | None]:
     """Evolve a scene's history, from the last checkpoint in its folder if there is one.
 
@@ -433,7 +435,7 @@ def _with_corners(
     scene: Scene,
     system: ContactSystem,
     folder: Path | None,
-    say: Callable[[str], None] | None,
+    say: Say | None,
 ) -> tuple[Scene, Array | None]:
     """Return the scene with the corners of its harmonic history, those of the run it resumes."""
     scene = tightened(system, scene)

@@ -8,21 +8,23 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Any
 
+import matplotlib as mpl
 import numpy as np
+from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from receding_fenicsx.arrays import Array, described
 from receding_fenicsx.errors import InputError, SolveError
 from receding_fenicsx.evolution.evolve import evolve
 from receding_fenicsx.evolution.histories import tightened
-from receding_fenicsx.evolution.problem import Problem, problem_of_scene, system_for
+from receding_fenicsx.evolution.problem import problem_of_scene, system_for
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.interface.law import State
 from receding_fenicsx.interface.measures.steady import NOT_REACHED
 from receding_fenicsx.interface.measures.zones import zones
 from receding_fenicsx.interface.mirror import mirror_of
 from receding_fenicsx.interface.system import ContactSystem, reactions
-from receding_fenicsx.output.report.cycles import limit_summary
+from receding_fenicsx.output.plots import style
 from receding_fenicsx.scene.history import History, ended_by
 from receding_fenicsx.scene.model import OutputOptions, Scene, SolverOptions
 from receding_fenicsx.store.workspace import Case
@@ -160,16 +162,6 @@ def play_start(
     }
 
 
-def check_first_leg(problem: Problem, starts: int) -> None:
-    """Raise InputError where a node with a gap lands, from the slips of so many starts."""
-    system, history = problem.system, problem.history
-    leg = replace(ended_by(history, None), path=history.path[:2], loop=history.loop[:0], cycles=0)
-    _, *slips = initial_slips(system, history, starts, None).values()  # rest may land
-    for slip in slips:
-        with suppress(SolveError):  # of a start that fails the reason is told with the others
-            evolve(system, leg, problem.solver, OutputOptions(1, ()), initial_slip=slip)
-
-
 def initial_slips(
     system: ContactSystem, history: History, count: int, safe: Array | None
 ) -> dict[str, Array]:
@@ -219,6 +211,34 @@ def _states(record: Record) -> NDArray[np.int8]:
     return np.where(opens & ~slips, np.int8(State.SEPARATION), state).astype(np.int8)
 
 
+def steady_states_figure(states: SteadyStates) -> Figure:
+    """Draw dissipation per cycle of each start, sorted, beside the states of the nodes."""
+    order = np.argsort(states.dissipation, kind="stable")
+    rows = np.arange(len(order))
+    with mpl.rc_context(style.RC):
+        figure = style.new_figure(style.PAGE, 3.0)
+        left, right = figure.subplots(1, 2, sharey=True)
+        kinds = np.array(states.kind)[order]
+        for kind, colour in zip(dict.fromkeys(kinds), style.SERIES_COLOURS, strict=False):
+            of_kind = kinds == kind
+            D = states.dissipation[order][of_kind]
+            left.plot(D, rows[of_kind], "o", ms=3, color=colour, label=kind)
+        style.ticks(left.xaxis, 4)
+        left.legend(loc="lower right")
+        left.set(xlabel="dissipation per cycle of the steady state", ylabel="starts, sorted")
+        found = np.unique(states.state)
+        colours = mpl.colors.ListedColormap([style.STATE_COLOURS[s] for s in State])
+        places = np.arange(len(states.x)) if len(states.x) < 2 else states.x
+        right.pcolormesh(
+            places, rows, states.state[order], cmap=colours, vmin=0.5, vmax=4.5, rasterized=True
+        )
+        right.set(xlabel="$x$")
+        figure.legend(
+            handles=style.state_patches(found), loc="outside upper center", ncols=len(found)
+        )
+    return figure
+
+
 # -- starts of a run ----------------------------------------------------------------------------
 
 
@@ -235,19 +255,16 @@ def check_landings(system: ContactSystem, scene: Scene, starts: int) -> None:
     if not np.any(system_for(scene, system).g0 > 0.0):
         return
     problem = problem_of_scene(system, tightened(system, scene))
+    system, history = problem.system, problem.history
+    leg = replace(ended_by(history, None), path=history.path[:2], loop=history.loop[:0], cycles=0)
+    _, *slips = initial_slips(system, history, starts, None).values()  # rest may land
     try:
-        check_first_leg(problem, starts)
+        for slip in slips:
+            with suppress(SolveError):  # of a start that fails the reason is told with the others
+                evolve(system, leg, problem.solver, OutputOptions(1, ()), initial_slip=slip)
     except InputError as error:
+        # a node with an initial gap lands on it: where its slip begins is not defined
         raise InputError(f"--starts: every start but rest is an initial slip; {error}") from error
-
-
-def limit_with_starts(
-    system: ContactSystem, scene: Scene, record: Record, starts: int, runner: Runner
-) -> dict[str, Any]:
-    """Evolve the history of a run from many initial slips; return its key "limit"."""
-    states = steady_states(system, scene, starts, runner=runner)
-    limit: Mapping[str, Any] = limit_summary(record)["limit"]
-    return {"limit": {**limit, "starts": starts_summary(states)}}
 
 
 def starts_summary(states: SteadyStates) -> dict[str, Any]:

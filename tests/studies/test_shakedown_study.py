@@ -23,8 +23,8 @@ from receding_fenicsx.studies.shakedown.study import (
     Diagram,
     ShakedownStudy,
     diagram_figure,
-    steady_states_figure,
 )
+from receding_fenicsx.studies.starts import steady_states_figure
 
 SCENE = """
 title = "sheared block"

@@ -133,8 +133,7 @@ def search(
         InputError: no mesh fits the scene, or the run has no such number.
         SolveError: the scene has no answer on a mesh as fine as its own.
     """
-    tolerance = scene.accuracy.tolerance
-    assert tolerance is not None
+    tolerance = scene.accuracy.tolerance or 0.0
     scene, own = to_limit(scene), scene.mesh.contact_elements
     found = Search(scene)
     while True:
@@ -491,8 +490,7 @@ def within_tolerance(
     except InputError:
         mpi.on_root(comm, lambda: None if folder is None else forget_system(folder))
         raise
-    if unwritten is None:  # the last mesh was finished before
-        assert reached is not None
+    if unwritten is None and reached is not None:  # the last mesh was finished before
         solved(reached)
     assert last is not None
     last.extra["errors"] = shown(estimates_of(found.levels))

@@ -192,8 +192,8 @@ def joint_figure(curve: JointCurve) -> Figure:
     return figure
 
 
-TABLE, SUMMARY, PICTURE, CASES_OF = "joint.csv", "joint.json", "joint.png", "joint_cases.json"
-"""Files of a curve; the last one says what the finished cases are of."""
+RESULTS = ("joint.csv", "joint.json", "joint.png")
+"""Files of a curve."""
 CYCLES = 1000
 """Most cycles that are played where the limit is not found at once."""
 
@@ -269,7 +269,7 @@ def joint_curve(
     omega = np.zeros(0)
 
     def check() -> None:
-        check_folder("curve", (CASES_OF, SUMMARY), out, options)
+        check_folder("curve", ("joint_cases.json", RESULTS[1]), out, options)
 
     # a mode, the preload or the first loading may fail: before anything is written
     if isinstance(scene, ContactSystem):
@@ -332,12 +332,11 @@ def joint_curve(
             return curve
 
         same = {"drive": drive, "system": "" if cyclic is not None else digest_of(given)}
-        results = (TABLE, SUMMARY, PICTURE)
         # amplitudes may be added, or left out
         own = scene if isinstance(scene, Scene) else None
         whose = own and _driven(own, drive, np.ones(1))
         content = {"amplitudes": values.tolist()}
-        return Study("curve", CASES_OF, whose, combine, same, content, results)
+        return Study("curve", "joint_cases.json", whose, combine, same, content, RESULTS)
 
     return run_study(begin, out, workers, options)
 
@@ -409,7 +408,7 @@ def _curve(
 def _write(folder: Path, title: str, curve: JointCurve) -> None:
     """Write table, summary and figure."""
     rows = curve.rows()
-    write_csv(folder / TABLE, {name: [row[name] for row in rows] for name in rows[0]}, True)
+    write_csv(folder / RESULTS[0], {name: [row[name] for row in rows] for name in rows[0]}, True)
     slope, error = curve.exponent
     backbone = curve.backbone
     content: Mapping[str, Any] = {
@@ -426,5 +425,5 @@ def _write(folder: Path, title: str, curve: JointCurve) -> None:
         },
         "versions": versions(),
     }
-    save(joint_figure(curve), folder / PICTURE)
-    write_summary(folder / SUMMARY, content, True)
+    save(joint_figure(curve), folder / RESULTS[2])
+    write_summary(folder / RESULTS[1], content, True)

@@ -21,7 +21,6 @@ from receding_fenicsx.arrays import Array
 from receding_fenicsx.atomic import new_file
 from receding_fenicsx.environment import versions
 from receding_fenicsx.errors import InputError, RecedingError, SolveError
-from receding_fenicsx.interface.law import State
 from receding_fenicsx.interface.mirror import mirror_of
 from receding_fenicsx.interface.shakedown.limits import (
     CONJECTURE,
@@ -49,7 +48,7 @@ from receding_fenicsx.scene.identity import body_of, identity_of
 from receding_fenicsx.scene.model import Scene
 from receding_fenicsx.scene.toml_file import to_toml
 from receding_fenicsx.store.run_folder import write_csv, write_summary
-from receding_fenicsx.store.workspace import Case, Outcome
+from receding_fenicsx.store.workspace import Case
 from receding_fenicsx.studies import run as study
 from receding_fenicsx.studies.accuracy.meshes import coarser
 from receding_fenicsx.studies.run import shared_system
@@ -62,7 +61,6 @@ from receding_fenicsx.studies.runner import (
     run_study,
 )
 from receding_fenicsx.studies.shakedown.exact_cycles import BELOW, limit_by_cycles, opening_limit
-from receding_fenicsx.studies.starts import SteadyStates
 from receding_fenicsx.timing import Timer
 
 if TYPE_CHECKING:
@@ -152,36 +150,7 @@ def diagram_figure(diagram: Diagram, opening: Opening | None = None) -> Figure:
     return figure
 
 
-def steady_states_figure(states: SteadyStates) -> Figure:
-    """Draw dissipation per cycle of each start, sorted, beside the states of the nodes."""
-    order = np.argsort(states.dissipation, kind="stable")
-    rows = np.arange(len(order))
-    with mpl.rc_context(style.RC):
-        figure = style.new_figure(style.PAGE, 3.0)
-        left, right = figure.subplots(1, 2, sharey=True)
-        kinds = np.array(states.kind)[order]
-        for kind, colour in zip(dict.fromkeys(kinds), style.SERIES_COLOURS, strict=False):
-            of_kind = kinds == kind
-            D = states.dissipation[order][of_kind]
-            left.plot(D, rows[of_kind], "o", ms=3, color=colour, label=kind)
-        style.ticks(left.xaxis, 4)
-        left.legend(loc="lower right")
-        left.set(xlabel="dissipation per cycle of the steady state", ylabel="starts, sorted")
-        found = np.unique(states.state)
-        colours = mpl.colors.ListedColormap([style.STATE_COLOURS[s] for s in State])
-        places = np.arange(len(states.x)) if len(states.x) < 2 else states.x
-        right.pcolormesh(
-            places, rows, states.state[order], cmap=colours, vmin=0.5, vmax=4.5, rasterized=True
-        )
-        right.set(xlabel="$x$")
-        figure.legend(
-            handles=style.state_patches(found), loc="outside upper center", ncols=len(found)
-        )
-    return figure
-
-
-SUMMARY, SLIP, PICTURE = "shakedown.json", "safe_slip.csv", "shakedown.png"
-CASES_OF = "shakedown_cases.json"
+RESULTS = ("shakedown.json", "safe_slip.csv", "shakedown.png")
 """Files of a study."""
 FOUND_BY = "by a mixed-integer program, verified by exact cycles"
 """How the range with opening nodes is known."""
@@ -274,7 +243,10 @@ def shakedown(
         raise InputError(f"[shakedown]: is for loads alone; remove {', '.join(scene.preloads)}")
     if options.shard is not None:
         raise InputError("shakedown: its cases depend on each other; leave the shard out")
-    mpi.on_root(comm, lambda: check_folder("shakedown study", (CASES_OF, SUMMARY), out, options))
+    mpi.on_root(
+        comm,
+        lambda: check_folder("shakedown study", ("shakedown_cases.json", RESULTS[0]), out, options),
+    )
     # whole: a contact without friction is refused as such
     system = study.condense(scene, comm, timer.say, whole=True)
     with timer("limits"):
@@ -299,8 +271,7 @@ def shakedown(
                 _write(runner.folder, scene, result, timer)
             return result
 
-        results = (SUMMARY, SLIP, PICTURE)
-        return Study("shakedown study", CASES_OF, scene, combine, results=results)
+        return Study("shakedown study", "shakedown_cases.json", scene, combine, results=RESULTS)
 
     return run_study(begin, out, workers, options)
 
@@ -391,9 +362,12 @@ def _combined(
     if plays:
         cases.append(case("exact cycles", cycles_of, scene, system, limits))
     found = runner.outcomes(cases, measure)
+    needed = [*found[:n], *(found[-1:] if plays else ())]
+    for reason in (outcome.error for outcome in needed if outcome.error):
+        raise SolveError(reason)
     both = np.zeros((len(changes), 2))
     for k, outcome in enumerate(found[:n]):
-        both[k::n] = _cells(outcome)["limits"]
+        both[k::n] = outcome.cells["limits"]
     diagram = Diagram(name, own + changes, both[:, 0], both[:, 1], own)
     sizes = [(len(limits.separated), limits.lower, limits.upper)]
     if partner is not None:
@@ -403,7 +377,7 @@ def _combined(
             sizes.append(tuple(found[n].cells[key] for key in ("nodes", "lower", "upper")))
     cycles, opening = None, None
     if plays:
-        low, high = _cells(found[-1])["interval"]
+        low, high = found[-1].cells["interval"]
         cycles = low, high
         (last,) = runner.outcomes(
             [case("opening", opening_of, scene, system, limits, high)], measure
@@ -420,13 +394,6 @@ def _combined(
         )
     notes = (*_notes(system, limits, cycles is not None), *failures)
     return ShakedownStudy(system, limits, tuple(sizes), diagram, cycles, notes, opening)
-
-
-def _cells(outcome: Outcome) -> dict[str, Any]:
-    """Return what a case has found, which must not fail."""
-    if outcome.error:
-        raise SolveError(outcome.error)
-    return outcome.cells
 
 
 def _notes(system: ContactSystem, limits: ShakedownLimits, played: bool) -> tuple[str, ...]:
@@ -465,10 +432,10 @@ def _write(folder: Path, scene: Scene, result: ShakedownStudy, timer: Timer) -> 
         beside.write_text(to_toml(scene), encoding="utf-8")
     if len(np.unique(system.edges)) == 1:
         x = mirror_of(system).odd(system.x)
-        write_csv(folder / SLIP, {"x": x, "value": result.limits.safe_slip}, overwrite=True)
-    save(diagram_figure(result.diagram, result.opening), folder / PICTURE)
+        write_csv(folder / RESULTS[1], {"x": x, "value": result.limits.safe_slip}, overwrite=True)
+    save(diagram_figure(result.diagram, result.opening), folder / RESULTS[2])
     summary = _summary(scene, result) | {"timings": dict(timer.seconds)}
-    write_summary(folder / SUMMARY, summary, overwrite=True)
+    write_summary(folder / RESULTS[0], summary, overwrite=True)
 
 
 def _summary(scene: Scene, result: ShakedownStudy) -> dict[str, Any]:
