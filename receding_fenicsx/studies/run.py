@@ -328,16 +328,14 @@ def check(scene: Scene, comm: MPI.Comm | None = None) -> int:
     comm = comm or world()
 
     def meshed() -> tuple[int, Scene | None]:
+        coarse: Scene | None
         nodes, coarse = meshes.count_nodes(scene), scene
-        # contact elements of the finest mesh that :func:`check` condenses: within a second or so
-        while coarse.mesh.contact_elements > 320 or not is_small(coarse):
+        # the finest mesh that is condensed takes a second or so
+        while coarse is not None and (coarse.mesh.contact_elements > 320 or not is_small(coarse)):
             try:
-                partner = meshes.coarser(coarse)
+                coarse = meshes.coarser(coarse)
             except InputError:
-                partner = None
-            if partner is None:
-                return nodes, None
-            coarse = partner
+                coarse = None
         return nodes, coarse
 
     nodes, coarse = comm.bcast(mpi.on_root(comm, meshed))
