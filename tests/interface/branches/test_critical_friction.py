@@ -56,8 +56,10 @@ def test_factor_is_that_of_all_signs_and_the_search_finds_it() -> None:
         if n <= 8:
             assert found.factor == pytest.approx(smallest_factor(system), rel=1e-9), seed
         A: np.ndarray = -(system.f[:, None] * K[n:, :n]) @ np.linalg.inv(K[:n, :n])
-        mu, _ = search_signs(A, starts=24)
-        assert mu <= (1.0 + 1e-9) / found.factor
+        mu, signs = search_signs(A, starts=24)
+        values = np.linalg.eigvals(signs[:, None] * A)
+        real = values.real[np.abs(values.imag) < 1e-10 * np.abs(values).max()]
+        assert mu == pytest.approx(real.max(), rel=1e-9) and mu <= (1.0 + 1e-9) / found.factor
         missed += mu < (1.0 - 1e-9) / found.factor
         assert found.unique_below <= found.lower_bound * (1 + 1e-6)
         assert found.lower_bound <= found.factor * (1 + 1e-9)

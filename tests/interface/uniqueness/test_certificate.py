@@ -235,7 +235,12 @@ def test_instants_are_the_start_and_each_place_of_change_and_met_ones_are_left_o
     assert legs.new(b"x", start, events, none) == []
     assert len(legs.new(b"another direction", start, events, none)) == 3
     judge = Certificate(system)
-    assert len(list(found[2][1].explicit(judge.rubbing))) == 3
+    for rubbing, sides in (
+        (judge.rubbing, {SEPARATION, FORWARD, BACKWARD}),
+        (0, {STICK, SEPARATION}),
+    ):
+        explicit = [one.states(3).tolist() for one in found[2][1].explicit(rubbing)]
+        assert sorted(explicit) == sorted([BACKWARD, FORWARD, side] for side in sides)
     # a tie counts as much as a change, and so do changes within round-off of one another
     ties = [(0.2, 2, SEPARATION, SEPARATION), (0.5 - 1e-12, 0, BACKWARD, SEPARATION)]
     found = legs.new(b"x", start, events, Changes.of(ties))
