@@ -174,16 +174,6 @@ def test_saved_system_gives_the_same_record_without_meshing(finished: Finished) 
             )
 
 
-def test_half_is_modelled_only_when_it_may_be() -> None:
-    for overrides, half in (
-        ([], True),
-        (["solver.symmetry=none"], False),
-        (["contact.friction=0.35 + 0.001*x"], False),
-    ):
-        record = study.run(small("history.cycles=1", *overrides), comm=comm)
-        assert comm.bcast(None if record is None else record.half) == half
-
-
 def test_initial_slip_is_taken_over() -> None:
     """A slip that all nodes share and no stiffness resists leaves the tractions as they were.
 
@@ -200,14 +190,6 @@ def test_initial_slip_is_taken_over() -> None:
         centre = len(a.x) // 2
         shift = b.turning_points.v[0, centre] - a.turning_points.v[0, centre]
         np.testing.assert_allclose(shift, 0.125, rtol=1e-6)
-
-
-def test_condensed_alone_is_what_run_condenses(finished: Finished) -> None:
-    system = study.condense(small(), comm)
-    assert (system is None) == (comm.rank > 0)
-    if system is not None:
-        stored = rf.read_system(finished.out / "system.h5")
-        np.testing.assert_array_equal(stored.K, system.K)
 
 
 def test_existing_folders_are_left_alone_unless_asked(shared_tmp_path: Path) -> None:
@@ -232,13 +214,6 @@ def test_failing_run_leaves_nothing_behind(shared_tmp_path: Path) -> None:
         study.run(scene, shared_tmp_path / "run", comm=comm)
     comm.Barrier()
     assert os.listdir(shared_tmp_path) == []
-
-
-def test_invalid_scene_from_python_is_refused_before_meshing() -> None:
-    scene = small()
-    bad = dataclasses.replace(scene, body=dataclasses.replace(scene.body, width=-1.0))
-    with pytest.raises(rf.InputError, match=r"\[body\] width"):
-        study.run(bad, comm=comm)
 
 
 def test_instants_are_found_by_the_names_of_legs(finished: Finished) -> None:

@@ -37,12 +37,6 @@ def graded_twice(scene: rf.Scene) -> rf.Record:
     return played(rf.refined_at_zone_ends(scene, record, 8.0))
 
 
-def zone_ends(record: rf.Record) -> list[float]:
-    """Ends of zones at all turning points."""
-    points = rf.summarise(record)["turning_points"]
-    return [end["value"] for point in points for end in point["zone_ends"]]
-
-
 @pytest.mark.parametrize("f", [0.5, 0.8])
 def test_graded_corners_need_less_than_half_the_nodes(f: float) -> None:
     scene = sheared(f, 24)

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 from mpi4py import MPI
 
@@ -137,48 +135,6 @@ def test_rotating_shaft_between_smooth_plates(degree: int) -> None:
     np.testing.assert_allclose(at["ux"], r * eps, rtol=1e-2 * off, atol=0.2 * off * eps.max())
 
 
-def annulus(folder: Path) -> Path:
-    """A .geo file of a quarter of an annulus, radii 1 and 2."""
-    file = folder / "annulus.geo"
-    file.write_text(
-        "h = 0.03; Point(1) = {0, 0, 0, h}; Point(2) = {1, 0, 0, h}; Point(3) = {2, 0, 0, h};\n"
-        "Point(4) = {0, 2, 0, h}; Point(5) = {0, 1, 0, h}; Line(1) = {2, 3};\n"
-        "Circle(2) = {3, 1, 4}; Line(3) = {4, 5}; Circle(4) = {5, 1, 2};\n"
-        "Curve Loop(1) = {1, 2, 3, 4}; Plane Surface(1) = {1}; Physical Surface('s') = {1};\n"
-        "Physical Curve('down') = {1}; Physical Curve('side') = {3};\n",
-        encoding="utf-8",
-    )
-    return file
-
-
-@pytest.mark.one_rank
-def test_disc_under_a_field_towards_its_axis(tmp_path: Path) -> None:
-    """A rotating disc with the sign reversed, so that its section is pressed on the plane."""
-    rate, a, b = 0.5, 1.0, 2.0
-    scene = rf.Scene(
-        body=rf.Body(mesh=str(annulus(tmp_path))),
-        material=rf.Material(E, NU, "plane stress"),
-        mesh=rf.MeshOptions(contact_elements=16, degree=2),
-        contacts=(rf.Contact("down", friction=0.0),),
-        loads=(rf.Load("spin", body_force=(f"-{rate}*x", f"-{rate}*y")),),
-        supports=(rf.Support("x", edge="side"),),
-        history=ONCE,
-        probes=(rf.Probe("s", points=((1.2, 0.9), (0.9, 1.2))),),
-    )
-    record = played(scene)
-    r = record.x + 1.5
-    hoop = (3 + NU) / 8 * rate * (a**2 + b**2 + (a * b / r) ** 2 - (1 + 3 * NU) / (3 + NU) * r**2)
-    p = record.turning_points.p[-1]
-    np.testing.assert_allclose(p[2:-2:2], hoop[2:-2:2], rtol=2e-3)
-    at = at_probe(record)
-    r = np.array([1.5, 1.5])
-    srr = -(3 + NU) / 8 * rate * (a**2 + b**2 - (a * b / r) ** 2 - r**2)
-    stt = -(3 + NU) / 8 * rate * (a**2 + b**2 + (a * b / r) ** 2 - (1 + 3 * NU) / (3 + NU) * r**2)
-    assert at["sxx"] + at["syy"] == pytest.approx(srr + stt, rel=2e-3)
-    moved = np.hypot(at["ux"], at["uy"])
-    assert moved == pytest.approx(-r * (stt - NU * srr) / E, rel=2e-4)
-
-
 def half_disc(folder: Path, side: int, h: float) -> str:
     """A .geo file of the upper or lower half of a disc of radius 2."""
     file = folder / f"half{side}_{h}.geo"
@@ -252,39 +208,6 @@ def test_full_disc_rotates_inside_a_tight_ring(kinematics: str, tmp_path: Path) 
 )
 def test_uneven_loads_are_not_mirror_symmetric(load: rf.Load) -> None:
     assert not is_mirror_symmetric(block(load=load))
-
-
-@pytest.mark.parametrize("kind", ["heat", "force"])
-def test_body_cut_in_two_layers(kind: str) -> None:
-    """A bar of two layers, each with its own part of the load, against the bar of one."""
-    loads: dict[str, dict[str, Any]] = {
-        "heat": {"thermal_strain": 0.01},
-        "force": {"body_force": (0.0, -0.2)},
-    }
-    load = loads[kind]
-    fixed = (rf.Support("y", edge="top"),) if kind == "heat" else ()
-    one = block(
-        degree=2, load=rf.Load("T", **load), contacts=(rf.Contact(friction=0.0),), history=ONCE
-    )
-    one = replace(one, supports=fixed)
-    halves = [rf.Body(name, height=0.5, position=(0.0, y)) for name, y in (("a", 0.5), ("b", 0.0))]
-    two = replace(
-        one,
-        body=halves[0],
-        others=(halves[1],),
-        contacts=(rf.Contact("a.bottom", friction=0.0, against="b.top"),),
-        loads=tuple(rf.Load("T", body=name, **load) for name in "ab"),
-        supports=(
-            *(replace(s, edge="a.top") for s in fixed),
-            rf.Support("y", edge="b.bottom"),
-        ),
-    )
-    a, b = played(one), played(two)
-    known = (4.0 * E * 0.01 / (1.0 - NU),) * 2 if kind == "heat" else (0.8, 0.4)
-    assert a.turning_points.P[-1].sum() == pytest.approx(known[0], rel=1e-8)
-    assert b.turning_points.P[-1].sum() == pytest.approx(known[1], rel=1e-8)
-    moved = [r.turning_points.load_displacement[-1, 0] for r in (a, b)]
-    assert kind == "force" or moved[0] == pytest.approx(moved[1], rel=1e-9)
 
 
 def test_profile_that_fails_on_a_mesh_is_refused_on_all_ranks() -> None:

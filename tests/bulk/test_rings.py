@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 from mpi4py import MPI
 
@@ -169,24 +168,3 @@ def test_a_picture_of_a_ring_shows_it_where_it_is() -> None:
 def extremes(x: Array) -> list[float]:
     """Ends of both halves."""
     return [float(part) for side in (x[x > 0.0], x[x < 0.0]) for part in (side.min(), side.max())]
-
-
-@pytest.mark.parametrize("friction", ["0.1*x", {"x": [0.0, 2.0], "value": [0.0, 0.2]}])
-def test_a_picture_of_a_cylinder_evaluates_profiles_at_radii_on_both_sides(friction: Any) -> None:
-    scene = cylinder(degree=2, contacts=(rf.Contact(friction=friction),))
-    system = study.condense(scene)
-
-    def instant() -> Instant:
-        assert system is not None
-        zero = rf.ContactState(
-            np.zeros(2 * system.n), np.zeros(2 * system.n), np.ones(system.n, np.int8)
-        )
-        return Instant(0, 0, 1.0, np.ones(1), zero.v, zero)
-
-    now = comm.bcast(rf.on_root(comm, instant))
-    bulk = bulk_of(scene, comm, Timer())
-    found = fields_at(bulk, now.load, now.state.u)
-    if found is not None:
-        view = view_of(bulk, found, now)
-        assert view.x[0] == -view.x[-1] and view.f.forward == pytest.approx(0.1 * np.abs(view.x))
-    bulk.destroy()

@@ -9,17 +9,14 @@ from mpi4py import MPI
 
 import numpy as np
 import pytest
-from bodies import ELEMENTS, condense, displacements, reactions
+from bodies import condense, displacements, reactions
 from models import q1_stiffness
-from msh import rectangle, write_msh
 
 import receding_fenicsx as rf
-from receding_fenicsx.bulk.body import Bulk, back_substitute
 from receding_fenicsx.bulk.fields import Fields, gather_fields, solve_fields
 from receding_fenicsx.bulk.fields import _together as together
 from receding_fenicsx.bulk.mesh.meshing import make_meshes
 from receding_fenicsx.bulk.stack import Stack, build_all
-from receding_fenicsx.scene.one_body import part_of
 from receding_fenicsx.studies.run import condense as condense_scene
 
 comm = MPI.COMM_WORLD
@@ -115,74 +112,6 @@ def test_ratio_of_moduli_that_costs_too_many_figures_is_said(young: float) -> No
 
 
 # -- against one mesh ----------------------------------------------------------------------------
-
-
-@ELEMENTS
-def test_tied_bodies_have_the_field_of_one_mesh(
-    cell: str, degree: int, shared_tmp_path: Path
-) -> None:
-    scene = pair_scene(cell, degree, young=2.0, poisson=0.3, supports=())
-    scene = replace(
-        scene,
-        loads=(scene.loads[0], rf.Load("side", "lower.right", traction=("y", "0.3"))),
-        supports=(rf.Support("xy", edge="lower.bottom"),),
-    )
-
-    def write() -> Path:
-        meshes = [rectangle(part_of(scene, body)) for body in scene.bodies]
-        first, second = meshes
-        # the interface's nodes are those of both
-        keys = {tuple(p): i for i, p in enumerate(np.round(first.points, 9).tolist())}
-        number, points = [], list(first.points)
-        for place, key in zip(second.points, np.round(second.points, 9).tolist(), strict=True):
-            number.append(keys.get(tuple(key), len(points)))
-            if number[-1] == len(points):
-                points.append(place)
-        new = np.array(number)
-        edges = {
-            "load": first.edges["top"],
-            "side": new[second.edges["right"]],
-            "foot": new[second.edges["bottom"]],
-        }
-        cells = np.vstack([first.cells, new[second.cells]])
-        return write_msh(shared_tmp_path / "both.msh", np.array(points), [cells], edges)
-
-    rf.on_root(comm, write)
-    comm.barrier()
-    whole = replace(
-        scene,
-        body=rf.Body(mesh=str(shared_tmp_path / "both.msh")),
-        others=(),
-        materials=(),
-        contacts=(rf.Contact("foot"),),
-        loads=(replace(scene.loads[0], edge="load"), replace(scene.loads[1], edge="side")),
-        supports=(),
-    )
-    pair = built(scene)
-    system = condense(pair)
-    (bulk,) = build_all(whole, make_meshes(comm, whole, False)).parts
-    assert isinstance(bulk, Bulk)
-    load = np.array([1.0, -0.7])
-    tied = None if system is None else np.zeros(2 * system.n)
-    foot = np.zeros(len(bulk.contact.dofs))
-    expected = values_by_place(bulk.space, back_substitute(bulk, load, foot))
-    scale = max(np.abs(value).max() for value in expected.values())
-    for part, field in displacements(pair, load, tied):
-        for place, value in values_by_place(part.space, field).items():
-            assert np.abs(value - expected[place]).max() < 1e-10 * scale
-    bulk.destroy()
-    pair.destroy()
-
-
-def values_by_place(space: object, field: object) -> dict[tuple[float, float], Array]:
-    """Nodal displacements by their (rounded) places, alike on every rank."""
-    n = space.dofmap.index_map.size_local  # type: ignore[attr-defined]
-    places = np.round(space.tabulate_dof_coordinates()[:n, :2], 7) + 0.0  # type: ignore[attr-defined]
-    values = field.x.array[: 2 * n].reshape(-1, 2).copy()  # type: ignore[attr-defined]
-    found: dict[tuple[float, float], Array] = {}
-    for part in comm.allgather((places, values)):
-        found |= {(x, y): value for (x, y), value in zip(part[0].tolist(), part[1], strict=True)}
-    return found
 
 
 @pytest.mark.parametrize("half", [False, True])

@@ -29,7 +29,7 @@ from receding_fenicsx.output.snapshots.draw import snapshots
 from receding_fenicsx.output.snapshots.render import POOL, Pixels, render
 from receding_fenicsx.output.snapshots.view import load_arrows
 from receding_fenicsx.pictures import picture_body
-from receding_fenicsx.scene.model import Contact, Load, Material, Profile
+from receding_fenicsx.scene.model import Load, Material
 
 COMM = MPI.COMM_WORLD
 
@@ -239,22 +239,6 @@ def test_loads_on_a_cylinder_are_drawn_on_both_sides_of_its_axis(load: Load) -> 
     assert reach == pytest.approx(2.0 if load.platen else 1.0, abs=0.3)
     assert length[:, 1] == pytest.approx(length[0, 1]) and length[0, 1] < 0.0
     assert np.all(np.diff(length[:, 0]) > 0.0) != load.platen
-
-
-def test_outward_slip_on_a_cylinder_has_its_friction_on_both_sides_of_the_axis() -> None:
-    friction: dict[str, Profile] = {"forward": 0.2, "backward": 0.5}
-    scene = replace(
-        small_block(),
-        contacts=(Contact(friction=friction),),
-        loads=(Load("p0", "top", (0.0, 1.0), pressure=1.0),),
-        material=Material(kinematics="axisymmetric"),
-    )
-    made = view_at(scene, instant_of_row(scene)[1])
-    if made is None:
-        return
-    x, f = made[0].x, made[0].f
-    outward, inward = np.where(x > 0.0, (f.forward, f.backward), (f.backward, f.forward))
-    assert np.all(outward[x != 0.0] == 0.2) and np.all(inward[x != 0.0] == 0.5)
 
 
 @pytest.mark.parametrize(

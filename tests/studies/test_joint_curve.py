@@ -60,43 +60,6 @@ def test_macroslip_is_found_at_the_limit_of_friction() -> None:
     assert len(curve.table) == 2 and list(curve.table) == list(curve.table.rows)
 
 
-def test_a_strip_on_a_wall_dissipates_with_the_third_power_of_its_load() -> None:
-    scene = rf.read_scene(STRIP, ["mesh.contact_elements=80"])
-    curve = rf.joint_curve(scene, "P", [0.4, 0.7, 1.0])
-    if curve is None:
-        return
-    height, E, q = 0.125, 1.0, 0.5 * 0.001
-    F = curve.amplitude * 0.024 * height
-    errors = np.abs(1.0 - curve.dissipation / (2.0 / 3.0 * F**3 / (q * E * height)))
-    # shear lag neglects the square of height over slip length
-    assert np.all(errors < 2.0 * (height * q / F) ** 2 + 1e-3)
-    assert curve.exponent[0] == pytest.approx(3.0, abs=0.05)
-    assert np.all(np.diff(curve.stiffness) < 0.0) and np.all(np.diff(curve.slip) > 0.0)
-
-
-@pytest.mark.one_rank
-def test_one_node_is_an_element_of_jenkins() -> None:
-    k, f = 2.5, 0.4
-    system = small_system([[k, 0.3], [0.3, 2.0]], {"P": [0.0, 1.0], "pull": [-1.0, 0.0]}, f)
-    system = replace(system, load_compliance=np.zeros((2, 2)), load_sign=-np.ones(2))
-    pulls = np.array([0.2, 0.7, 1.5])
-    # a support of stiffness k holds the node, so that it never slides off
-    found = first_loading(system, "pull", np.array([[0.0, 0.0], [1.0, 0.0]]), pulls)
-    assert np.isinf(found.macroslip) and found.load[0] == found.work[0] == 0.0
-    for pull, D in zip(pulls, found.masing(pulls), strict=True):
-        assert D == pytest.approx(masing_of_one_node(system, pull, f), rel=1e-12, abs=1e-15)
-
-
-def masing_of_one_node(system: rf.ContactSystem, pull: float, f: float) -> float:
-    """Return the loop of one node by hand: stuck up to pull = f, then slip with Q' = -f P'."""
-    if pull <= f:
-        return 0.0
-    slope = system.K[0, 0] + f * system.K[1, 0]
-    slip = (pull - f) / slope
-    W = 0.5 * (pull + f) * slip
-    return 8.0 * W - 4.0 * pull * slip
-
-
 @pytest.mark.one_rank
 def test_a_spring_that_is_moved_obeys_the_closed_form_of_a_slider() -> None:
     """Driven by U through k against friction f: D = 4 f (U - f/k), largest force min(k U, f)."""

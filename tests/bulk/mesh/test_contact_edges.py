@@ -91,19 +91,6 @@ def test_forces_of_three_edges_balance_the_load(friction: float) -> None:
     assert record.energy_error_max < 1e-10 and record.residual_max < 1e-11
 
 
-def test_both_methods_agree_on_three_edges() -> None:
-    exact = record_of(box())
-    steps = rf.SolverOptions(method="gauss-seidel", steps_per_leg=60)
-    stepped = record_of(box(solver=steps))
-    if exact is None or stepped is None:
-        return
-    a, b = exact.turning_points, stepped.turning_points
-    scale = np.abs(a.P).max()
-    assert len(np.unique(a.state)) >= 3
-    assert np.abs(a.P - b.P).max() < 2e-3 * scale and np.abs(a.Q - b.Q).max() < 2e-3 * scale
-    assert stepped.cycles.dissipation == pytest.approx(exact.cycles.dissipation, rel=2e-2)
-
-
 @pytest.mark.one_rank
 def test_record_files_and_figures_know_the_edges(
     shared_tmp_path: Path, monkeypatch: pytest.MonkeyPatch
