@@ -41,6 +41,7 @@ def test_each_branch_is_a_line_from_rest_and_ends_are_crossed() -> None:
     assert opened[0].tolist() == [0.0, 0.0]
     assert np.abs(opened - [4 / 7, 1.0]).sum(axis=1).min() < 1e-12
     assert first.lines[1].get_marker() == "x" and end.tolist() == [[0.0, 1.0]]
+    assert [line.get_marker() for line in first.lines].count("x") == 1
     # the legend names each line by its colour, and the cross has that of its branch
     (legend,) = figure.legends
     entries = zip(legend.get_texts(), legend.get_lines(), strict=True)

@@ -154,6 +154,8 @@ def test_figures_of_harmonic_loads_are_drawn_over_their_phase() -> None:
     map_, loads = figure.axes
     assert map_.get_ylabel() == r"phase $\theta$ (°)"
     assert map_.get_ylim() == (0.0, 360.0)
+    corners = [np.asarray(path.vertices) for c in map_.collections for path in c.get_paths()]
+    assert np.vstack(corners)[:, 1].max() == pytest.approx(360.0)
     Q, bulk = curve(loads, 1), curve(loads, 2)
     assert Q[:, 0] == pytest.approx(np.cos(np.radians(Q[:, 1])), abs=1e-12)
     # over its largest, 0.1 + 0.3

@@ -139,6 +139,9 @@ def test_report_holds_every_picture_over_its_own_words_and_nothing_from_outside(
         assert bool(wide) == (kind == "jpeg" or name == "hysteresis"), name
     assert {kind for _, name, kind, *_ in shown if name.startswith("cycle0022")} == {"jpeg"}
     assert not re.search(r"https?://|@import|url\(|<script|<link", text)
+    steady = summary["steady"]
+    when = f", from cycle {steady['cycle']}" if steady["reached"] else ""
+    assert f"steady state{steady['kind']}{when}" in re.sub(r"\s*\n\s*", "", page.text)
     assert page.headings[:4] == [
         "Turning points",
         "Figures",
@@ -275,8 +278,10 @@ def test_all_sections_of_the_page_are_those_of_the_text() -> None:
 
 def test_run_without_cycles_or_costs_has_a_report_too() -> None:
     system = models.block_system(20, 10, half=True)
-    page = Page(report_html(rf.summarise(rf.evolve(system, cyclic(0)))))
+    summary = rf.summarise(rf.evolve(system, cyclic(0)))
+    page = Page(report_html(summary))
     assert page.headings == ["Turning points", "Checks"]
+    assert all(line.strip() for line in rf.run_table(summary).splitlines())
     assert "Untitled run" in page.text
 
 

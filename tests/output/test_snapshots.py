@@ -258,7 +258,8 @@ def test_colours_of_a_signed_stress_are_pale_at_zero_only() -> None:
     brightest = np.argmax(colours.table[:, :3].sum(axis=1))
     assert abs(low + brightest / 255.0 * (high - low)) < 0.01
     assert colours.extend == "both"
-    assert len(levels) > 5
+    assert len(levels) > 5 and np.ptp(np.diff(levels)) < 1e-12
+    assert levels[1] > low >= levels[0] and levels[-2] < high <= levels[-1]
     # a peak of few values is beyond the end of the bar that has its sign
     for peak, end in ((9.0, "max"), (-9.0, "min")):
         flat = np.append(np.full(2000, 1.0 if peak > 0.0 else -1.0), peak)
