@@ -45,16 +45,47 @@ class Body:
         self.k = np.where(k > SINGULAR * largest, k, largest)
         self.carried = self.held[n:]
         """(N,) nodes whose normal displacement a support holds: no contact law."""
-        self.rubs = ((self.f > 0.0) | (self.f_backward > 0.0)) & ~self.held[:n] & ~self.carried
+        given = getattr(system, "cohesion", None), getattr(system, "shear_limit", None)
+        weight = np.array(system.weight, float)
+        # forces c m and t m of the limits min(f P + c m, t m) of |Q|
+        self.c = np.zeros(n) if given[0] is None else weight * given[0]
+        self.t = np.full(n, np.inf) if given[1] is None else weight * given[1]
+        self.branched = any(part is not None for part in given)
+        self.capped = np.zeros(n, dtype=bool)
+        """(N,) slipping nodes that are at t m, the others at f P + c m."""
+        self.rubs = (self.f > 0.0) | (self.f_backward > 0.0) | (self.c > 0.0)
+        self.rubs &= (self.t > 0.0) & ~self.held[:n] & ~self.carried
         self._inverses: dict[bytes, States] = {}
 
     def at_limit(self, slip: Array) -> Array:
-        """Return c of Q = -c P in slip of the given signs: f forward, -f_backward backward."""
-        return np.where(slip > 0.0, self.f, np.where(slip < 0.0, -self.f_backward, 0.0))
+        """Return c of Q = -c P - d in slip of the given signs: f forward, -f_backward backward."""
+        slope = np.where(slip > 0.0, self.f, np.where(slip < 0.0, -self.f_backward, 0.0))
+        return np.where(self.capped, 0.0, slope)
+
+    def offset(self, slip: Array) -> Array:
+        """Return d of Q = -c P - d in slip of the given signs."""
+        return np.where(slip == 0.0, 0.0, slip * np.where(self.capped, self.t, self.c))
+
+    def limits(self, P: Array) -> tuple[Array, Array]:
+        """Return the sizes of both limits of Q, forward and backward."""
+        rough = (slope * P + self.c for slope in (self.f, self.f_backward))
+        forward, backward = (np.minimum(one, self.t) for one in rough)
+        return forward, backward
+
+    def off_limit(self, Q: Array, P: Array, slip: Array) -> Array:
+        """Return by how much Q is off the limit of slip of the given signs."""
+        forward, backward = self.limits(P)
+        return np.abs(Q + np.where(slip > 0.0, forward, np.where(slip < 0.0, -backward, 0.0)))
 
     def beyond(self, Q: Array, P: Array) -> Array:
         """Return by how much Q is beyond the nearer limit, -f P or f_backward P."""
-        return np.maximum(Q - self.f_backward * P, -Q - self.f * P)
+        forward, backward = self.limits(P)
+        return np.maximum(Q - backward, -Q - forward)
+
+    def above_kink(self, P: Array, slip: Array) -> Array:
+        """Return (N,) P less the pressure at which both branches of slip are equal, in f P."""
+        slope = np.where(slip > 0.0, self.f, np.where(slip < 0.0, self.f_backward, 0.0))
+        return np.where(slip == 0.0, -np.inf, slope * P + self.c - self.t)
 
     def cone_error(self, error: Array) -> Array:
         """Return (N,) errors of Q +- f P from errors (2N,) of the reactions."""
@@ -75,7 +106,7 @@ class Body:
 
     def states(self, state: Array) -> States:
         """Return the equations of a set of states."""
-        key = np.asarray(state, np.int8).tobytes()
+        key = np.asarray(state, np.int8).tobytes() + self.capped.tobytes()
         if key not in self._inverses:
             self._inverses[key] = States(self, np.asarray(state))
         return self._inverses[key]
@@ -90,6 +121,7 @@ class States:
         touches = (state != OPEN) & ~body.carried
         slip = np.where(state == FORWARD, 1.0, 0.0) - np.where(state == BACKWARD, 1.0, 0.0)
         self.sign = np.where(body.rubs & touches, slip, 0.0)
+        self.offset = np.concatenate([body.offset(self.sign), np.zeros(n)])
         self.touches = touches
         # displacements given: held, stuck; closed gaps
         stuck = body.rubs & (state == STICK)
@@ -116,7 +148,8 @@ class States:
         place = np.concatenate(
             [np.where(self.stuck, v_ref, 0.0), np.where(self.touches, -body.g0, 0.0)]
         )
-        rhs = np.where(self.given, body.k * place, 0.0) - self.mix @ (load @ body.r_star)
+        force = self.mix @ (load @ body.r_star) + self.offset
+        rhs = np.where(self.given, body.k * place, 0.0) - force
         return self._refine(rhs, near if len(self.free) else np.zeros(2 * n, np.longdouble))
 
     def rates(self, way: Array) -> Array:
@@ -140,5 +173,5 @@ class States:
     def row_errors(self, error: Array) -> Array:
         """Return (2N,) errors of the rows that errors of the reactions are worth."""
         n = self.body.n
-        both = np.abs(self.body.at_limit(self.sign)) * error[n:]
+        both = np.abs(np.diagonal(self.mix[:n, n:])).astype(float) * error[n:]
         return error + np.concatenate([both, np.zeros(n)])

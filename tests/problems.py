@@ -10,6 +10,7 @@ import re
 from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from equations import OPEN, STICK
@@ -176,12 +177,39 @@ def sprung(p: Problem, soft: tuple[float, float] = (4.0, 9.0)) -> Problem:
     return replace(p, system=system, tags=(*p.tags, "sprung"))
 
 
+def capped(p: Problem) -> Problem:
+    """Return a problem with a shear limit, a cohesion or both, other friction backward at times.
+
+    They are of the size of the forces; some nodes have none, a few are held by cohesion alone.
+    """
+    rng = np.random.default_rng([p.number, 4])
+    if rng.random() < 0.3:
+        p = directed(p)
+    system = p.system
+    n, force = system.n, float(np.abs(system.r_star).max()) or 1.0
+    free = ~system.held[n:]
+    kind = str(rng.choice(["limit", "cohesion", "both"], p=[0.5, 0.2, 0.3]))
+    parts: dict[str, Any] = {}
+    if kind != "cohesion":
+        limit = force * rng.choice([0.05, 0.2, 0.5, 1.0, 4.0], n)
+        parts["shear_limit"] = np.where(rng.random(n) < 0.05, 0.0, limit) / system.weight
+    if kind != "limit":
+        cohesion = force * rng.choice([0.0, 0.05, 0.2, 0.5, 1.0], n)
+        parts["cohesion"] = np.where(free, cohesion, 0.0) / system.weight
+    if rng.random() < 0.3:
+        parts = {key: np.full(n, part[0]) for key, part in parts.items()}
+        if "cohesion" in parts:
+            parts["cohesion"] = np.where(free, parts["cohesion"], 0.0)
+    return replace(p, system=replace(system, **parts), tags=(*p.tags, kind))
+
+
 FAMILIES = {
     "plain": lambda p: p,
     "directed": directed,
     "oblique": oblique,
     "limit": limited,
     "sprung": sprung,
+    "capped": capped,
 }
 """What becomes of the problem of a number, by name."""
 

@@ -294,7 +294,7 @@ def _check_instants(run: Replay, leg: Leg, table: Any, rows: Array) -> None:
     gap = (body.g0 + u[:, n:]) * k
     out, touches = law & (state == OPEN), law & (state != OPEN)
     slip = np.where(state == FORWARD, 1.0, 0.0) - np.where(state == BACKWARD, 1.0, 0.0)
-    off, slips = np.abs(Q + body.at_limit(slip) * P), body.rubs & (slip != 0.0)
+    off, slips = body.off_limit(Q, P, slip), body.rubs & (slip != 0.0)
     p_off, q_off = np.abs(table.p[rows] * weight - P), np.abs(table.q[rows] * weight - Q)
     for what, over in {
         "equilibrium fails": (np.abs(r - np.concatenate([Q, P], axis=1)), error, ~body.held),

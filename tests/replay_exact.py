@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from itertools import product
 from typing import Any
 
 import numpy as np
-from equations import EPS, FORWARD, OPEN, ROUNDINGS, STICK, Array, States
+from equations import BACKWARD, EPS, FORWARD, OPEN, ROUNDINGS, STICK, Array, States
 from replay import LAW, Jump, Leg, Replay, Totals
 
 SAME_PLACE = 1e-13
@@ -20,6 +21,8 @@ DOUBTS = 16.0
 """Such uncertainties of displacements, as first-order estimates, that are let pass."""
 TELLING = 0.01
 """Parts of a piece between its kept instants below which they do not tell its drift."""
+KINK = 1e-10
+"""Difference of the branches of a slipping node, over the largest force, that is none."""
 APEX = 1e-8
 """Error, over the leg's forces, of a state that is set where complete unloading is reached."""
 
@@ -46,6 +49,7 @@ def follow(run: Replay, leg: Leg, totals: Totals) -> None:
     s_held, misplaced, size = 0.0, np.zeros(2 * n), np.abs(body.K).astype(float)
     for g, (s_a, now) in enumerate(groups):
         s_b, following = groups[g + 1] if g + 1 < len(groups) else (1.0, None)
+        _choose_branches(run, leg, s_a, now, u)
         here = body.states(now)
         u_a = here.solve(leg.load(s_a), u[:n], u)
         doubt_a = _reach(leg, here, doubt)
@@ -65,6 +69,13 @@ def follow(run: Replay, leg: Leg, totals: Totals) -> None:
         elif not apart:
             _look_for_hidden_jump(run, leg, (s_a, u), here, u_a - u, totals)
         u_b = u_a + here.rates(leg.load(s_b) - leg.load(s_a))
+        s_kink = _kink(run, leg, (s_a, s_b), here, (u_a, u_b))
+        if s_kink < s_b:
+            # the states stay, an equation changes
+            groups.insert(g + 1, (s_kink, now))
+            changed.insert(g + 1, set())
+            u_b = u_a + (s_kink - s_a) / (s_b - s_a) * (u_b - u_a)
+            s_b, following = s_kink, None
         drifts = _drifts(here, now, (s_a, s_b), (u_a, u_b), (kept, s_apex))
         lifts = np.any(np.abs(here.free[:, n:][:, now == OPEN]) > LAW)
         if lifts and (drifts is None or np.all(now == OPEN)):
@@ -77,7 +88,10 @@ def follow(run: Replay, leg: Leg, totals: Totals) -> None:
             u_a, u_b = u_a + drifts[0], u_b + drifts[1]
         doubt = _reach(leg, here, doubt)
         if following is not None:
+            capped = body.capped.copy()
+            _choose_branches(run, leg, s_b, following, u_b)
             next_ = body.states(following)
+            body.capped = capped
             u_next = next_.solve(leg.load(s_b), u_b[:n], u_b)
             off = bool(np.any(np.abs(u_next - u_b) > doubt + _reach(leg, next_, doubt)))
             off = off or (run.record.jumps and _slips_at(s_b, now, following, between))
@@ -113,6 +127,47 @@ def follow(run: Replay, leg: Leg, totals: Totals) -> None:
             for s, now in between
         ):
             run.object(leg.place(instant[0]), "the states are not those that the events lead to")
+
+
+def _choose_branches(run: Replay, leg: Leg, s: float, now: Array, u: Array) -> None:
+    """Choose the branch of every slipping node from its pressure, where both hold from its rate."""
+    body, n = run.body, run.body.n
+    if not body.branched:
+        return
+    slip = np.where(now == FORWARD, 1.0, 0.0) - np.where(now == BACKWARD, 1.0, 0.0)
+    above = body.above_kink(body.reactions(leg.load(s), u)[n:], slip).astype(float)
+    close = KINK * leg.force + leg.noise[n:]
+    tied = np.flatnonzero(np.abs(above) <= close)
+    way = np.array(leg.ends[1] - leg.ends[0], np.longdouble)
+    for choice in product((False, True), repeat=min(len(tied), 8)):
+        body.capped = above > 0.0
+        body.capped[tied[: len(choice)]] = choice
+        du = body.states(now).rates(way)
+        slope = np.where(slip > 0.0, body.f, body.f_backward)[tied]
+        rate = slope * (way @ body.r_star + body.K @ du)[n:][tied].astype(float)
+        if np.all(
+            np.where(body.capped[tied], rate, -rate) >= -KINK * np.abs(rate).max(initial=0.0)
+        ):
+            return
+    run.object(leg.place(s), "no branch of a slipping node leads on")
+
+
+def _kink(
+    run: Replay, leg: Leg, at: tuple[float, float], here: States, ends: tuple[Array, Array]
+) -> float:
+    """Return the first place on a piece where a slipping node passes to its other branch."""
+    body, n = run.body, run.body.n
+    above = [
+        body.above_kink(body.reactions(leg.load(s), u)[n:], here.sign).astype(float)
+        for s, u in zip(at, ends, strict=True)
+    ]
+    sign = np.where(body.capped, -1.0, 1.0)
+    close = KINK * leg.force + leg.noise[n:]
+    passes = body.rubs & (here.sign != 0.0) & (sign * above[1] > close)
+    passes &= np.isfinite(body.t)
+    before = np.minimum(sign * above[0], 0.0)[passes]
+    parts = before / (before - (sign * above[1])[passes])
+    return float(at[0] + parts.min(initial=1.0) * (at[1] - at[0])) if len(parts) else at[1]
 
 
 def _groups(
@@ -354,7 +409,11 @@ def _margins(run: Replay, load: Array, now: Array, u: Array) -> Array:
     touches, law = now != OPEN, ~body.carried
     stuck = body.rubs & (now == STICK)
     gap = (body.g0 + u[n:]) * body.k[n:]
-    cone = (body.f_backward * r[n:] - r[:n])[stuck], (body.f * r[n:] + r[:n])[stuck]
+    cone = [
+        (limit + side * r[:n])[stuck & np.isfinite(limit)]
+        for side, slope in ((-1.0, body.f_backward), (1.0, body.f))
+        for limit in (slope * r[n:] + body.c, body.t)
+    ]
     return np.concatenate([r[n:][law & touches], gap[law & ~touches], *cone]).astype(float)
 
 
@@ -391,7 +450,7 @@ def _jump(
     change, r = after - u, body.reactions(load, after)
     dv = np.where(here.touches & (old != OPEN), change[:n], 0.0)
     slid = body.rubs & (np.abs(dv) * body.k[:n] > JUMP_LAW * leg.force) & ~(here.stuck & moved)
-    off = np.abs(r[:n] + body.at_limit(dv) * r[n:])
+    off = body.off_limit(r[:n], r[n:], dv)
     over = (off, np.full(n, JUMP_LAW * leg.force), slid)
     run.check(leg.place(s), "a node slips against friction in a jump", over)
     work = float(load @ body.r_star @ change)

@@ -49,7 +49,7 @@ INTERFACE = (
     ("gauss_seidel",),
     ("exact",),
     ("uniqueness", "load_steps", "shakedown"),
-    ("branches",),
+    ("branches", "shear_branches"),
 )
 """Rooms of the interface: modules of its own folder, then its folders."""
 

@@ -13,9 +13,11 @@ from typing import Any
 
 import numpy as np
 import scipy.optimize
-from equations import BACKWARD, EPS, FORWARD, OPEN, STICK, Array, Body
+from equations import BACKWARD, EPS, FORWARD, OPEN, STICK, Array, Body, States
 from replay import HELD_SHARE
 
+PRESSED = 7
+"""Marks a touching node without pressure whose bond holds: it has to stay pressed."""
 NEAR = 1e-9
 """Distance from a limit, over the largest force, that counts as being on it."""
 SLACK = 1e-9
@@ -55,6 +57,9 @@ def choices(body: Body, r: Array, u: Array, state: Array, near: Array) -> list[t
     Q, P, gap = r[:n], r[n:], (body.g0 + u[n:]) * body.k[n:]
     found: list[tuple[int, ...]] = []
     for i in range(n):
+        if body.branched and body.rubs[i] and not (state[i] == OPEN and gap[i] > near[n + i]):
+            found.append(_choices_of_branches(body, i, (float(Q[i]), float(P[i])), near))
+            continue
         if body.carried[i]:
             found.append((STICK,))
         elif state[i] == OPEN and gap[i] > near[n + i]:
@@ -72,6 +77,29 @@ def choices(body: Body, r: Array, u: Array, state: Array, near: Array) -> list[t
                 may.append(BACKWARD)
             found.append(tuple(may))
     return found
+
+
+def _choices_of_branches(
+    body: Body, i: int, force: tuple[float, float], near: Array
+) -> tuple[int, ...]:
+    """Return the states of a touching node: slip on either branch where Q is at it."""
+    (Q, P), n = force, body.n
+    f, back, c, t = body.f[i], body.f_backward[i], body.c[i], body.t[i]
+    limit = near[i] + max(f, back) * near[n + i]
+    may = [STICK]
+    if P <= near[n + i]:
+        # under shear its cohesion would be lost at once
+        may += [OPEN] if abs(Q) <= near[i] else [PRESSED]
+    for states, side, slope in (((FORWARD, 5), Q, f), ((BACKWARD, 6), -Q, back)):
+        reached = slope * P + c + side <= limit, t + side <= limit
+        may += [state for state, at in zip(states, reached, strict=True) if at]
+    return tuple(may)
+
+
+def _states(body: Body, states: Array) -> States:
+    """Return the equations of states, 5 and 6 being slip at the shear limit."""
+    body.capped = states >= 5
+    return body.states(np.where(states >= 5, states - 2, states))
 
 
 def rates(
@@ -92,8 +120,8 @@ def rates(
         raise TooMany
     found: list[tuple[Array, Array, Array]] = []
     held = way @ body.r_star
-    for states in product(*may):
-        here = body.states(np.array(states))
+    for states in product(*([s for s in c if s != PRESSED] for c in may)):
+        here = _states(body, np.array(states))
         du = here.rates(way)
         if np.abs(here.M @ du + here.mix @ held).max() > SLACK * np.abs(held).max():
             continue  # a motion that nothing resists is loaded
@@ -128,16 +156,22 @@ def _inequalities(
         if state == OPEN:
             rows.append((eye[m], 0.0, False))
             continue
-        if OPEN in choice:
+        if OPEN in choice or PRESSED in choice:
             rows.append((body.K[m], held[m], True))
-        if state == FORWARD:
+        if state in (FORWARD, 5):
             rows.append((eye[t], 0.0, False))
-        if state == BACKWARD:
+        if state in (BACKWARD, 6):
             rows.append((-eye[t], 0.0, False))
-        if state == STICK and FORWARD in choice:
-            rows.append((body.K[t] + f * body.K[m], held[t] + f * held[m], True))
-        if state == STICK and BACKWARD in choice:
-            rows.append((back * body.K[m] - body.K[t], back * held[m] - held[t], True))
+        # margins of stuck nodes, and those of the other branch of slipping ones
+        for side, slip, slope in (
+            (1.0, FORWARD, f),
+            (-1.0, BACKWARD, back),
+            (1.0, 5, 0.0),
+            (-1.0, 6, 0.0),
+        ):
+            if slip in choice and slip != state:
+                rate = slope * body.K[m] + side * body.K[t], slope * held[m] + side * held[t]
+                rows.append((*rate, True))
     A, b, forces = zip(*rows, strict=True)
     return np.array(A), np.array(b, np.longdouble), np.array(forces)
 
@@ -213,7 +247,8 @@ def follow(
                 raise TooMany
             ds = _next(body, now, u, r, du, dr, near)
             if s + ds >= 1.0 - 1e-13:
-                ends.append(End(1.0, (u + (1.0 - s) * du).astype(float), now))
+                slips = np.where(now >= 5, now - 2, now)
+                ends.append(End(1.0, (u + (1.0 - s) * du).astype(float), slips))
             else:
                 waiting.append((s + ds, u + ds * du, now, still + 1 if ds < 1e-11 else 0))
     return ends
@@ -223,16 +258,25 @@ def _next(body: Body, now: Array, u: Array, r: Array, du: Array, dr: Array, near
     """Return how far the next limit is."""
     n, f, back = body.n, body.f, body.f_backward
     touches, law = now != OPEN, ~body.carried
-    stuck = body.rubs & (now == STICK)
-    k = body.k[n:]
-    margins = [
-        (r[n:], dr[n:], law & touches, near[n:]),
-        (back * r[n:] - r[:n], back * dr[n:] - dr[:n], stuck, near[:n]),
-        (f * r[n:] + r[:n], f * dr[n:] + dr[:n], stuck, near[:n]),
+    k, rubs = body.k[n:], body.rubs & touches
+    margins = [(r[n:], dr[n:], law & touches, near[n:])]
+    for side, slip, slope, offset in (
+        (-1.0, BACKWARD, back, body.c),
+        (1.0, FORWARD, f, body.c),
+        (-1.0, 6, 0.0, body.t),
+        (1.0, 5, 0.0, body.t),
+    ):
+        # a slipping node may pass to its other branch
+        counts = rubs & ((now == STICK) | (body.branched & (now != slip)))
+        value = slope * r[n:] + side * r[:n] + offset
+        margins.append(
+            (value, slope * dr[n:] + side * dr[:n], counts & np.isfinite(offset), near[:n])
+        )
+    margins += [
         ((body.g0 + u[n:]) * k, du[n:] * k, law & ~touches, near[n:]),
     ]
     of_forces = _force_slack(body, du, dr)
-    slacks = of_forces, of_forces, of_forces, SLACK * float(np.abs(body.k * du).max())
+    slacks = *[of_forces] * 5, SLACK * float(np.abs(body.k * du).max())
     first = np.inf
     for (value, rate, where, close), slack in zip(margins, slacks, strict=True):
         # what lies on its limit has been decided by the rates
@@ -274,7 +318,7 @@ LOOSE = 1e-12
 def balanced(system: Any, load: Array) -> bool:
     """Return whether contact forces exist that balance the loads on the rigid motions: R^T r = 0.
 
-    r = sum lambda r* + K u and K R = 0, with P >= 0 and |Q| <= f P, is a linear program.
+    r = sum lambda r* + K u, K R = 0, with P >= 0 and |Q| <= min(f P + c, t), is a linear program.
     """
     body, R = Body(system), np.asarray(system.rigid, float)
     n, law = body.n, ~body.carried
@@ -286,6 +330,20 @@ def balanced(system: Any, load: Array) -> bool:
     held = (load @ body.r_star).astype(float)
     if R.shape[1] == 0:
         return True
+    if body.branched and len(rubs):
+        # here with P and Q themselves
+        m, eye = len(rubs), np.eye(len(rubs))
+        cone = np.vstack([np.hstack([-f * eye, -eye]), np.hstack([-back * eye, eye])])
+        rows = np.hstack([np.zeros((2 * m, len(smooth))), cone])
+        found = scipy.optimize.linprog(
+            np.zeros(len(smooth) + 2 * m),
+            A_ub=rows,
+            b_ub=np.tile(body.c[rubs], 2),
+            A_eq=np.vstack([R[n + smooth], R[n + rubs], R[rubs]]).T,
+            b_eq=held @ R,
+            bounds=[(0.0, None)] * (len(smooth) + m) + [(-t, t) for t in body.t[rubs]],
+        )
+        return bool(found.success)
     if not len(edges):
         return bool(np.abs(held @ R).max() <= LOOSE * np.abs(held).sum())
     answer = scipy.optimize.linprog(np.zeros(len(edges)), A_eq=edges.T, b_eq=held @ R)

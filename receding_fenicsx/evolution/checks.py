@@ -67,7 +67,7 @@ def check_landing(model: ContactSystem, end: ContactState) -> None:
 
     Its slip counts from the place of first contact, which a static problem does not give.
     """
-    slips = model.friction.present & ~model.held[: model.n] & ~model.held[model.n :]
+    slips = model.law.present & ~model.held[: model.n] & ~model.held[model.n :]
     landed = np.flatnonzero(slips & (model.g0 > 0.0) & (end.state != State.SEPARATION))
     if len(landed):
         i = int(landed[0])

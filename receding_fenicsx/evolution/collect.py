@@ -118,7 +118,7 @@ def _uniqueness(mirror: Mirror, found: Uniqueness) -> PathUniqueness:
 def _nodes(system: ContactSystem, mirror: Mirror) -> dict[str, Any]:
     """Return the fields of the record about the contact nodes."""
     sign = np.where(mirror.left, -1.0, 1.0)
-    friction = mirror.friction(system.friction)
+    friction = mirror.friction(system.law)
     held = system.held[mirror.index] & ~mirror.axis
     return {
         "x": sign * system.x[mirror.index],
@@ -130,6 +130,10 @@ def _nodes(system: ContactSystem, mirror: Mirror) -> dict[str, Any]:
         "edge": system.edges[mirror.index],
         "edge_names": system.edge_names,
         "held": held if held.any() else None,
+        **{
+            name: None if (part := getattr(system, name)) is None else mirror.even(part)
+            for name in ("cohesion", "shear_limit")
+        },
     }
 
 

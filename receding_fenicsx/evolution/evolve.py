@@ -139,7 +139,8 @@ def continue_history(
         unfinished = run.corners, run.position.totals, run.uniqueness.found
         error.record = record_of(problem.system, problem.solver, cycles, unfinished)
         error.record.choices = _choices(problem)
-        if isinstance(error, NoQuasiStaticContinuation) and problem.solver.method == "events":
+        chosen = problem.solver.method == "events" and not problem.system.has_branches
+        if isinstance(error, NoQuasiStaticContinuation) and chosen:
             found = error.record.uniqueness
             text = NO_CHOICE if found and found.certified else _choices_before(problem)
             error.args = (f"{error}; {text}",)

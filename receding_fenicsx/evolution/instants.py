@@ -150,8 +150,7 @@ def steady_watch(
 def new_watch(system: ContactSystem, tolerance: float) -> SteadyWatch:
     """Return a watch for the steady state that has seen no cycle."""
     model = frictional_form(system)
-    friction = np.maximum(model.friction.forward, model.friction.backward)
-    return SteadyWatch(tolerance, model.K[: model.n], friction)
+    return SteadyWatch(tolerance, model.K[: model.n], model.law)
 
 
 def end_of(cycle: FinishedCycle) -> CycleEnd:

@@ -39,6 +39,7 @@ class Moment:
         f: (N,) coefficients of friction; for forward slip only where ``f_backward`` is given.
         f_backward: (N,) coefficients for backward slip, or None.
         begins_on_axis: the contact edge begins on the axis r = 0, at x = 0.
+        cohesion, shear_limit: (N,) tractions c and t of the limits min(f p + c, t) of |q|, or None.
     """
 
     cycle: int
@@ -57,12 +58,15 @@ class Moment:
     f: Array
     f_backward: Array | None = None
     begins_on_axis: bool = False
+    cohesion: Array | None = None
+    shear_limit: Array | None = None
 
     @property
     def zones(self) -> list[Zone]:
         """Zones of equal state as (name, from, to), from the smallest x to the greatest."""
-        f = friction_of(self.f, self.f_backward).mean
-        return contact_zones(self.x, self.state, f, self.begins_on_axis)
+        branches, ones = (self.cohesion, self.shear_limit), np.ones(len(self.x))
+        rubs = friction_of(self.f, self.f_backward, ones, branches).present
+        return contact_zones(self.x, self.state, rubs, self.begins_on_axis)
 
 
 def moment_of(record: RecordData, table: States, row: int) -> Moment:
@@ -78,6 +82,8 @@ def moment_of(record: RecordData, table: States, row: int) -> Moment:
         f=record.f,
         f_backward=record.f_backward,
         begins_on_axis=record.begins_on_axis,
+        cohesion=record.cohesion,
+        shear_limit=record.shear_limit,
         **{key: getattr(table, key)[row] for key in ("state", "P", "Q", "p", "q", "v", "w")},
     )
 
@@ -114,6 +120,7 @@ def recovered_tractions(record: RecordData, moment: Moment) -> tuple[Array, Arra
             f=record.f,
             radius=record.radius,
             f_backward=record.f_backward,
+            branches=(record.cohesion, record.shear_limit),
         )
     )
 

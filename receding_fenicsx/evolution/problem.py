@@ -25,7 +25,7 @@ from receding_fenicsx.scene.validate import check_solver, validate
 
 
 def with_profiles(scene: Scene, system: ContactSystem) -> ContactSystem:
-    """Return a system with the friction and the initial gap of a scene at its contact nodes.
+    """Return a system with the law of friction and the initial gap of a scene at its nodes.
 
     They are evaluated here only, for a newly condensed body and for a saved one. Body, material,
     mesh, contact edges, loads and supports of the scene must be those that the system was condensed
@@ -35,6 +35,13 @@ def with_profiles(scene: Scene, system: ContactSystem) -> ContactSystem:
     f, f_backward = (_values(scene, system, "friction", p) for p in zip(*pairs, strict=True))
     # a support carries the normal force there, not the contact: no friction
     f[system.held[system.n :]] = f_backward[system.held[system.n :]] = 0.0
+    branches: dict[str, Any] = {"cohesion": None, "shear_limit": None}
+    for key, none in (("cohesion", 0.0), ("shear_limit", np.inf)):
+        given = [getattr(contact, key) for contact in scene.contacts]
+        if any(profile is not None for profile in given):
+            branches[key] = _values(scene, system, key, given, none)
+    if branches["cohesion"] is not None:
+        branches["cohesion"][system.held[system.n :]] = 0.0
     gaps = [contact.initial_gap for contact in scene.contacts]
     return replace(
         system,
@@ -43,6 +50,7 @@ def with_profiles(scene: Scene, system: ContactSystem) -> ContactSystem:
         scene_toml=to_toml(scene),
         f_backward=None if np.array_equal(f, f_backward) else f_backward,
         probes=system.probes if scene.probes and has_probes_of(scene, system) else None,
+        **branches,
     )
 
 
@@ -64,9 +72,9 @@ def system_for(scene: Scene, system: ContactSystem) -> ContactSystem:
             tangential displacements.
     """
     system = with_profiles(scene, system)
-    if system.kind == "frictional" and not np.any(system.friction.present):
+    if system.kind == "frictional" and not np.any(system.law.present):
         system = eliminate_tangential(system)
-    if system.kind == "normal" and np.any(system.friction.present):
+    if system.kind == "normal" and np.any(system.law.present):
         raise InputError(
             "the system has no tangential displacements, since it was condensed without friction; "
             "condense the scene again"
@@ -79,11 +87,20 @@ def system_for(scene: Scene, system: ContactSystem) -> ContactSystem:
     return replace(system, **arrays)
 
 
-def _values(scene: Scene, system: ContactSystem, key: str, profiles: Sequence[Profile]) -> Array:
+def _values(
+    scene: Scene,
+    system: ContactSystem,
+    key: str,
+    profiles: Sequence[Profile | None],
+    none: float = 0.0,
+) -> Array:
     """Return the values (N,) of the contacts' profiles at their nodes; refuse negative ones."""
     values = np.empty(system.n)
     for k, profile in enumerate(profiles):
         on = system.edges == k
+        if profile is None:
+            values[on] = none
+            continue
         found = evaluate_checked(profile, system.x[on], None, f"[contact] {key}")
         values[on] = _without_round_off(found)
     if np.any(values < 0.0):
@@ -251,4 +268,14 @@ def _checked(
             "[solver] branch: the limit of infinitely many cycles is that of the first "
             'continuation; use history.until = "steady", or branch = "first"'
         )
-    return Problem(system, history, solver, output, v, chooser_for(solver.branch))
+    if system.has_branches:
+        # what the search and the chooser know are cones
+        for served, key in (
+            (not history.until_limit, 'history.until = "limit"'),
+            (solver.branch == FIRST, "[solver] branch"),
+        ):
+            if not served:
+                raise InputError(f"{key}: not served with [contact] shear_limit or cohesion")
+    return Problem(
+        system, history, solver, output, v, chooser_for(solver.branch), not system.has_branches
+    )

@@ -149,7 +149,10 @@ def _on(record: Record, nodes: Ints) -> Record:
         return replace(table, **{name: getattr(table, name)[:, nodes] for name in per_node})
 
     per_record = ("x", "points", "f", "g0", "weight", "edge")
-    backward = record.f_backward
+    optional: dict[str, Any] = {
+        name: None if (values := getattr(record, name)) is None else values[nodes]
+        for name in ("f_backward", "held", "cohesion", "shear_limit")
+    }
     events, cycles = record.events, record.cycles
     place = np.full(len(record.x), -1)
     place[nodes] = np.arange(len(nodes))
@@ -158,8 +161,7 @@ def _on(record: Record, nodes: Ints) -> Record:
     return replace(
         record,
         **{name: getattr(record, name)[nodes] for name in per_record},
-        f_backward=None if backward is None else backward[nodes],
-        held=None if record.held is None else record.held[nodes],
+        **optional,
         turning_points=states(record.turning_points),
         samples=states(record.samples),
         events=Events(**{**columns, "node": place[columns["node"]]}),

@@ -221,6 +221,8 @@ class RecordData:
         uniqueness: whether the path is the only one from its start.
         held: (N,) nodes whose tangential displacement symmetry or a support holds: the force that
             this takes is no traction, Q = 0; None where there are none.
+        cohesion, shear_limit: (N,) tractions c and t of the limits min(f P + c m, t m) of |Q|, m
+            the weight; None for none.
     """
 
     x: Array
@@ -257,6 +259,8 @@ class RecordData:
     limit: Limit | None = None
     uniqueness: PathUniqueness | None = None
     held: NDArray[np.bool_] | None = None
+    cohesion: Array | None = None
+    shear_limit: Array | None = None
 
     def start_row(self, cycle: int) -> int | None:
         """Return the turning point from which a cycle starts; None at rest.
@@ -270,8 +274,13 @@ class RecordData:
 
     @property
     def friction(self) -> Friction:
-        """Coefficients of friction for both directions of slip."""
-        return friction_of(self.f, self.f_backward)
+        """Law of friction of the nodes, in forces."""
+        return friction_of(self.f, self.f_backward, self.weight, (self.cohesion, self.shear_limit))
+
+    def traction_law(self, unit: float) -> Friction:
+        """Return the law of friction of the nodes in tractions over a unit."""
+        ones = np.full(len(self.x), 1.0 / unit)
+        return friction_of(self.f, self.f_backward, ones, (self.cohesion, self.shear_limit))
 
     @property
     def radius(self) -> Array | None:

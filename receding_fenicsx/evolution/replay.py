@@ -120,7 +120,7 @@ def turning_point(record: Record, system: ContactSystem, row: int) -> ContactSta
     P[state == State.SEPARATION] = 0.0
     Q[(state == State.SEPARATION) & ~model.held[: system.n]] = 0.0
     slips = SLIP_SIGN[state] != 0.0
-    Q[slips] = (-system.friction.at_slip(state) * P)[slips]
+    Q[slips] = system.law.slip_force(state, P)[slips]
     return ContactState(u, r, state.astype(np.int8))
 
 

@@ -71,7 +71,9 @@ class RunState:
         begin = Uniqueness() if problem.judged else UNKNOWN
         found = cycles[-1].uniqueness if cycles else begin
         in_steps = problem.solver.method != "events"
-        self.uniqueness = UniquenessWatch(self.model, found, in_steps)
+        # what is not judged is watched by its friction alone
+        watched = replace(self.model, cohesion=None, shear_limit=None)
+        self.uniqueness = UniquenessWatch(watched, found, in_steps)
         self.corners: list[Instant] = []
         self._images = np.bincount(mirror_of(problem.system).index)
 
@@ -250,10 +252,10 @@ def stick_at_rest(model: ContactSystem, start: ContactState, leg: Leg) -> None:
     # its force changes by less than the distance at which a node counts as on its limit
     none = ON_LIMIT * leg.force_scale / model.local_stiffness[0]
     still = (start.state == STICK) & (np.abs(leg.end.v - start.v) <= none)
-    still &= (SLIP_SIGN[leg.end.state] != 0.0) & model.friction.present
+    still &= (SLIP_SIGN[leg.end.state] != 0.0) & model.law.present
     if not still.any():
         return
-    limit = np.abs(model.friction.at_slip(leg.end.state) * leg.end.P)
+    limit = np.abs(model.law.slip_force(leg.end.state, leg.end.P))
     # the dissipation tells of slip that has gone back to where it began
     still &= leg.dissipation <= limit * none
     still[leg.events.node[leg.events.new == SEPARATION]] = False

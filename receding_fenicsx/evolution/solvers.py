@@ -11,11 +11,14 @@ from receding_fenicsx.interface.exact.legs import Chooser
 from receding_fenicsx.interface.exact.path import EventPath
 from receding_fenicsx.interface.gauss_seidel.sweeps import GaussSeidelOptions
 from receding_fenicsx.interface.load_steps.path import GaussSeidelPath
+from receding_fenicsx.interface.shear_branches.path import BranchedPath
 from receding_fenicsx.interface.system import ContactState, ContactSystem, Leg
 from receding_fenicsx.scene.model import SolverOptions
 
 
 def _exact(system: ContactSystem, options: SolverOptions) -> Solver:
+    if system.has_branches:
+        return BranchedPath(system, options.on_jump)
     return EventPath(system, on_jump=options.on_jump)
 
 
@@ -27,6 +30,8 @@ def _gauss_seidel(system: ContactSystem, options: SolverOptions) -> Solver:
         residual_tolerance=options.residual_tolerance,
         max_sweeps=options.max_sweeps,
     )
+    if system.has_branches:
+        return BranchedPath(system, options.on_jump, sweeps, options.steps_per_leg)
     return GaussSeidelPath(system, sweeps, options.steps_per_leg, options.on_jump)
 
 

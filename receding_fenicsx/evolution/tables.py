@@ -60,8 +60,9 @@ def dataset(record: RecordData, which: str) -> xarray.Dataset:
         "weight": ("node", record.weight),
         "load": ("load", list(record.load_names)),
     }
-    if record.f_backward is not None:
-        coordinates["f_backward"] = ("node", record.f_backward)
+    for name in ("f_backward", "cohesion", "shear_limit"):
+        if (values := getattr(record, name)) is not None:
+            coordinates[name] = ("node", values)
     if len(record.edge_names) > 1:
         coordinates["edge"] = ("node", np.array(record.edge_names)[record.edge])
     coordinates |= {name: (row, a) for name, a in selected_by.items()}

@@ -7,6 +7,15 @@ the tangential reaction Q and the normal reaction P on the body satisfy
 
 where A = 0 in forward slip (v grows) and B = 0 in backward slip (v falls). All solvers, residuals
 and replays take states, signs, margins and limits from this module.
+
+With a cohesion c and a shear limit t, forces of a node (traction times weight), the limits of a
+node in contact are
+
+    -min(f_forward P + c, t) <= Q <= min(f_backward P + c, t).
+
+The limit of an open node is 0: a bond forms where a gap closes, and breaks where the pressure
+vanishes. The solvers know cones only;
+:mod:`receding_fenicsx.interface.shear_branches` gives each of them a cone of its own.
 """
 
 from __future__ import annotations
@@ -60,15 +69,26 @@ class Friction:
 
     forward: Array
     backward: Array
+    cohesion: Array | None = None
+    shear_limit: Array | None = None
 
     def __getitem__(self, key: Any) -> Friction:
         """Return the coefficients of some nodes."""
-        return Friction(self.forward[key], self.backward[key])
+        branches = (None if part is None else part[key] for part in self.branches)
+        return Friction(self.forward[key], self.backward[key], *branches)
+
+    @property
+    def branches(self) -> tuple[Array | None, Array | None]:
+        """Cohesion and shear limit; both None for a cone."""
+        return self.cohesion, self.shear_limit
 
     @property
     def present(self) -> NDArray[np.bool_]:
         """True at nodes with friction in either direction."""
-        return (self.forward > 0.0) | (self.backward > 0.0)
+        present: NDArray[np.bool_] = (self.forward > 0.0) | (self.backward > 0.0)
+        if self.cohesion is None or self.shear_limit is None:
+            return present
+        return (present | (self.cohesion > 0.0)) & (self.shear_limit > 0.0)
 
     @property
     def mean(self) -> Array:
@@ -79,6 +99,10 @@ class Friction:
     def largest(self) -> Array:
         """Larger one of both coefficients."""
         return np.maximum(self.forward, self.backward)
+
+    def largest_limit(self, P: Array) -> Array:
+        """Return the larger one of both limits of |Q| at a pressure that is not negative."""
+        return self._limit(self.largest, P)
 
     @property
     def shares(self) -> tuple[Array, Array]:
@@ -94,11 +118,19 @@ class Friction:
     @property
     def mirrored(self) -> Friction:
         """Friction of the mirror image, whose forward slip is backward slip here."""
-        return Friction(self.backward, self.forward)
+        return Friction(self.backward, self.forward, *self.branches)
 
     def margins(self, Q: Array, P: Array) -> tuple[Array, Array]:
         """Return the distances A = Q + f_forward P and B = f_backward P - Q from both limits."""
+        if self.cohesion is not None:
+            return Q + self._limit(self.forward, P), self._limit(self.backward, P) - Q
         return Q + self.forward * P, self.backward * P - Q
+
+    def _limit(self, coefficient: Array, P: Array) -> Array:
+        """Return the size of one limit."""
+        if self.cohesion is None or self.shear_limit is None:
+            return coefficient * P
+        return np.minimum(coefficient * P + self.cohesion, self.shear_limit)
 
     def opening(self, P: Array) -> Array:
         """Return A + B = (f_forward + f_backward) P, the distance between both limits."""
@@ -107,11 +139,19 @@ class Friction:
     def limits(self, P: Array) -> tuple[Array, Array]:
         """Return the lowest and the highest Q, -f_forward P+ and f_backward P+, P+ = max(P, 0)."""
         pressing = np.maximum(P, 0.0)
-        return -self.forward * pressing, self.backward * pressing
+        return -self._limit(self.forward, pressing), self._limit(self.backward, pressing)
 
-    def clip(self, Q: Array, P: Array) -> Array:
-        """Return the tangential reaction nearest to Q within the limits at the pressure P."""
+    def clip(self, Q: Array, P: Array, touches: NDArray[np.bool_] | bool = True) -> Array:
+        """Return the tangential reaction nearest to Q within the limits at the pressure P.
+
+        Args:
+            Q: tangential reactions.
+            P: normal reactions.
+            touches: nodes in contact; the others have no cohesion.
+        """
         low, high = self.limits(P)
+        if self.cohesion is not None:
+            low, high = np.where(touches, low, 0.0), np.where(touches, high, 0.0)
         return np.minimum(np.maximum(Q, low), high)
 
     def at_slip(self, state: NDArray[np.integer]) -> Array:
@@ -119,10 +159,35 @@ class Friction:
         slip = np.where(state == BACKWARD, -self.backward, 0.0)
         return np.where(state == FORWARD, self.forward, slip)
 
+    def slip_force(self, state: NDArray[np.integer], P: Array) -> Array:
+        """Return the tangential reaction of slipping nodes; 0 in other states."""
+        if self.cohesion is None:
+            return -self.at_slip(state) * P
+        forward, backward = self._limit(self.forward, P), self._limit(self.backward, P)
+        return np.where(state == FORWARD, -forward, np.where(state == BACKWARD, backward, 0.0))
 
-def friction_of(f: Array, f_backward: Array | None) -> Friction:
-    """Return the coefficients of nodes; without ``f_backward`` both directions have ``f``."""
-    return Friction(f, f if f_backward is None else f_backward)
+
+def friction_of(
+    f: Array,
+    f_backward: Array | None,
+    weight: Array | None = None,
+    branches: tuple[Array | None, Array | None] = (None, None),
+) -> Friction:
+    """Return the law of nodes.
+
+    Args:
+        f: coefficients of friction.
+        f_backward: those of backward slip; None stands for ``f``.
+        weight: lengths of the nodes, needed for the branches.
+        branches: cohesion and shear limit as tractions; None where there is none.
+    """
+    backward = f if f_backward is None else f_backward
+    if weight is None or (branches[0] is None and branches[1] is None):
+        return Friction(f, backward)
+    cohesion = weight * (0.0 if branches[0] is None else branches[0])
+    return Friction(
+        f, backward, cohesion, weight * (np.inf if branches[1] is None else branches[1])
+    )
 
 
 def natural_states(

@@ -63,6 +63,7 @@ class Mirror:
         return Friction(
             np.where(self.left, reflected.forward, here.forward),
             np.where(self.left, reflected.backward, here.backward),
+            *here.branches,
         )
 
     def nodes(self, i: NDArray[np.intp]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from receding_fenicsx.arrays import Array
-from receding_fenicsx.interface.law import SLIP_SIGN
+from receding_fenicsx.interface.law import SEPARATION, SLIP_SIGN
 from receding_fenicsx.interface.system import ContactState, ContactSystem
 from receding_fenicsx.interface.tolerances import (
     ROUND_OFFS,
@@ -85,13 +86,18 @@ def is_carried_by_round_off(system: ContactSystem, u: Array, force_scale: float)
 
 
 def law_residual(
-    system: ContactSystem, r: Array, u: Array, slip: Array, stiffness: tuple[Array, Array]
+    system: ContactSystem,
+    r: Array,
+    u: Array,
+    slip: Array,
+    stiffness: tuple[Array, Array],
+    touches: NDArray[np.bool_] | bool = True,
 ) -> Array:
     """Return the natural-map residual of the contact law, node by node, as a force.
 
     Normal: P - max(0, P - k_n g). Tangential: Q - clip(Q - k_t dv, -f_forward P+, f_backward P+),
     P+ = max(P, 0). Both vanish exactly when Signorini's and Coulomb's conditions hold (eqs. 4 to
-    10).
+    10). With a cohesion or a shear limit the clip is to those limits, 0 at open nodes.
 
     Args:
         system: the condensed body, ``kind = "frictional"``.
@@ -100,6 +106,7 @@ def law_residual(
         slip: (N,) or (k, N) tangential displacement of the step or segment, from the point of
             first contact for a node that was open at its start.
         stiffness: (N,) tangential and normal stiffness that weigh a displacement against a force.
+        touches: (N,) nodes in contact, where a cohesion acts.
 
     Returns:
         (2N,) or (k, 2N) absolute residual, tangential part first; zero at held degrees of freedom.
@@ -107,7 +114,7 @@ def law_residual(
     n = system.n
     k_t, k_n = stiffness
     Q, P, gap = r[..., :n], r[..., n:], system.g0 + u[..., n:]
-    tangential = np.abs(Q - system.friction.clip(Q - k_t * slip, P))
+    tangential = np.abs(Q - system.law.clip(Q - k_t * slip, P, touches))
     normal = np.abs(P - np.maximum(0.0, P - k_n * gap))
     both = np.concatenate([tangential, normal], axis=-1)
     both[..., system.held] = 0.0
@@ -124,7 +131,9 @@ def relative_residual(
     """Return the largest entry of :func:`law_residual` over the force scale."""
     if force_scale == 0.0:
         return 0.0
-    return float(law_residual(system, state.r, state.u, slip, stiffness).max()) / force_scale
+    touches = state.state != SEPARATION
+    both = law_residual(system, state.r, state.u, slip, stiffness, touches)
+    return float(both.max()) / force_scale
 
 
 def residual_at_rest(system: ContactSystem, end: ContactState, force_scale: float) -> float:
@@ -137,5 +146,5 @@ def residual_at_rest(system: ContactSystem, end: ContactState, force_scale: floa
     """
     slipping = SLIP_SIGN[end.state] != 0.0
     worst = relative_residual(system, end, np.zeros(system.n), system.local_stiffness, force_scale)
-    off_limit = np.abs(end.Q + system.friction.at_slip(end.state) * end.P)[slipping]
+    off_limit = np.abs(end.Q - system.law.slip_force(end.state, end.P))[slipping]
     return max(worst, float(off_limit.max(initial=0.0)) / force_scale)

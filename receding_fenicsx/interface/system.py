@@ -71,6 +71,8 @@ class ContactSystem:
         edge_names: names of the contact edges.
         scene_toml: text of the scene that the system was condensed from, "" when made by hand.
         f_backward: (N,) coefficient of friction for backward slip; None stands for ``f``.
+        cohesion, shear_limit: (N,) tractions c and t of the limits min(f P + c m, t m) of Q, m the
+            weight; None for none.
         probes: displacements and stresses at the points of the scene's probes; None without.
     """
 
@@ -95,16 +97,38 @@ class ContactSystem:
     scene_toml: str = ""
     f_backward: Array | None = None
     probes: ProbeMatrix | None = None
+    cohesion: Array | None = None
+    shear_limit: Array | None = None
 
     @property
     def friction(self) -> Friction:
-        """Coefficients of friction for both directions of slip."""
+        """Coefficients of friction for both directions of slip.
+
+        Raises:
+            InputError: the law is more than a cone; whoever serves such laws takes :attr:`law`.
+        """
+        if self.has_branches:
+            raise InputError(
+                "[contact] shear_limit, cohesion: not served here, only by histories of cycles"
+            )
         return friction_of(self.f, self.f_backward)
+
+    @property
+    def has_branches(self) -> bool:
+        """Whether there is a cohesion or a shear limit."""
+        return self.cohesion is not None or self.shear_limit is not None
+
+    @property
+    def law(self) -> Friction:
+        """Law of friction with its cohesion and its shear limit."""
+        branches = self.cohesion, self.shear_limit
+        return friction_of(self.f, self.f_backward, self.weight, branches)
 
     def __repr__(self) -> str:
         """Return what the system is of, and its arrays by shape and range."""
         half = "half of a mirror-symmetric contact" if self.half else "the whole contact"
-        arrays = ("x", "weight", "K", "r_star", "f", "f_backward", "g0", "held")
+        law = ("f", "f_backward", "cohesion", "shear_limit")
+        arrays = ("x", "weight", "K", "r_star", *law, "g0", "held")
         found = [(name, getattr(self, name)) for name in arrays]
         return described(
             f"ContactSystem: {self.n} contact nodes of {half}, {self.kind}",
@@ -121,7 +145,8 @@ class ContactSystem:
     def load_text(self, load: Array) -> str:
         """Return load factors by name, for messages."""
         values = zip(self.load_names, load, strict=True)
-        return ", ".join(f"{name} = {value + 0.0:.9g}" for name, value in values)
+        # a load of the law itself has no name
+        return ", ".join(f"{name} = {value + 0.0:.9g}" for name, value in values if name)
 
     @property
     def n(self) -> int:

@@ -22,7 +22,7 @@ def check_system(system: ContactSystem) -> None:
     Raises:
         InputError: with the name of the array, and the node where there is one.
     """
-    optional = ("f_backward", "edge", "slip_map")
+    optional = ("f_backward", "edge", "slip_map", "cohesion", "shear_limit")
     arrays = ("x", "points", "weight", "K", "r_star", "f", "g0", "held", "rigid")
     for name in (*arrays, *optional, "load_compliance", "load_sign"):
         value = getattr(system, name)
@@ -52,6 +52,8 @@ def check_system(system: ContactSystem) -> None:
         "r_star": (loads, m),
         "f": (n,),
         "f_backward": (n,),
+        "cohesion": (n,),
+        "shear_limit": (n,),
         "g0": (n,),
         "held": (2 * n,),
         "edge": (n,),
@@ -78,10 +80,10 @@ def check_system(system: ContactSystem) -> None:
             f"rigid of the contact system has shape {system.rigid.shape}, expected ({2 * n}, "
             "number of rigid motions)"
         )
-    for name in ("x", "weight", "f", "g0", "f_backward"):
+    for name in ("x", "weight", "f", "g0", "f_backward", "cohesion", "shear_limit"):
         if (values := getattr(system, name)) is not None:
             _check_nodes(system, name, values, name != "x")
-    for name in ("f", "f_backward"):
+    for name in ("f", "f_backward", "cohesion"):
         values = getattr(system, name)
         if values is not None and np.any(values[system.held[n:]] != 0.0):
             i = int(np.argmax(system.held[n:] & (values != 0.0)))
@@ -143,6 +145,8 @@ def check_range(system: ContactSystem, factors: Array) -> None:
 def _check_nodes(system: ContactSystem, name: str, values: Array, not_negative: bool) -> None:
     """Raise where a quantity of the nodes is not finite, or negative although it may not be."""
     wrong = ~(np.abs(values) <= LARGEST)
+    if name == "shear_limit":
+        wrong &= values != np.inf  # none
     if name in ("f", "f_backward", "weight"):
         # they divide
         wrong |= (values != 0.0) & (np.abs(values) < SMALLEST)

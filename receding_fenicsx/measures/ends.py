@@ -70,7 +70,7 @@ def half_widths(record: Record, row: int) -> dict[str, float | None]:
     x, state, on_axis = record.x, record.turning_points.state[row], record.begins_on_axis
     widths = {
         "contact_half_width": contact_half_width(x, state, on_axis),
-        "stick_half_width": stick_half_width(x, state, record.friction.mean, on_axis),
+        "stick_half_width": stick_half_width(x, state, record.friction.present, on_axis),
     }
     bears = _bears(record, row)
     return {key: width if bears and np.isfinite(width) else None for key, width in widths.items()}
@@ -106,6 +106,7 @@ def tractions(record: Record, row: int, beta: float | None = None) -> Tractions:
         record.half,
         record.radius,
         record.f_backward,
+        (record.cohesion, record.shear_limit),
     )
 
 

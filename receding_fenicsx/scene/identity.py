@@ -69,8 +69,8 @@ def difference(a: Any, b: Any, free: frozenset[str] = frozenset(), key: str = ""
 def condensed_part(scene: Scene) -> Scene:
     """Return a scene reduced to the data that determine its condensed system.
 
-    Friction, gap, history, solver and output do not enter the condensed stiffness. The path of a
-    mesh file does not matter; :func:`digest` includes its content.
+    The law of friction, gap, history, solver and output do not enter the condensed stiffness. The
+    path of a mesh file does not matter; :func:`digest` includes its content.
     """
     ties = scene.ties
     if not scene.others:
@@ -83,7 +83,10 @@ def condensed_part(scene: Scene) -> Scene:
         material=scene.material,
         materials=scene.materials,
         mesh=scene.mesh,
-        contacts=tuple(replace(c, friction=0.0, initial_gap=0.0) for c in scene.contacts),
+        contacts=tuple(
+            replace(c, friction=0.0, initial_gap=0.0, shear_limit=None, cohesion=None)
+            for c in scene.contacts
+        ),
         ties=ties,
         loads=scene.loads,
         supports=scene.supports,

@@ -94,9 +94,9 @@ SYMMETRY_TOLERANCE = 1e-12
 def is_mirror_symmetric(scene: Scene) -> bool:
     """Return whether a valid scene is mirror-symmetric about x = 0: half of it can be modelled.
 
-    Friction, gap, pressures and y-components of tractions must be even in x. The initial slip and
-    x-components of tractions must be odd. Every support needs its mirror image. Expressions are
-    compared at sample points.
+    Friction, shear limit, cohesion, gap, pressures and y-components of tractions must be even in x.
+    The initial slip and x-components of tractions must be odd. Every support needs its mirror
+    image. Expressions are compared at sample points.
     """
     if scene.bolts or any(load.mode or load.travel for load in scene.loads):
         return False
@@ -113,7 +113,8 @@ def is_mirror_symmetric(scene: Scene) -> bool:
     for contact in scene.contacts:
         x = contact_samples(scene, contact)
         gaps = [load.gap for load in scene.loads if load.gap and load.edge == contact.edge]
-        profiles = (contact.initial_gap, contact.interference, *gaps)
+        limits = (contact.shear_limit, contact.cohesion)
+        profiles = (contact.initial_gap, contact.interference, *limits, *gaps)
         if not all(_is_even(evaluate(p or 0.0, x)) for p in profiles):
             return False
         # the mirror image of forward slip is backward slip

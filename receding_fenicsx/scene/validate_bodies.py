@@ -307,6 +307,9 @@ def check_contact(scene: Scene, number: int) -> None:
     meshed = has_mesh_file(scene, contact.edge)
     forward, backward = directions(contact.friction, f"{where} friction")
     profiles = [(forward, "friction"), (contact.initial_gap, "initial_gap")]
+    for key in ("shear_limit", "cohesion"):
+        if (given := getattr(contact, key)) is not None:
+            profiles.append((given, key))
     if contact.interference is not None:
         profiles.append((contact.interference, "interference"))
         if not scene.others and scene.body.is_half_plane:

@@ -150,9 +150,12 @@ def _as_tuples(value: Any) -> Any:
 RECORD = "receding_fenicsx record"
 SYSTEM = "receding_fenicsx contact system"
 
-NODE_FIELDS = ("x", "points", "f", "g0", "weight", "edge", "f_backward", "held")
-"""Arrays of a Record in the group /nodes; ``f_backward`` where friction has two directions,
-``held`` where supports hold nodes."""
+NODE_FIELDS = (
+    *("x", "points", "f", "g0", "weight", "edge"),
+    *("f_backward", "held", "cohesion", "shear_limit"),
+)
+"""Arrays of a Record in the group /nodes; those of the second line where there are such: friction
+of two directions, supports that hold nodes, other branches of the law."""
 GROUPS: dict[str, type] = {
     "turning_points": States,
     "samples": States,

@@ -283,7 +283,8 @@ def _saved_system(
         if place is None:
             return
         own, whole = mpi.given(system), read_system(file)
-        scenes_own = ("f", "f_backward", "g0", "scene_toml", "probes")
+        law = ("f", "f_backward", "cohesion", "shear_limit")
+        scenes_own = (*law, "g0", "scene_toml", "probes")
         write_system(place, replace(whole, **{k: getattr(own, k) for k in scenes_own}))
 
     mpi.on_root(comm, keep)

@@ -110,7 +110,7 @@ class EventPath:
             SolveError: the residual of the contact law is above its tolerance.
         """
         places = evenly_spaced(samples)
-        leg = self._trace(LegProblem(start, ends, force_scale, places, chooser=self.chooser))
+        leg = self.trace(LegProblem(start, ends, force_scale, places, chooser=self.chooser))
         if leg.samples:
             # the end is refined, what is extrapolated to it is not
             leg.samples[-1] = (places[-1], leg.end)
@@ -120,7 +120,7 @@ class EventPath:
         """Jump to the end of a leg: a static problem with slip counted from ``start``."""
         return self._from_rest(LegProblem(start, ends, force_scale, chooser=self.chooser))
 
-    def _trace(self, problem: LegProblem) -> Leg:
+    def trace(self, problem: LegProblem) -> Leg:
         """Follow a leg, or a piece of one, which may start or end unloaded."""
         start, (a, b) = problem.start, problem.ends
         change, r_star = b - a, self.system.r_star
@@ -142,8 +142,8 @@ class EventPath:
         if s0 is None:
             return self._pressed_leg(problem)
         zero = np.zeros_like(a)
-        first = self._trace(problem.piece(start, (a, zero), problem.force_scale, (0.0, s0)))
-        second = self._trace(problem.piece(first.end, (zero, b), first.force_scale, (s0, 1.0)))
+        first = self.trace(problem.piece(start, (a, zero), problem.force_scale, (0.0, s0)))
+        second = self.trace(problem.piece(first.end, (zero, b), first.force_scale, (s0, 1.0)))
         return joined(first, second, s0, s0)
 
     def _from_rest(self, problem: LegProblem) -> Leg:
@@ -196,18 +196,21 @@ class EventPath:
                 raise NoEquilibrium(limit.text)
         return leg
 
-    def _walk(self, problem: LegProblem) -> Leg:
-        """Follow one leg from event to event."""
+    def walk(self, problem: LegProblem) -> Walk:
+        """Return a walk that stands at the start of a leg or at a place on it."""
         # loads Numba, which takes longer than all the rest
         from receding_fenicsx.interface.exact.compilation import loop_of
         from receding_fenicsx.interface.exact.walk import Walk
 
-        (a, b), resolved = problem.ends, self._low_friction_node is None
         self._loop = loop = self._loop or loop_of(self.segments)
+        return Walk(loop, problem, self._equilibrium_ends, self._low_friction_node is None)
+
+    def _walk(self, problem: LegProblem) -> Leg:
+        """Follow one leg from event to event."""
+        walk, (a, b), resolved = self.walk(problem), problem.ends, self._low_friction_node is None
         if (b - a).tobytes() in self.changed and not self.segments.is_special:
             changed = np.logical_or.reduce(list(self.changed.values()))
-            loop.leave_out(problem.start.state, changed, self._opened)
-        walk = Walk(loop, problem, self._equilibrium_ends, resolved)
+            walk.loop.leave_out(problem.start.state, changed, self._opened)
         short = stops_short(self.segments, b)
         try:
             walk.run(1.0 - REMAINING_LOAD if short else 1.0)
@@ -241,9 +244,7 @@ class EventPath:
             raise no_state_beyond(self.system, place)
         (a, b), load = problem.ends, problem.load(s)
         jump = find_jump(self.segments, before.end, load, place)
-        rest = self._trace(
-            problem.piece(jump.end, (load, b), before.force_scale, (s, 1.0), jumps=1)
-        )
+        rest = self.trace(problem.piece(jump.end, (load, b), before.force_scale, (s, 1.0), jumps=1))
         jumped = Changes.between(s, before.end.state, jump.end.state)
         before.events = Changes.joined(before.events, jumped)
         before.stops += [(walk.s, before.end.u), (s, jump.end.u)]

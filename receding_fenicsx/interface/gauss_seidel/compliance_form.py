@@ -80,13 +80,14 @@ def step_problem(
 
     Raises:
         InputError: an array of the system has a wrong shape or values without meaning, friction
-            differs forward and backward, or K has no compliance to half the digits.
+            differs forward and backward or has a shear limit or cohesion, or K has no compliance
+            to half the digits.
     """
     check_system(system)
-    if system.f_backward is not None:
+    if system.has_branches or system.f_backward is not None:
         raise InputError(
-            "friction differs forward and backward; the local frictional contact problem has one "
-            "coefficient for both directions"
+            "friction differs forward and backward, or has a shear limit or cohesion; the local "
+            "frictional contact problem has one coefficient for both directions and no more"
         )
     model = frictional_form(system)
     n, held = model.n, model.held

@@ -76,7 +76,7 @@ class GaussSeidelPath:
         resting = start
         if carries_nothing(start, force_scale) and not np.any(ends[0]):
             resting = at_rest(self.system, start, ends[1])
-        now = self._start(LegProblem(resting, ends, force_scale))
+        now = self.begin(LegProblem(resting, ends, force_scale))
         now.leg.events = Changes.between(0.0, start.state, resting.state)
         now.leg.stops = [(0.0, resting.u)]
         stored = {round((j + 1) * self.steps / samples) for j in range(samples)}
@@ -86,9 +86,9 @@ class GaussSeidelPath:
             s_end = k / self.steps
             if crossing is not None and s < crossing < s_end:
                 # complete unloading undoes all slip: a step across it would keep that
-                self._advance(now, s, crossing)
+                self.advance(now, s, crossing)
                 s = crossing
-            self._advance(now, s, s_end)
+            self.advance(now, s, s_end)
             s = s_end
             if k in stored:
                 now.leg.samples.append((s, now.end))
@@ -96,7 +96,7 @@ class GaussSeidelPath:
 
     def static_leg(self, start: ContactState, ends: tuple[Array, Array], force_scale: float) -> Leg:
         """Jump to the end of a leg in one step; slip is counted from ``start``."""
-        now = self._start(LegProblem(start, ends, force_scale))
+        now = self.begin(LegProblem(start, ends, force_scale))
         now.check_equilibrium(1.0)
         patient = replace(self.options, stalled_sweeps=self.options.max_sweeps)
         step = solve_step(self.system, start, ends[1], patient, force_scale)
@@ -105,7 +105,7 @@ class GaussSeidelPath:
         now.leg.samples = [(1.0, now.end)]
         return now.leg
 
-    def _start(self, problem: LegProblem) -> LegInSteps:
+    def begin(self, problem: LegProblem) -> LegInSteps:
         """Return a leg on which nothing has been followed yet."""
         a, b = problem.ends
         key = a.tobytes(), b.tobytes()
@@ -113,7 +113,7 @@ class GaussSeidelPath:
             self._limits[key] = furthest(self.system, a, b)
         return LegInSteps(self.system, problem, self._limits[key])
 
-    def _advance(self, now: LegInSteps, s: float, s_end: float) -> None:
+    def advance(self, now: LegInSteps, s: float, s_end: float) -> None:
         """Advance by one load step from s to ``s_end``, in parts where it may contain a jump."""
         now.check_equilibrium(s_end)
         targets, part = [s_end], 0.0

@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from receding_fenicsx.arrays import Array
+from receding_fenicsx.interface.law import Friction
 
 REPEATED_SLIP = 100.0
 """Change of the dissipation and of the slips per period, over themselves, below which they repeat;
@@ -135,13 +136,13 @@ class SteadyWatch:
     that small beside others that do not, or round-off.
     """
 
-    def __init__(self, tolerance: float, K: Array, friction: Array) -> None:
+    def __init__(self, tolerance: float, K: Array, friction: Friction) -> None:
         """Start with no cycles seen.
 
         Args:
             tolerance: bound of A_n.
             K: (N, 2N) tangential rows of the stiffness.
-            friction: (N,) coefficients of friction.
+            friction: law of friction of the N nodes.
         """
         self.tolerance, self.friction, self._terms = tolerance, friction, np.abs(K)
         self._largest_terms = float(self._terms.sum(axis=1).max(initial=0.0))
@@ -190,7 +191,7 @@ class SteadyWatch:
         else:
             terms = np.maximum(terms, np.where(self._coupled, terms, 0.0).max(axis=1, initial=0.0))
         # a smaller largest P counts as none
-        limit = self.friction * np.maximum(end.pressed, 1e-9 * terms)
+        limit = self.friction.largest_limit(np.maximum(end.pressed, 1e-9 * terms))
         slip = np.divide(end.dissipation, limit, out=np.zeros_like(limit), where=limit > 0.0)
         least = np.maximum(NO_SLIP * terms, end.residual * end.force)
         least = np.divide(least, stiffness, out=np.zeros_like(least), where=stiffness > 0.0)

@@ -39,6 +39,7 @@ class Tractions:
         half: True when all is its own mirror image about x = 0.
         radius: (N,) distances of the nodes from the axis when axisymmetric.
         f_backward: (N,) coefficient of friction for backward slip; None stands for ``f``.
+        branches: (N,) cohesion and shear limit as tractions; None for none.
     """
 
     x: Array
@@ -51,6 +52,7 @@ class Tractions:
     half: bool = False
     radius: Array | None = None
     f_backward: Array | None = None
+    branches: tuple[Array | None, Array | None] = (None, None)
 
     @property
     def begins_on_axis(self) -> bool:
@@ -59,8 +61,8 @@ class Tractions:
 
     @property
     def friction(self) -> Friction:
-        """Coefficients of friction for both directions of slip."""
-        return friction_of(self.f, self.f_backward)
+        """Law of friction of the nodes, in forces."""
+        return friction_of(self.f, self.f_backward, self.weight, self.branches)
 
 
 def midside_nodes(x: Array, weight: Array, radius: Array | None = None) -> Ints:
@@ -154,7 +156,8 @@ def recover(at: Tractions) -> tuple[Array, Array]:
     """
     P, Q = at.P, at.Q
     middle = midside_nodes(at.x, at.weight, at.radius)
-    if len(middle) > 2:
+    # at a shear limit q does not follow p, with a cohesion it is not proportional
+    if len(middle) > 2 and at.branches == (None, None):
         values = _middle_values(at, middle)
         active = np.ones(len(middle), dtype=bool)
         while np.any(active):

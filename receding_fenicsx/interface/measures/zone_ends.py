@@ -216,7 +216,7 @@ def stick_half_width_estimate(at: Tractions) -> ZoneEnd:
 
     Where no node sticks, but slip turns round in the middle, the zone is between two nodes.
     """
-    zone = stick_zone(at.x, at.state, at.friction.mean, at.begins_on_axis)
+    zone = stick_zone(at.x, at.state, at.friction.present, at.begins_on_axis)
     if zone == NO_NODES:
         sign, middle = SLIP_SIGN[at.state], 0.5 * (at.x[0] + at.x[-1])
         for i in np.flatnonzero(sign[:-1] * sign[1:] < 0.0):
@@ -352,6 +352,10 @@ def _mirrored(at: Tractions) -> Tractions:
         at.half,
         None if at.radius is None else at.radius[::-1],
         at.friction.forward[::-1],
+        branches=(
+            None if at.branches[0] is None else at.branches[0][::-1],
+            None if at.branches[1] is None else at.branches[1][::-1],
+        ),
     )
 
 
@@ -362,6 +366,8 @@ def _vanishing(at: Tractions, last: int) -> tuple[Array, tuple[float, ...], int]
     other = np.flatnonzero(np.asarray(at.state[: last + 1]) != at.state[last])
     first = int(other[-1]) + 1 if len(other) else 0
     friction = at.friction[last]
+    if at.branches != (None, None):
+        return None  # powers are known for a cone only
     if beyond == State.SEPARATION:
         if not friction.present:
             # the pressure vanishes at both ends of the zone

@@ -15,6 +15,8 @@ from numpy.typing import NDArray
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.interface.law import STATE_NAMES, State
 
+Flags = NDArray[np.bool_]
+
 FRICTIONLESS_CONTACT = "contact"
 """Name of the closed zone where there is no friction."""
 
@@ -53,7 +55,7 @@ def _split(
 
 
 def contact_zones(
-    x: Array, state: NDArray[np.integer], f: Array, begins_on_axis: bool = False
+    x: Array, state: NDArray[np.integer], f: Array | Flags, begins_on_axis: bool = False
 ) -> list[Zone]:
     """Return the zones of :func:`zones`, with "contact" in place of "stick" without friction.
 
@@ -62,11 +64,11 @@ def contact_zones(
     Args:
         x: (N,) positions, increasing.
         state: (N,) values of :class:`State`.
-        f: (N,) coefficient of friction; 0 at nodes without friction.
+        f: (N,) coefficient of friction, or whether there is any: zero at nodes without friction.
         begins_on_axis: the edge begins on the axis r = 0, at x = 0.
     """
     names = {int(k): name for k, name in STATE_NAMES.items()} | {0: FRICTIONLESS_CONTACT}
-    slides = (np.asarray(state) == State.STICK) & (np.asarray(f) <= 0.0)
+    slides = (np.asarray(state) == State.STICK) & (np.asarray(f, dtype=float) <= 0.0)
     return _split(x, np.where(slides, 0, state), names, begins_on_axis)
 
 
@@ -76,7 +78,10 @@ def contact_half_width(x: Array, state: NDArray[np.integer], begins_on_axis: boo
 
 
 def stick_half_width(
-    x: Array, state: NDArray[np.integer], f: Array | None = None, begins_on_axis: bool = False
+    x: Array,
+    state: NDArray[np.integer],
+    f: Array | Flags | None = None,
+    begins_on_axis: bool = False,
 ) -> float:
     """Return :func:`half_width` of the stick zone around the middle of the edge.
 
@@ -118,7 +123,10 @@ def contact_zone(
 
 
 def stick_zone(
-    x: Array, state: NDArray[np.integer], f: Array | None = None, begins_on_axis: bool = False
+    x: Array,
+    state: NDArray[np.integer],
+    f: Array | Flags | None = None,
+    begins_on_axis: bool = False,
 ) -> NodeRange | None:
     """Return :func:`central_zone` of the sticking nodes.
 
@@ -126,7 +134,7 @@ def stick_zone(
     """
     sticks = np.asarray(state) == State.STICK
     if f is not None:
-        sticks &= np.asarray(f) > 0.0
+        sticks &= np.asarray(f, dtype=float) > 0.0
     return central_zone(x, sticks, begins_on_axis)
 
 

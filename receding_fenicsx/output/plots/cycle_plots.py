@@ -258,7 +258,9 @@ def trajectories(
     handles: list[Any] = _cycle_handles(paths)
     if np.any(record.friction.present[chosen]):
         cone = r"$|q| \leq f p$"
-        if record.f_backward is not None:
+        if record.friction.cohesion is not None:
+            cone = r"$|q| \leq \min(f p + c, t)$"
+        elif record.f_backward is not None:
             cone = r"$-f_\mathrm{forward} p \leq q \leq f_\mathrm{backward} p$"
         handles.append(Patch(label=f"friction cone, {cone}", **style.CONE))
     figure.legend(handles=handles, loc="outside lower center", ncols=len(handles))
@@ -276,9 +278,14 @@ def _draw_traction_path(
         _draw_path(axes, q / unit, path.p[:, node] / unit, path, paths)
     top = 1.05 * max(float(path.p[:, node].max()) for path in paths) / unit or 1.0
     left, right = axes.get_xlim()
-    low, high = (float(limit) for limit in record.friction[node].limits(np.asarray(top)))
+    law = record.traction_law(unit)[node]
+    low, high = (float(limit) for limit in law.limits(np.asarray(top)))
     reach = 1.15 * max(abs(left), abs(right), -low, high) or 1.0
-    axes.fill_between([low, 0.0, high], [top, 0.0, top], top, zorder=0, **style.CONE)
+    if law.cohesion is None:
+        axes.fill_between([low, 0.0, high], [top, 0.0, top], top, zorder=0, **style.CONE)
+    else:
+        p = np.linspace(0.0, top, 200)
+        axes.fill_betweenx(p, *law.limits(p), zorder=0, **style.CONE)
     axes.set_xlim(-reach, reach)
     axes.set_ylim(-0.04 * top, top)
     axes.set_xlabel(scales.with_unit(f"$q{divided}$", divided, stress=1))

@@ -80,7 +80,8 @@ def tractions(
     if np.any(record.friction.present):
         p, q, cone = scales.traction_labels()
         # two coefficients need no formula: the cone is drawn between both limits
-        label = f"friction cone, {cone}" if record.f_backward is None else "friction cone"
+        cone_alone = record.f_backward is None and record.friction.cohesion is None
+        label = f"friction cone, {cone}" if cone_alone else "friction limits"
         curves = [
             Line2D([], [], color=style.PRESSURE_COLOUR, label=p),
             Line2D([], [], color=style.SHEAR_COLOUR, label=q),
@@ -115,7 +116,7 @@ def _draw_curves(axes: Axes, record: Record, moment: Moment, scales: Scales) -> 
     used = record.weight > 0.0
     x, unit = record.x[used] / scales.length, scales.traction_unit(moment)
     p, q = (part[used] / unit for part in recovered_tractions(record, moment))
-    low, high = record.friction[used].limits(p)
+    low, high = record.traction_law(unit)[used].limits(p)
     axes.axhline(0.0, color="black", lw=0.4)
     for _, begin, _ in zones(record.x / scales.length, moment.state)[1:]:
         axes.axvline(begin, color=style.GUIDE_COLOUR, lw=0.4, dashes=(1, 2))

@@ -44,7 +44,7 @@ def _summary(record: Record) -> dict[str, Any]:
 def _turning_point(record: Record, i: int, betas: tuple[float, ...]) -> dict[str, Any]:
     table = record.turning_points
     x, cycle = record.x, table.cycle
-    found = contact_zones(x, table.state[i], record.friction.mean, record.begins_on_axis)
+    found = contact_zones(x, table.state[i], record.friction.present, record.begins_on_axis)
     point: dict[str, Any] = {
         "cycle": int(cycle[i]),
         "leg": int(table.leg[i]),

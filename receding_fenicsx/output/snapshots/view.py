@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.bulk.fields import Fields
 from receding_fenicsx.evolution.instants import Instant
-from receding_fenicsx.interface.law import Friction
+from receding_fenicsx.interface.law import Friction, friction_of
 from receding_fenicsx.output.plots.labels import (
     describe_factors,
     length_of,
@@ -224,7 +224,13 @@ def _contact(
     # outward slip is forward on the right of the axis and backward on the left
     left = found.x[on] != argument
     forward, backward = np.where(left, backward, forward), np.where(left, forward, backward)
-    return tuple(strips), p, q, Friction(forward, backward)
+    first = scene.contacts[0]
+    branches = (
+        None if profile is None else evaluate(profile, argument) / units.traction
+        for profile in (first.cohesion, first.shear_limit)
+    )
+    law = friction_of(forward, backward, np.ones(len(p)), (next(branches), next(branches)))
+    return tuple(strips), p, q, law
 
 
 def units_of(bulk: Stack, fields: list[Fields], load: Array, symbol: str = "") -> Units:

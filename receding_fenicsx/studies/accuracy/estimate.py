@@ -112,7 +112,7 @@ def _of_edge(record: Record, row: int) -> Iterator[tuple[str, Number]]:
     state = table.state[row]
     for name, zone in (
         ("contact", contact_zone(x, state)),
-        ("stick", stick_zone(x, state, record.friction.mean)),
+        ("stick", stick_zone(x, state, record.friction.present)),
     ):
         if zone is None or zone == NO_NODES:
             continue

@@ -8,6 +8,7 @@ from small import cyclic, small_system, table, walker
 
 import receding_fenicsx as rf
 from receding_fenicsx.evolution.evolve import evolve
+from receding_fenicsx.interface.law import Friction
 from receding_fenicsx.interface.measures.steady import (
     CycleEnd,
     SteadyWatch,
@@ -89,7 +90,7 @@ def watch(
 
     The terms of its force K u are 2 times 2.5.
     """
-    watching = SteadyWatch(1e-8, K=2.0 * np.eye(2, 4), friction=np.ones(2))
+    watching = SteadyWatch(1e-8, K=2.0 * np.eye(2, 4), friction=Friction(*np.ones((2, 2))))
     for (r, v), d in zip(ends, np.broadcast_to(np.asarray(D), len(ends)), strict=True):
         watching.add(CycleEnd(r, v, np.array([d, 0.0]), np.ones(2), np.full(4, 2.5), force))
     return watching

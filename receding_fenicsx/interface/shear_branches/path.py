@@ -1,0 +1,470 @@
+"""Path along a leg from one change of branch to the next."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from receding_fenicsx.arrays import Array
+from receding_fenicsx.errors import NoEquilibrium, NoQuasiStaticContinuation, SolveError
+from receding_fenicsx.interface.exact.jumps import check_jumps, no_state_beyond
+from receding_fenicsx.interface.exact.legs import LegProblem, evenly_spaced
+from receding_fenicsx.interface.exact.path import LEFT_TO_NEXT_LEG, EventPath
+from receding_fenicsx.interface.exact.pivot_matrix import SingularExchange
+from receding_fenicsx.interface.exact.rolling import at_rest
+from receding_fenicsx.interface.exact.unloading import carries_nothing, zero_crossing
+from receding_fenicsx.interface.gauss_seidel.sweeps import GaussSeidelOptions
+from receding_fenicsx.interface.law import SEPARATION, STICK
+from receding_fenicsx.interface.load_steps.path import GaussSeidelPath
+from receding_fenicsx.interface.residual import largest_force, reachable, residual_at_rest
+from receding_fenicsx.interface.shear_branches.cones import Branches, Cones
+from receding_fenicsx.interface.system import Changes, ContactState, ContactSystem, Leg, reactions
+from receding_fenicsx.interface.tolerances import (
+    ACCEPTED_RESIDUAL,
+    END_TOLERANCE,
+    JUMP_STEP,
+    STEP_ON_LIMIT,
+)
+
+CACHE_BYTES = 2**28
+"""Memory for the paths of sets of branches that have been met before."""
+
+SMALLEST_PIECE = 1e-9
+"""Part of a leg from or to no load that is not divided further to find where its path ends."""
+
+TRIES = 4
+"""Changes of branch per node at one place after which none is taken."""
+
+
+class BranchedPath:
+    """Follows legs of a contact with a shear limit or cohesion.
+
+    Attributes:
+        system: the condensed body in 2N form.
+        cones: its law, branch by branch.
+    """
+
+    def __init__(
+        self,
+        system: ContactSystem,
+        on_jump: str = "stop",
+        sweeps: GaussSeidelOptions | None = None,
+        steps: int = 0,
+    ) -> None:
+        """Prepare for ``system``.
+
+        Args:
+            system: the condensed body, ``kind = "frictional"``.
+            on_jump: "stop" where no quasi-static path continues, or pass the jump by one "static"
+                problem.
+            sweeps: options of the load steps; None for the exact path.
+            steps: load steps a leg.
+        """
+        self.system, self.cones, self.on_jump = system, Cones(system), on_jump
+        self.sweeps, self.steps = sweeps, steps
+        self._paths: dict[bytes, tuple[EventPath | GaussSeidelPath, Array]] = {}
+        # that of a set of branches: matrices of its tableau, rates of its first sets of states
+        size = 96 * system.n**2 + 2**13 * system.n
+        self._kept = max(4, CACHE_BYTES // size)
+        self._exact = self if sweeps is None else BranchedPath(system, on_jump)
+
+    def trace_leg(
+        self, start: ContactState, ends: tuple[Array, Array], force_scale: float, samples: int = 0
+    ) -> Leg:
+        """Follow one leg from its start to its end.
+
+        Args:
+            start: state at the start.
+            ends: (n_loads,) load factors at the start and at the end.
+            force_scale: largest nodal force of the history so far.
+            samples: number of evenly spaced states to store, the last one at s = 1; 0 for none.
+
+        Raises:
+            SolveError: no path that satisfies the contact law was found.
+        """
+        scale = max(largest_force(self.system, load, start.r, force_scale) for load in ends)
+        places = evenly_spaced(samples)
+        if self.steps:
+            stored = {round((j + 1) * self.steps / samples) for j in range(samples)}
+            places = tuple(k / self.steps for k in sorted(stored))
+        whole = LegProblem(start, ends, scale, places)
+        crossing = zero_crossing(ends)
+        targets = {k / self.steps for k in range(1, self.steps + 1)} | {1.0}
+        leg = Leg(start, np.zeros(self.system.n), force_scale=scale, stops=[(0.0, start.u)])
+        s = 0.0
+        for target in sorted(targets | ({crossing} if crossing else set())):
+            if not np.any(whole.load(s)) and carries_nothing(leg.end, scale):
+                # an unloaded body with gaps rolls to where it rests
+                resting = at_rest(self.system, leg.end, ends[1])
+                if s == 0.0 or self.sweeps is None:
+                    turned = Changes.between(s, leg.end.state, resting.state)
+                    leg.events = Changes.joined(leg.events, turned)
+                    leg.stops.append((s, resting.u))
+                    leg.end = resting
+            if self.sweeps is None:
+                self._follow(leg, whole, (s, target))
+            else:
+                self._step(leg, whole, (s, target))
+            s = target
+        if leg.samples:
+            leg.samples[-1] = (places[-1], leg.end)
+        return leg
+
+    def static_leg(self, start: ContactState, ends: tuple[Array, Array], force_scale: float) -> Leg:
+        """Solve one static problem at the end of a leg, slip counted from ``start``.
+
+        Raises:
+            SolveError: no state that satisfies the contact law was found.
+        """
+        scale = max(largest_force(self.system, load, start.r, force_scale) for load in ends)
+        problem, now = LegProblem(start, ends, scale), self.cones.branches_of(start)
+        tried: set[bytes] = set()
+        while True:
+            path, force = self._path(now)
+            tried.add(now.key)
+            load = (with_force(ends[0], force), with_force(ends[1], force))
+            begun = ContactState(start.u, start.r + force, start.state)
+            found = self._outer(path.static_leg(begun, load, scale), problem, force, 1.0)
+            wrong = self._violated(now, found.end, scale)
+            lands = self.cones.cohesive & ~now.bonded & (found.end.state != SEPARATION)
+            if not wrong and not lands.any():
+                self._check(found)
+                return found
+            now = self._passed(now, wrong, tried, ends[1])
+            now = replace(now, bonded=now.bonded | lands)
+
+    # -- exact path
+
+    def _follow(self, leg: Leg, whole: LegProblem, part: tuple[float, float]) -> None:
+        """Add the exact path between two places of a leg to what has been followed."""
+        (s, target), tried = part, set[bytes]()
+        now = self.cones.branches_of(leg.end)
+        while s < target:
+            tried.add(now.key)
+            problem = replace(whole, start=leg.end, s_start=s, force_scale=leg.force_scale)
+            trial, end, error = self._piece(now, problem, target)
+            at, wrong, bonds = self._first_passed(now, problem, trial, end)
+            if error is not None and not wrong and not bonds:
+                self._add(leg, trial, (s, end))
+                s = self._jump(leg, whole, (end, target), error)
+                now, tried = self.cones.branches_of(leg.end), set()
+                continue
+            if at >= target - END_TOLERANCE:
+                self._add(leg, trial, (s, target))
+                return
+            if at > s + END_TOLERANCE:
+                piece = self._piece(now, problem, at)
+                if piece[2] is not None:
+                    raise piece[2]
+                self._add(leg, piece[0], (s, at))
+                s, tried = at, {now.key}
+            try:
+                now = self._changed(leg, s, now, (wrong, bonds), (tried, whole.load(s)))
+            except NoQuasiStaticContinuation as lost:
+                s = self._jump(leg, whole, (s, target), lost)
+                now, tried = self.cones.branches_of(leg.end), set()
+
+    def _jump(
+        self, leg: Leg, whole: LegProblem, part: tuple[float, float], error: SolveError
+    ) -> float:
+        """Pass a jump, where that is asked for, by a static problem; return the place after it."""
+        (s, target), start = part, leg.end
+        if self.on_jump != "static" or not isinstance(error, NoQuasiStaticContinuation):
+            raise error
+        place, beyond = whole.load(s), s + JUMP_STEP
+        check_jumps(self.system, len(leg.jumps), place)
+        if beyond >= target:
+            raise no_state_beyond(self.system, place)
+        load = whole.load(beyond)
+        try:
+            end = self.static_leg(start, (place, load), leg.force_scale).end
+        except SolveError as lost:
+            raise no_state_beyond(self.system, place) from lost
+        change = end.u - start.u
+        work = float(load @ self.system.r_star @ change)
+        released = -0.5 * float(change @ self.system.K @ (end.u + start.u)) - work
+        jumped = Changes.between(beyond, start.state, end.state)
+        leg.events = Changes.joined(leg.events, jumped)
+        leg.stops.append((beyond, end.u))
+        leg.jumps.append((s, released))
+        leg.end, leg.work = end, leg.work + work
+        return beyond
+
+    def _piece(
+        self, now: Branches, problem: LegProblem, target: float
+    ) -> tuple[Leg, float, SolveError | None]:
+        """Follow a piece of a leg in given branches; return it, its end, and why it ends early."""
+        path, force = self._path(now)
+        assert isinstance(path, EventPath)
+        s, start, scale = problem.s_start, problem.start, problem.force_scale
+        state = self.cones.on_branches(now, start, STEP_ON_LIMIT * scale)
+        turned = Changes.between(s, start.state, state)
+        begun = start
+        if np.any(force) or len(turned):
+            begun = ContactState(start.u, start.r + force, state)
+        a, b = (with_force(end, force) for end in problem.ends)
+        for load in (problem.load(s), problem.load(target)):
+            scale = largest_force(path.system, with_force(load, force), begun.r, scale)
+        places = tuple(place for place in problem.samples if s < place < target)
+        inner = replace(
+            problem, start=begun, ends=(a, b), force_scale=scale, samples=(*places, target)
+        )
+        error: SolveError | None = None
+        found, end = None, target
+        if not np.any(force) and not (np.any(inner.load(s)) and np.any(inner.load(target))):
+            found, end, error = _from_or_to_rest(path, inner, target)
+        if found is None:
+            walk, error = path.walk(inner), None
+            try:
+                walk.run(target)
+                found, end = walk.finish(), target
+            except SingularExchange as lost:
+                error = SolveError(
+                    f"the exact path is lost on the way to {self.system.load_text(problem.ends[1])}"
+                    ": a motion of the body is left that nothing resists; add a [[support]], or "
+                    "use method gauss-seidel"
+                )
+                error.__cause__ = lost
+            except SolveError as lost:
+                error = lost
+            if error is not None and walk.s >= 1.0 - LEFT_TO_NEXT_LEG:
+                # at the end itself only round-off decides
+                walk.path.place[0], error = 1.0, None
+            if found is None:
+                end, found = walk.s, walk.stop_here()
+        found.events = Changes.joined(turned, found.events)
+        found = self._outer(found, problem, force, end)
+        found.samples = [(at, one) for at, one in found.samples if at in problem.samples]
+        return found, end, error
+
+    def _first_passed(
+        self, now: Branches, problem: LegProblem, found: Leg, end: float
+    ) -> tuple[float, list[tuple[int, int]], list[int]]:
+        """Return where another margin first passes zero or a bond forms, and of which nodes."""
+        stops = [(problem.s_start, problem.start.u), *found.stops, (end, found.end.u)]
+        s, u = np.array([at for at, _ in stops]), np.array([one for _, one in stops])
+        load = (1.0 - s)[:, None] * problem.ends[0] + s[:, None] * problem.ends[1]
+        margins = self.cones.other_margins(now, load @ self.system.r_star + u @ self.system.K)
+        below = margins < -self._slack(found.end, found.force_scale)
+        first, wrong = np.inf, list[tuple[int, int]]()
+        rows = np.flatnonzero(below.any(axis=(1, 2)))
+        if len(rows):
+            j = int(rows[0])
+            i = max(j - 1, 0)
+            before, after = np.maximum(margins[i], 0.0), margins[j]
+            with np.errstate(invalid="ignore", divide="ignore"):
+                at = np.where(below[j], s[i] + before / (before - after) * (s[j] - s[i]), np.inf)
+            first = float(at.min())
+            wrong = [(int(k), int(n)) for k, n in np.argwhere(at <= first + END_TOLERANCE)]
+        events = found.events
+        forms = self.cones.cohesive[events.node] & ~now.bonded[events.node]
+        forms &= events.new != SEPARATION
+        if forms.any() and float(events.s[forms].min()) <= first:
+            at = events.s[forms]
+            same = at <= at.min() + END_TOLERANCE
+            return float(at.min()), [], sorted(set(events.node[forms][same].tolist()))
+        return min(first, end if np.isinf(first) else first), wrong, []
+
+    def _changed(
+        self,
+        leg: Leg,
+        s: float,
+        now: Branches,
+        passed: tuple[list[tuple[int, int]], list[int]],
+        tried: tuple[set[bytes], Array],
+    ) -> Branches:
+        """Return the branches beyond a place; form and break bonds there."""
+        wrong, bonds = passed
+        new = self._passed(now, wrong, *tried)
+        if bonds:
+            bonded = now.bonded.copy()
+            bonded[bonds] = True
+            new = replace(new, bonded=bonded)
+        opened = now.bonded & ~new.bonded
+        state = leg.end.state.copy()
+        state[bonds] = STICK
+        state[opened] = SEPARATION
+        sheared = opened & (np.abs(leg.end.Q) > self._slack(leg.end, leg.force_scale))
+        if sheared.any():
+            node = int(np.flatnonzero(sheared)[0])
+            raise NoQuasiStaticContinuation(
+                f"no quasi-static continuation at {self.system.load_text(tried[1])}: node {node} "
+                f"(x = {self.system.x[node]:.6g}) opens under the shear force of its cohesion, "
+                "which it loses at once; reduce [contact] cohesion or the load range"
+            )
+        if not np.array_equal(state, leg.end.state):
+            leg.events = Changes.joined(leg.events, Changes.between(s, leg.end.state, state))
+            leg.end = replace(leg.end, state=state)
+        return new
+
+    def _passed(
+        self, now: Branches, wrong: list[tuple[int, int]], tried: set[bytes], load: Array
+    ) -> Branches:
+        """Return branches that were not tried: changed where margins are passed, or at one node.
+
+        Raises:
+            NoQuasiStaticContinuation: all of them were tried.
+        """
+        new = now
+        for kind, node in wrong:
+            new = self.cones.passed(new, kind, node)
+        one = [self.cones.passed(now, kind, node) for kind, node in wrong]
+        for branches in (new, *one) if wrong else ():
+            if branches.key not in tried and len(tried) <= TRIES * self.system.n + 16:
+                return branches
+        if not wrong:
+            return now
+        node = wrong[0][1]
+        raise NoQuasiStaticContinuation(
+            f"no quasi-static continuation at {self.system.load_text(load)}: no branch of the "
+            f"shear limit of node {node} (x = {self.system.x[node]:.6g}) leads on; reduce the "
+            "friction or the load range"
+        )
+
+    # -- load steps
+
+    def _step(self, leg: Leg, whole: LegProblem, part: tuple[float, float]) -> None:
+        """Add one load step: solved in the branches at its end, or exactly where bonds change."""
+        (s, target), tried = part, set[bytes]()
+        start, scale, load = leg.end, leg.force_scale, whole.load(part[1])
+        now = self.cones.branches_of(start)
+        problem = replace(whole, start=start, s_start=s, force_scale=scale)
+        while True:
+            tried.add(now.key)
+            path, force = self._path(now)
+            assert isinstance(path, GaussSeidelPath)
+            state = self.cones.on_branches(now, start, STEP_ON_LIMIT * scale)
+            begun = ContactState(start.u, start.r + force, state)
+            a, b = (with_force(end, force) for end in whole.ends)
+            inner = replace(problem, start=begun, ends=(a, b), samples=(), s_start=0.0)
+            steps = path.begin(inner)
+            try:
+                path.advance(steps, s, target)
+            except (NoEquilibrium, NoQuasiStaticContinuation):
+                self._follow_exactly(leg, whole, part)
+                break
+            found = self._outer(steps.leg, problem, force, target)
+            if not np.array_equal(state, start.state):
+                found.events = Changes.between(target, start.state, found.end.state)
+            wrong = self._violated(now, found.end, scale)
+            touched = found.end.state != SEPARATION
+            if np.any(self.cones.cohesive & (now.bonded != touched)) or any(
+                kind == 2 for kind, _ in wrong
+            ):
+                self._follow_exactly(leg, whole, part)
+                break
+            if not wrong:
+                self._add(leg, found, part)
+                break
+            now = self._passed(now, wrong, tried, load)
+        if any(abs(target - place) <= END_TOLERANCE for place in whole.samples):
+            leg.samples = [(at, one) for at, one in leg.samples if at < target - END_TOLERANCE]
+            leg.samples.append((target, leg.end))
+
+    def _follow_exactly(self, leg: Leg, whole: LegProblem, part: tuple[float, float]) -> None:
+        """Add the exact path through a load step."""
+        events, leg.events = leg.events, Changes.none()
+        self._exact._follow(leg, whole, part)
+        # those at its start belong to the step too
+        at = np.maximum(leg.events.s, np.nextafter(part[0], 1.0))
+        leg.events = Changes.joined(events, replace(leg.events, s=at))
+
+    # -- both
+
+    def _path(self, now: Branches) -> tuple[EventPath | GaussSeidelPath, Array]:
+        """Return the path of a set of branches, and its constant force (2N,)."""
+        if now.key not in self._paths:
+            if len(self._paths) >= self._kept:
+                del self._paths[next(iter(self._paths))]
+            system, force = self.cones.coulomb(now)
+            path: EventPath | GaussSeidelPath = EventPath(system)
+            if self.sweeps is not None:
+                path = GaussSeidelPath(system, self.sweeps, 1)
+            self._paths[now.key] = path, force
+        return self._paths[now.key]
+
+    def _outer(self, found: Leg, problem: LegProblem, force: Array, end: float) -> Leg:
+        """Return a piece up to an end as one of the contact: without the force of its cones."""
+        if not np.any(force):
+            return found
+        n, change = self.system.n, found.end.u - problem.start.u
+
+        def outer(s: float, one: ContactState) -> ContactState:
+            r = reactions(self.system, problem.load(s), one.u)
+            return ContactState(one.u, r, one.state)
+
+        return replace(
+            found,
+            end=outer(end, found.end),
+            dissipation=found.dissipation + force[:n] * change[:n],
+            work=found.work - float(force @ change),
+            samples=[(s, outer(s, one)) for s, one in found.samples],
+        )
+
+    def _violated(self, now: Branches, end: ContactState, scale: float) -> list[tuple[int, int]]:
+        """Return kind and node of the other margins that are passed at the end of a step."""
+        margins = self.cones.other_margins(now, end.r[None])[0]
+        return [(int(k), int(i)) for k, i in np.argwhere(margins < -self._slack(end, scale))]
+
+    def _slack(self, state: ContactState, scale: float) -> float:
+        """Return a force of round-off."""
+        return scale * max(ACCEPTED_RESIDUAL, reachable(self.system, state.u, scale))
+
+    def _add(self, leg: Leg, found: Leg, part: tuple[float, float]) -> None:
+        """Add a piece between two places to what has been followed."""
+        leg.end = found.end
+        leg.dissipation = leg.dissipation + found.dissipation
+        leg.work += found.work
+        leg.sweeps += found.sweeps
+        leg.events = Changes.joined(leg.events, found.events)
+        leg.stops += [(s, u) for s, u in found.stops if s > part[0]] + [(part[1], found.end.u)]
+        leg.samples += found.samples
+        leg.force_scale = max(leg.force_scale, float(np.abs(found.end.r).max(initial=0.0)))
+        self._check(leg)
+
+    def _check(self, leg: Leg) -> None:
+        """Note the residual of the end of a piece.
+
+        Raises:
+            SolveError: it is above its tolerance.
+        """
+        scale = leg.force_scale or 1.0  # nothing presses
+        residual = residual_at_rest(self.system, leg.end, scale)
+        leg.residual = max(leg.residual, residual)
+        accepted = ACCEPTED_RESIDUAL if self.sweeps is None else STEP_ON_LIMIT
+        if residual > max(accepted, reachable(self.system, leg.end.u, scale)):
+            raise SolveError(
+                f"the path from branch to branch of the shear limit lost accuracy: residual "
+                f"{residual:.1e} over {accepted:.0e}; try the other solver method"
+            )
+
+
+def _from_or_to_rest(
+    path: EventPath, problem: LegProblem, target: float
+) -> tuple[Leg | None, float, SolveError | None]:
+    """Follow a piece from no load, as far as it can be, or to no load; None where that fails."""
+    s, end, error = problem.s_start, target, None
+    while True:
+        ends = problem.load(s), problem.load(end)
+        places = (*(place for place in problem.samples if place < end), end)
+        own = problem.piece(problem.start, ends, problem.force_scale, (s, end))
+        own = replace(own, samples=tuple((place - s) / (end - s) for place in places))
+        try:
+            found = path.trace(own)
+            break
+        except SolveError as lost:
+            if np.any(ends[0]):
+                return None, s, lost
+            error, end = lost, s + 0.5 * (end - s)
+            if end - s < SMALLEST_PIECE:
+                raise
+    found.events = found.events.placed(end - s, s)
+    found.samples = list(zip(places, (one for _, one in found.samples), strict=False))
+    found.stops = [(s + at * (end - s), u) for at, u in found.stops]
+    return found, end, error
+
+
+def with_force(load: Array, force: Array) -> Array:
+    """Return load factors with that of a constant force, where there is one."""
+    return np.append(load, 1.0) if np.any(force) else load
