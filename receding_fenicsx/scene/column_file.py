@@ -141,8 +141,8 @@ def _with_profiles(raw: Any, folder: Path, keys: tuple[str, ...]) -> Any:
         return raw
     key = next((key for key in reversed(keys) if key not in DIRECTIONS), "")
     profiles = ("friction", "initial_gap", "shear_limit", "cohesion", "interference")
-    profiles += ("pressure", "traction", "displacement")
-    if set(raw) != {"file"} or key not in (*profiles, "initial_slip"):
+    loads = ("pressure", "traction", "displacement", "initial_slip")
+    if set(raw) != {"file"} or key not in (*profiles, *loads):
         return {name: _with_profiles(item, folder, (*keys, name)) for name, item in raw.items()}
     columns = read_columns(raw["file"], folder, " ".join(keys), ("x", "value"), ("x", "value"))
     names = [name.lower() for name in columns.names]

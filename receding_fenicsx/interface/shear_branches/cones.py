@@ -84,8 +84,8 @@ class Cones:
             system = replace(system, r_star=r_star, load_names=names)
         return system, force
 
-    def other_margins(self, now: Branches, r: Array) -> Array:
-        """Return what must not be negative beside the margins of the cones.
+    def other_margins(self, now: Branches, r: Array) -> tuple[Array, Array]:
+        """Return what must not be negative beside the margins of the cones, and these.
 
         Args:
             now: the branches.
@@ -93,17 +93,18 @@ class Cones:
 
         Returns:
             (k, 3, N) margins of the branches forward and backward that are not in use, and the
-            pressures of bonded nodes; infinite where there are none.
+            pressures of bonded nodes, infinite where there are none; (k, 2, N) those in use.
         """
         n = self.system.n
         Q, P = r[:, :n], r[:, n:]
         on_limit = now.branch == np.array([[FORWARD_LIMIT], [BACKWARD_LIMIT]])
         rough = self._slope * P[:, None] + np.where(now.bonded, self._c, 0.0)
-        limit = np.where(on_limit, rough, self._t)
+        sides = np.stack([Q, -Q], axis=1)
+        limits = np.where(on_limit, rough, self._t), np.where(on_limit, self._t, rough)
+        other, in_use = (sides + limit for limit in limits)
         P = np.where(self.cohesive & now.bonded, P, np.inf)
-        return np.where(
-            self._special, np.stack([Q + limit[:, 0], limit[:, 1] - Q, P], axis=1), np.inf
-        )
+        margins = np.concatenate([other, P[:, None]], axis=1)
+        return np.where(self._special, margins, np.inf), in_use
 
     def passed(self, now: Branches, kind: int, node: int) -> Branches:
         """Return the branches where a margin of :meth:`other_margins` has reached zero."""

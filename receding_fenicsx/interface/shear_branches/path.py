@@ -15,7 +15,7 @@ from receding_fenicsx.interface.exact.pivot_matrix import SingularExchange
 from receding_fenicsx.interface.exact.rolling import at_rest
 from receding_fenicsx.interface.exact.unloading import carries_nothing, zero_crossing
 from receding_fenicsx.interface.gauss_seidel.sweeps import GaussSeidelOptions
-from receding_fenicsx.interface.law import SEPARATION, STICK
+from receding_fenicsx.interface.law import SEPARATION, SLIP_SIGN, STICK
 from receding_fenicsx.interface.load_steps.path import GaussSeidelPath
 from receding_fenicsx.interface.residual import largest_force, reachable, residual_at_rest
 from receding_fenicsx.interface.shear_branches.cones import Branches, Cones
@@ -144,7 +144,15 @@ class BranchedPath:
             tried.add(now.key)
             problem = replace(whole, start=leg.end, s_start=s, force_scale=leg.force_scale)
             trial, end, error = self._piece(now, problem, target)
-            at, wrong, bonds = self._first_passed(now, problem, trial, end)
+            at, wrong, bonds, ahead = self._first_passed(now, problem, trial, end)
+            if ahead:
+                # the branches in use may be changed before as well: fewer pieces
+                new = now
+                for kind, node in ahead:
+                    new = self.cones.passed(new, kind, node)
+                if new.key not in tried and len(tried) <= TRIES * self.system.n:
+                    now = new
+                    continue
             if error is not None and not wrong and not bonds:
                 self._add(leg, trial, (s, end))
                 s = self._jump(leg, whole, (end, target), error)
@@ -240,14 +248,20 @@ class BranchedPath:
 
     def _first_passed(
         self, now: Branches, problem: LegProblem, found: Leg, end: float
-    ) -> tuple[float, list[tuple[int, int]], list[int]]:
-        """Return where another margin first passes zero or a bond forms, and of which nodes."""
+    ) -> tuple[float, list[tuple[int, int]], list[int], list[tuple[int, int]]]:
+        """Return where another margin first passes zero or a bond forms, and of which nodes.
+
+        The last value names all margins that are passed by nodes which do not slip before, if the
+        first is one of them.
+        """
         stops = [(problem.s_start, problem.start.u), *found.stops, (end, found.end.u)]
         s, u = np.array([at for at, _ in stops]), np.array([one for _, one in stops])
         load = (1.0 - s)[:, None] * problem.ends[0] + s[:, None] * problem.ends[1]
-        margins = self.cones.other_margins(now, load @ self.system.r_star + u @ self.system.K)
-        below = margins < -self._slack(found.end, found.force_scale)
-        first, wrong = np.inf, list[tuple[int, int]]()
+        r = load @ self.system.r_star + u @ self.system.K
+        margins, in_use = self.cones.other_margins(now, r)
+        slack = self._slack(found.end, found.force_scale)
+        below = margins < -slack
+        first, wrong, ahead = np.inf, list[tuple[int, int]](), list[tuple[int, int]]()
         rows = np.flatnonzero(below.any(axis=(1, 2)))
         if len(rows):
             j = int(rows[0])
@@ -257,14 +271,20 @@ class BranchedPath:
                 at = np.where(below[j], s[i] + before / (before - after) * (s[j] - s[i]), np.inf)
             first = float(at.min())
             wrong = [(int(k), int(n)) for k, n in np.argwhere(at <= first + END_TOLERANCE)]
+            row = np.argmax(below, axis=0)[:2]
+            from_stick = below[:, :2].any(axis=0) & (SLIP_SIGN[problem.start.state] == 0.0)
+            from_stick &= np.take_along_axis(in_use, row[None], axis=0)[0] > slack
+            ahead = [(int(k), int(n)) for k, n in np.argwhere(from_stick)]
+            if not set(wrong) <= set(ahead):
+                ahead = []
         events = found.events
         forms = self.cones.cohesive[events.node] & ~now.bonded[events.node]
         forms &= events.new != SEPARATION
         if forms.any() and float(events.s[forms].min()) <= first:
             at = events.s[forms]
             same = at <= at.min() + END_TOLERANCE
-            return float(at.min()), [], sorted(set(events.node[forms][same].tolist()))
-        return min(first, end if np.isinf(first) else first), wrong, []
+            return float(at.min()), [], sorted(set(events.node[forms][same].tolist())), []
+        return min(first, end), wrong, [], ahead
 
     def _changed(
         self,
@@ -404,7 +424,7 @@ class BranchedPath:
 
     def _violated(self, now: Branches, end: ContactState, scale: float) -> list[tuple[int, int]]:
         """Return kind and node of the other margins that are passed at the end of a step."""
-        margins = self.cones.other_margins(now, end.r[None])[0]
+        margins = self.cones.other_margins(now, end.r[None])[0][0]
         return [(int(k), int(i)) for k, i in np.argwhere(margins < -self._slack(end, scale))]
 
     def _slack(self, state: ContactState, scale: float) -> float:
