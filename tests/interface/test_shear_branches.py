@@ -1,0 +1,132 @@
+"""Shear limit and cohesion against closed forms, on both methods."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from replay import objections
+from small import named_loads, small_system, table
+
+import receding_fenicsx as rf
+from receding_fenicsx.interface.branches.critical_friction import critical_friction
+from receding_fenicsx.interface.gauss_seidel.compliance_form import step_problem
+
+pytestmark = pytest.mark.one_rank
+
+BLOCK = Path(__file__).parents[2] / "demos" / "block.toml"
+ONE = small_system(np.eye(2), {"press": [0.0, 1.0], "pull": [1.0, 0.0]}, 0.5)
+
+
+def evolve(
+    system: rf.ContactSystem, history: rf.History, method: str = "events", on_jump: str = "stop"
+) -> rf.Record:
+    solver = rf.SolverOptions(method=method, steps_per_leg=40, on_jump=on_jump)
+    record = rf.evolve(system, history, solver, rf.OutputOptions(40, "all"))
+    assert objections(system, history, record) == []
+    return record
+
+
+@pytest.mark.parametrize("method", ["events", "gauss-seidel"])
+@pytest.mark.parametrize(
+    ("limit", "cohesion", "Q", "D"),
+    [
+        # limit 0.6 at P = 2, Q = P / 2 below P = 1.2
+        (0.6, None, [0.6, 0.5], 0.6 * 0.4 + 0.55 * 0.1),
+        # Q = P / 2 + 0.2 below P = 1.6
+        (None, 0.2, [1.0, 0.7], 0.85 * 0.3),
+        (0.6, 0.2, [0.6, 0.6], 0.6 * 0.4),
+        # tied by both branches at P = 2 and at P = 1
+        (1.0, 0.0, [1.0, 0.5], 0.75 * 0.5),
+        (0.0, None, [0.0, 0.0], 0.0),
+    ],
+)
+def test_one_node_slips_on_the_lower_branch(
+    method: str, limit: float | None, cohesion: float | None, Q: list[float], D: float
+) -> None:
+    """K = 1: the node, pressed by P and pulled by 1, slips by Q - 1, and again as P falls to 1."""
+    parts = (None if value is None else np.array([value]) for value in (cohesion, limit))
+    system = replace(ONE, **dict(zip(("cohesion", "shear_limit"), parts, strict=True)))
+    history = table(system, [[0, 0], [2, 0], [2, 1], [1, 1], [2, 1]])
+    record = evolve(system, history, method)
+    assert record.turning_points.Q[1:3, 0] == pytest.approx(Q, abs=1e-12)
+    tolerance = 1e-12 if method == "events" else 1e-2
+    assert record.dissipation_first_loading == pytest.approx(D, abs=tolerance)
+    assert not record.uniqueness.certified
+
+
+@pytest.mark.parametrize(
+    ("f", "cohesion", "limit"), [(1.0, None, 1.0), (0.0, 1.0, None), (0.2, 0.5, 1.0)]
+)
+def test_shear_lag_with_constant_shear(
+    f: float, cohesion: float | None, limit: float | None
+) -> None:
+    """A bar of springs c = 1, node j slips by sum (F - i t) over i = j + 1 .. k (t = 1).
+
+    First loading dissipates t sum v_j, a full reversal twice the slip both ways: 4 times as much.
+    """
+    n, F, k = 8, 5.5, 5
+    K_t = 2.0 * np.eye(n) - np.eye(n, k=1) - np.eye(n, k=-1)
+    K_t[0, 0] = 1.0
+    K = np.block([[K_t, np.zeros((n, n))], [np.zeros((n, n)), np.eye(n)]])
+    zero, one = np.zeros(n), np.ones(n)
+    pull = np.concatenate([np.eye(n)[0], zero])
+    system = small_system(K, {"press": np.concatenate([zero, 4.0 * one]), "pull": pull}, f)
+    parts = {"cohesion": cohesion, "shear_limit": limit}
+    arrays = {key: None if part is None else part * one for key, part in parts.items()}
+    system = replace(system, **arrays)
+    loop = [[1, F], [1, -F], [1, F]]
+    record = evolve(system, table(system, [[0, 0], [1, 0], [1, F]], loop, 2))
+    slip = sum(F - i for j in range(k) for i in range(j + 1, k + 1))
+    assert record.dissipation_first_loading == pytest.approx(slip, rel=1e-12)
+    assert record.cycles.dissipation == pytest.approx([4.0 * slip] * 2, rel=1e-12)
+
+
+def test_a_bond_forms_in_contact_and_breaks_without_shear_alone() -> None:
+    """Gap 1, K = 1, c = 1/2: opened under Q = 0.3 the node springs back, 0.3^2 / 2 is released."""
+    system = replace(ONE, f=np.zeros(1), g0=np.ones(1), cohesion=np.array([0.5]))
+    to_and_fro = table(system, [[0, 0], [2, 0], [2, 0.3], [2, 0], [0, 0], [2, 0], [2, 1]])
+    record = evolve(system, to_and_fro)
+    assert record.turning_points.Q[[1, 5], 0] == pytest.approx([0.3, 0.5])
+    assert record.dissipation_first_loading == pytest.approx(0.25)
+    sheared = table(system, [[0, 0], [2, 0], [2, 0.3], [0, 0.3]])
+    with pytest.raises(rf.NoQuasiStaticContinuation, match="shear force of its cohesion") as error:
+        evolve(system, sheared)
+    assert named_loads(error.value, "press") == pytest.approx([1.0])
+    for method in ("events", "gauss-seidel"):
+        record = evolve(system, sheared, method, "static")
+        assert record.jumps == 1
+        assert record.turning_points.v[-1, 0] == pytest.approx(-0.3)
+        assert record.released == pytest.approx(0.045, rel=1e-6)
+
+
+def test_half_a_body_is_like_the_whole_one_and_its_record_is_read_back(tmp_path: Path) -> None:
+    changes = ["mesh.contact_elements=24", "history.cycles=2", "output.samples_per_leg=3"]
+    changes += ["contact.shear_limit=0.2 - 0.02*x**2"]
+    half, whole = (
+        rf.run(rf.read_scene(BLOCK, [*changes, f"solver.symmetry={symmetry}"]))
+        for symmetry in ("auto", "none")
+    )
+    assert half.half and not whole.half
+    assert half.turning_points.Q == pytest.approx(whole.turning_points.Q, abs=1e-10)
+    limit = 0.2 - 0.02 * half.x**2
+    q = np.abs(half.turning_points.q)
+    assert np.all(q <= limit * (1.0 + 1e-9)) and np.any(q >= limit * (1.0 - 1e-9))
+    rf.write_record(tmp_path / "record.h5", half)
+    read = rf.read_record(tmp_path / "record.h5")
+    assert read.shear_limit == pytest.approx(limit) and read.cohesion is None
+    assert np.array_equal(read.shear_limit, half.shear_limit)
+
+
+def test_what_knows_cones_only_refuses_in_one_line() -> None:
+    system = replace(ONE, shear_limit=np.ones(1))
+    cyclic = table(system, [[0, 0], [1, 0]], [[1, 0], [1, 1], [1, 0]], 8)
+    refused = {
+        "history.until": lambda: rf.evolve(system, cyclic, until="limit"),
+        "branch": lambda: rf.evolve(system, cyclic, rf.SolverOptions(branch="least dissipation")),
+        "shear_limit, cohesion": lambda: critical_friction(system),
+        "shear limit or cohesion": lambda: step_problem(system, np.ones(2)),
+    }
+    for words, run in refused.items():
+        with pytest.raises(rf.InputError, match=words):
+            run()
