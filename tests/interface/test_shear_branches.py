@@ -11,11 +11,19 @@ from small import named_loads, small_system, table
 import receding_fenicsx as rf
 from receding_fenicsx.interface.branches.critical_friction import critical_friction
 from receding_fenicsx.interface.gauss_seidel.compliance_form import step_problem
+from receding_fenicsx.mpi import given
 
 pytestmark = pytest.mark.one_rank
 
 BLOCK = Path(__file__).parents[2] / "demos" / "block.toml"
 ONE = small_system(np.eye(2), {"press": [0.0, 1.0], "pull": [1.0, 0.0]}, 0.5)
+
+
+def branched(
+    system: rf.ContactSystem, cohesion: float | None, limit: float | None
+) -> rf.ContactSystem:
+    c, t = (None if part is None else np.full(system.n, part) for part in (cohesion, limit))
+    return replace(system, cohesion=c, shear_limit=t)
 
 
 def evolve(
@@ -45,14 +53,13 @@ def test_one_node_slips_on_the_lower_branch(
     method: str, limit: float | None, cohesion: float | None, Q: list[float], D: float
 ) -> None:
     """K = 1: the node, pressed by P and pulled by 1, slips by Q - 1, and again as P falls to 1."""
-    parts = (None if value is None else np.array([value]) for value in (cohesion, limit))
-    system = replace(ONE, **dict(zip(("cohesion", "shear_limit"), parts, strict=True)))
+    system = branched(ONE, cohesion, limit)
     history = table(system, [[0, 0], [2, 0], [2, 1], [1, 1], [2, 1]])
     record = evolve(system, history, method)
     assert record.turning_points.Q[1:3, 0] == pytest.approx(Q, abs=1e-12)
     tolerance = 1e-12 if method == "events" else 1e-2
     assert record.dissipation_first_loading == pytest.approx(D, abs=tolerance)
-    assert not record.uniqueness.certified
+    assert record.uniqueness is not None and not record.uniqueness.certified
 
 
 @pytest.mark.parametrize(
@@ -72,9 +79,7 @@ def test_shear_lag_with_constant_shear(
     zero, one = np.zeros(n), np.ones(n)
     pull = np.concatenate([np.eye(n)[0], zero])
     system = small_system(K, {"press": np.concatenate([zero, 4.0 * one]), "pull": pull}, f)
-    parts = {"cohesion": cohesion, "shear_limit": limit}
-    arrays = {key: None if part is None else part * one for key, part in parts.items()}
-    system = replace(system, **arrays)
+    system = branched(system, cohesion, limit)
     loop = [[1, F], [1, -F], [1, F]]
     record = evolve(system, table(system, [[0, 0], [1, 0], [1, F]], loop, 2))
     slip = sum(F - i for j in range(k) for i in range(j + 1, k + 1))
@@ -104,7 +109,7 @@ def test_half_a_body_is_like_the_whole_one_and_its_record_is_read_back(tmp_path:
     changes = ["mesh.contact_elements=24", "history.cycles=2", "output.samples_per_leg=3"]
     changes += ["contact.shear_limit=0.2 - 0.02*x**2"]
     half, whole = (
-        rf.run(rf.read_scene(BLOCK, [*changes, f"solver.symmetry={symmetry}"]))
+        given(rf.run(rf.read_scene(BLOCK, [*changes, f"solver.symmetry={symmetry}"])))
         for symmetry in ("auto", "none")
     )
     assert half.half and not whole.half
@@ -115,7 +120,6 @@ def test_half_a_body_is_like_the_whole_one_and_its_record_is_read_back(tmp_path:
     rf.write_record(tmp_path / "record.h5", half)
     read = rf.read_record(tmp_path / "record.h5")
     assert read.shear_limit == pytest.approx(limit) and read.cohesion is None
-    assert np.array_equal(read.shear_limit, half.shear_limit)
 
 
 def test_what_knows_cones_only_refuses_in_one_line() -> None:

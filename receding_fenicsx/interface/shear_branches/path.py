@@ -8,12 +8,12 @@ import numpy as np
 
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.errors import NoEquilibrium, NoQuasiStaticContinuation, SolveError
+from receding_fenicsx.interface.exact.free_motions import at_rest
 from receding_fenicsx.interface.exact.jumps import check_jumps, no_state_beyond
 from receding_fenicsx.interface.exact.legs import LegProblem, evenly_spaced
 from receding_fenicsx.interface.exact.path import LEFT_TO_NEXT_LEG, EventPath
 from receding_fenicsx.interface.exact.pivot_matrix import SingularExchange
-from receding_fenicsx.interface.exact.rolling import at_rest
-from receding_fenicsx.interface.exact.unloading import carries_nothing, zero_crossing
+from receding_fenicsx.interface.exact.rest import carries_nothing, zero_crossing
 from receding_fenicsx.interface.gauss_seidel.sweeps import GaussSeidelOptions
 from receding_fenicsx.interface.law import SEPARATION, SLIP_SIGN, STICK
 from receding_fenicsx.interface.load_steps.path import GaussSeidelPath
