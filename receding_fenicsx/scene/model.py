@@ -225,15 +225,15 @@ class Contact(Table):
             {forward = PROFILE, backward = PROFILE} where it differs between forward slip (v grows,
             Q = -f_forward P) and backward slip (v falls, Q = +f_backward P).
         initial_gap: gap before loading, a length, a profile; not negative.
-        shear_limit: shear traction t that the contact bears at most, a profile: |q| <= min(f p, t);
-            default: none.
-        cohesion: shear traction c that it bears without pressure, a profile: |q| <= f p + c, open
-            nodes excepted; default: none.
         against: edge of another body, "NAME.edge"; default: a rigid plane.
         interference: depth by which the bodies would overlap as made, a length, a profile; not
             negative.
         slave: "edge" or "against": the side whose nodes are the contact points where those of both
             do not match; default: the one with more of them.
+        shear_limit: shear traction t that the contact bears at most, a profile: |q| <= min(f p, t);
+            default: none.
+        cohesion: shear traction c that it bears without pressure, a profile: |q| <= f p + c, open
+            nodes excepted; default: none.
 
     Positions in ``span`` and in profiles are measured along the edge from its middle: to the right
     or upwards on a rectangle, along t (the body on the left) on a mesh file. On a body of
@@ -244,11 +244,11 @@ class Contact(Table):
     span: Pair | None = None
     friction: FrictionProfile = 0.35
     initial_gap: Profile = 0.0
-    shear_limit: Profile | None = None
-    cohesion: Profile | None = None
     against: str | None = None
     interference: Profile | None = None
     slave: Slave | None = None
+    shear_limit: Profile | None = None
+    cohesion: Profile | None = None
 
 
 @dataclass(frozen=True, repr=False)

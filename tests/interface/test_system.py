@@ -127,7 +127,7 @@ def test_pushing_a_frictionless_body_along_the_plane_is_refused() -> None:
 
 @pytest.mark.parametrize("name", [field.name for field in fields(ContactSystem)])
 def test_a_field_of_a_wrong_type_is_refused_by_its_name(name: str) -> None:
-    may_be_none = ("slip_map", "edge", "f_backward", "probes")
+    may_be_none = ("slip_map", "edge", "f_backward", "probes", "cohesion", "shear_limit")
     wrong: list[Any] = ["x", None, 3, [1, 2], {"a": 1}]
     for bad in wrong:
         # evolve leaves the text of a scene out of account

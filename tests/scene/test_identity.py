@@ -76,7 +76,7 @@ NAMED = {"others": "body", "materials": "material", "contacts": "contact", "load
 PHYSICAL = ("body", "material", "mesh", "contact", "tie", "load", "support", "spring", "bolt")
 """Tables that a condensed system depends on."""
 UNCONDENSED = (
-    *(("contact", key) for key in ("friction", "initial_gap")),
+    *(("contact", key) for key in ("friction", "initial_gap", "shear_limit", "cohesion")),
     *(("bolt", key) for key in ("shortening", "preload", "tightening")),
 )
 """Their keys that it does not depend on."""
