@@ -384,6 +384,9 @@ def test_a_triangle_of_the_wrong_length_is_refused(tmp_path: Path) -> None:
     name = write_user_element(tmp_path, block.A[:5, :5], block.freedoms[:6], False)
     with pytest.raises(rf.InputError, match="15 entries for the triangle of 6 freedoms"):
         rf.import_system(specification(tmp_path, name, block))
+    name = write_user_element(tmp_path, block.A[:6, :6], block.freedoms[:6], False)
+    with pytest.raises(rf.InputError, match=r"node [4-7] has no freedom [12] in the stiffness"):
+        rf.import_system(specification(tmp_path, name, block))
     io.mmwrite(tmp_path / "K.mtx", sparse.coo_matrix(block.A * 1j))
     with pytest.raises(rf.InputError, match="its numbers are complex"):
         rf.import_system(specification(tmp_path, "K.mtx", block))

@@ -461,6 +461,10 @@ def test_colour_bar_ends_with_the_body_and_has_room_for_its_label(height: float)
     flat = np.array([1.0, height])
     view = replace(view, points=flat * view.points, moved=flat * view.moved)
     layout, (body, tractions, bar) = layout_of(view, dpi=50.0), page_of(view).axes
+    page = body.figure.get_size_inches()
+    assert [body.get_position().width, body.get_position().height] * page == pytest.approx(
+        layout.body[2:]
+    )
     box = bar.get_position()
     assert box.height * layout.height >= 0.7 - 1e-9
     assert box.x0 > tractions.get_position().x1 and box.y0 > tractions.get_position().y0

@@ -344,7 +344,10 @@ def test_values_of_the_command_line(texts: list[str], values: list[Any]) -> None
         (["--over", "contact.friction=0.3,-0.1"], ["contact.friction = -0.1", "friction"]),
         (["--over", "history.minimum=0.5,1.0"], ["history.minimum = 1.0", "not below maximum"]),
         (["--over", "contact.initial_gap={file = 3},0.0"], ["path in quotes"]),
-        (["--over", "contact.friction=0.1", "--over", "contact.friction=0.2"], ["occurs twice"]),
+        (
+            ["--over", "contact.friction=0.1", "--over", "contact.friction=0.2"],
+            ["=0.2: contact.friction occurs twice"],
+        ),
         (
             ["--over", "contact.friction=0:1:1000", "--over", "history.minimum=0:0.9:2000"],
             ["cases"],
