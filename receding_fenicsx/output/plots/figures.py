@@ -67,6 +67,12 @@ __all__ = [
     "zone_maps",
 ]
 
+
+def __dir__() -> list[str]:
+    """Return the figures and what saves them, for completion."""
+    return __all__
+
+
 FORMATS = ("png", "pdf")
 Draw = Callable[[Record, Any], Figure]
 Main = Callable[[int], bool]
