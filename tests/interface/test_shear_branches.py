@@ -11,6 +11,7 @@ from small import named_loads, small_system, table
 import receding_fenicsx as rf
 from receding_fenicsx.interface.branches.critical_friction import critical_friction
 from receding_fenicsx.interface.gauss_seidel.compliance_form import step_problem
+from receding_fenicsx.measures.ends import half_width_estimates
 from receding_fenicsx.mpi import given
 
 pytestmark = pytest.mark.one_rank
@@ -117,6 +118,10 @@ def test_half_a_body_is_like_the_whole_one_and_its_record_is_read_back(tmp_path:
     limit = 0.2 - 0.02 * half.x**2
     q = np.abs(half.turning_points.q)
     assert np.all(q <= limit * (1.0 + 1e-9)) and np.any(q >= limit * (1.0 - 1e-9))
+    # zone ends and tractions are those of the nodes: laws of the ends are known for cones only
+    p, shear = rf.recovered_tractions(half, half.at(1))
+    assert np.array_equal(p, half.at(1).p) and np.array_equal(shear, half.at(1).q)
+    assert not half_width_estimates(half, 0)["stick_half_width_estimate"]["fitted"]
     rf.write_record(tmp_path / "record.h5", half)
     read = rf.read_record(tmp_path / "record.h5")
     assert read.shear_limit == pytest.approx(limit) and read.cohesion is None
