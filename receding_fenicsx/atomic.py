@@ -38,7 +38,7 @@ def read_text(path: str | Path, label: str = "") -> str:
 
 
 @contextmanager
-def new_file(path: Path, overwrite: bool = False) -> Iterator[Path]:
+def new_file(path: str | Path, overwrite: bool = False) -> Iterator[Path]:
     """Give a temporary name to write to; on leaving, flush the file to disk and rename it.
 
     Args:

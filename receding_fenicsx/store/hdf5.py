@@ -41,7 +41,7 @@ TITLE_BYTES = 512
 
 
 @contextmanager
-def new_hdf5(path: Path, overwrite: bool = False, kind: str = "") -> Iterator[h5py.File]:
+def new_hdf5(path: str | Path, overwrite: bool = False, kind: str = "") -> Iterator[h5py.File]:
     """Yield an open HDF5 file of a kind; on leaving it is written as by :func:`new_file`.
 
     The file is filled in memory, because HDF5 crashes at the interpreter's exit on a full disk. One
@@ -80,7 +80,7 @@ def _title(kind: str, digest: str) -> bytes:
 
 
 @contextmanager
-def open_file(path: Path, kind: str) -> Iterator[h5py.File]:
+def open_file(path: str | Path, kind: str) -> Iterator[h5py.File]:
     """Yield a file of :func:`new_hdf5`, of a kind and with the digest of its title, if it has one.
 
     InputError: the file does not exist, is of another kind or format version, or a bit of it has
@@ -170,7 +170,7 @@ GROUPS: dict[str, type] = {
 without a limit, have no group for them."""
 
 
-def write_record(path: Path, record: Record, overwrite: bool = False) -> None:
+def write_record(path: str | Path, record: Record, overwrite: bool = False) -> None:
     """Write ``record.h5``; InputError where the file exists already or cannot be written."""
     with new_hdf5(path, overwrite, RECORD) as file:
         nodes = file.create_group("nodes")
@@ -188,7 +188,7 @@ def write_record(path: Path, record: Record, overwrite: bool = False) -> None:
                 write(nodes if field.name in NODE_FIELDS else file, field.name, value)
 
 
-def read_record(path: Path) -> Record:
+def read_record(path: str | Path) -> Record:
     """Read ``record.h5``; InputError where it does not exist, is not a record, or is damaged."""
     with open_file(path, RECORD) as file:
         values: dict[str, Any] = {}
@@ -210,7 +210,7 @@ def read_record(path: Path) -> Record:
     return Record(**values)
 
 
-def write_system(path: Path, system: ContactSystem, overwrite: bool = False) -> None:
+def write_system(path: str | Path, system: ContactSystem, overwrite: bool = False) -> None:
     """Write a condensed system with its scene and the digest of the scene keys it depends on.
 
     InputError where the file exists already or cannot be written.
@@ -227,7 +227,7 @@ def write_system(path: Path, system: ContactSystem, overwrite: bool = False) -> 
         file.attrs["digest"] = digest(known_scene(system.scene_toml)) if system.scene_toml else ""
 
 
-def read_system(path: Path, scene: Scene | None = None) -> ContactSystem:
+def read_system(path: str | Path, scene: Scene | None = None) -> ContactSystem:
     """Read a condensed system.
 
     Args:

@@ -225,7 +225,7 @@ def write_summary(path: Path, summary: Mapping[str, Any], overwrite: bool = Fals
         beside.write_text(text + "\n", encoding="utf-8")
 
 
-def read_summary(path: Path) -> dict[str, Any]:
+def read_summary(path: str | Path) -> dict[str, Any]:
     """Read a summary; InputError where there is none."""
     try:
         summary = json.loads(Path(path).read_text(encoding="utf-8"))
