@@ -110,7 +110,7 @@ def problem(number: int) -> Problem:
         method = "events"
     on_jump = str(rng.choice(["stop", "static"]))
     solver = rf.SolverOptions(method=method, steps_per_leg=STEPS, on_jump=on_jump)
-    return Problem(number, system, _history(rng, system, ties), solver, (*tags, on_jump))
+    return Problem(number, system, random_history(rng, system, ties), solver, (*tags, on_jump))
 
 
 def directed(p: Problem) -> Problem:
@@ -308,7 +308,7 @@ def _loads(rng: np.random.Generator, n: int, loads: int, kind: str) -> np.ndarra
     return r_star
 
 
-def _history(rng: np.random.Generator, system: rf.ContactSystem, ties: bool) -> rf.History:
+def random_history(rng: np.random.Generator, system: rf.ContactSystem, ties: bool) -> rf.History:
     """Return a table: a first load, random corners, closed cycles, at times all unloaded."""
     loads = len(system.load_names)
 

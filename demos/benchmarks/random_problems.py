@@ -16,7 +16,8 @@ states of all nodes on limits: a refusal is right if no state continues the path
 
 Families follow from the same numbers: "plain"; "directed" with other friction forward than
 backward; "oblique" with bodies that are guided or hinged, on two edges oblique to each other;
-"limit" until the limit of infinitely many cycles; "sprung" on ground springs of 1e-4 to 1e-9 of K.
+"limit" until the limit of infinitely many cycles; "sprung" on ground springs of 1e-4 to 1e-9 of K;
+"stack" of two to four blocks whose nodes do not match, touching or tied.
 
 **What to look for.** How many problems were accepted, refused for which reason, and wrong (0).
 
@@ -31,7 +32,8 @@ from mpi4py import MPI
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "tests"))
 
-from problems import FALSE, FAMILIES, WRONG, judge, problem, table_of
+from problems import FALSE, WRONG, judge, problem, table_of
+from stack_problems import FAMILIES
 
 import receding_fenicsx as rf
 

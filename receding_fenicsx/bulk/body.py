@@ -182,7 +182,9 @@ def eliminate_interior(bulk: Bulk, route: str) -> Elimination:
     """Eliminate the interior by the route "schur" or "solve"; collective."""
     if route not in ("schur", "solve"):
         raise InputError(f'route = \'{route}\' is unknown; use "schur" or "solve"')
-    return _by_schur(bulk) if route == "schur" else _by_solves(bulk)
+    # MUMPS wants a degree of freedom beside those of its Schur complement
+    inside = bulk.stiffness.getSize()[0] > len(bulk.contact.dofs)
+    return _by_schur(bulk) if route == "schur" and inside else _by_solves(bulk)
 
 
 def _by_schur(bulk: Bulk) -> Elimination:

@@ -11,7 +11,6 @@ from equations import BACKWARD, FORWARD, OPEN, STICK, Body
 from problems import (
     ACCEPTED,
     FALSE,
-    FAMILIES,
     MISNAMED,
     REFUSED,
     STEPS,
@@ -30,6 +29,7 @@ from problems import (
 from problems import verdict as verdict_of
 from replay import objections
 from small import small_system, table
+from stack_problems import FAMILIES
 
 from receding_fenicsx.errors import NoQuasiStaticContinuation, SolveError
 from receding_fenicsx.evolution.evolve import evolve
@@ -47,7 +47,8 @@ SLOW = {49}
 @pytest.mark.parametrize(
     ("family", "numbers"),
     [("plain", range(b, 300, 10)) for b in range(10)]
-    + [(family, range(b, 80, 4)) for family in ("directed", "oblique") for b in range(4)],
+    + [(family, range(b, 80, 4)) for family in ("directed", "oblique") for b in range(4)]
+    + [("stack", range(4))],
 )
 def test_accepted_answers_keep_the_laws_and_refusals_are_true(family: str, numbers: range) -> None:
     tried = [number for number in numbers if family == "plain" or number not in SLOW]
