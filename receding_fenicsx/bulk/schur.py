@@ -19,16 +19,19 @@ from receding_fenicsx.bulk.symmetric_matrix import symmetrise
 from receding_fenicsx.errors import SolveError
 from receding_fenicsx.mpi import on_root
 
-ICNTL_ORDERING, ICNTL_SCHUR, ICNTL_SCHUR_SOLVE = 7, 19, 26
+ICNTL_ORDERING, ICNTL_WORKSPACE, ICNTL_SCHUR, ICNTL_SCHUR_SOLVE = 7, 14, 19, 26
 """Numbers of MUMPS's control parameters."""
 
 
-def factorise(matrix: PETSc.Mat, contact: Ints) -> tuple[PETSc.PC, Array | None]:
+def factorise(
+    matrix: PETSc.Mat, contact: Ints, workspace: int = 20
+) -> tuple[PETSc.PC, Array | None]:
     """Factorise the block A_II of a symmetric positive definite matrix; collective.
 
     Args:
         matrix: the matrix A = [[A_II, A_IC], [A_CI, A_CC]].
         contact: the variables C, alike on every rank.
+        workspace: percentage by which MUMPS enlarges the workspace that it expects to need.
 
     Returns:
         The preconditioner that holds the factor of A_II (solutions are zero or garbage on C), and
@@ -52,11 +55,17 @@ def factorise(matrix: PETSc.Mat, contact: Ints) -> tuple[PETSc.PC, Array | None]
     # minimum degree, which MUMPS 5.5 always uses with a Schur complement. MUMPS 5.8 would choose
     # METIS: 1.5 times as long for uniform squares (641 nodes), as long for graded triangles
     factor.setMumpsIcntl(ICNTL_ORDERING, 0)
+    factor.setMumpsIcntl(ICNTL_WORKSPACE, workspace)
     failure: PETSc.Error | None = None
     try:
         pc.setUp()
     except PETSc.Error as caught:
         failure = caught
+    # too small a workspace, as for few variables beside many of the complement
+    if factor.getMumpsInfog(1) in (-8, -9) and workspace < 1000:
+        for thing in (where, factor, pc):
+            thing.destroy()
+        return factorise(matrix, contact, 5 * workspace)
     if failure is not None or factor.getMumpsInfog(1) < 0:
         raise SolveError(
             f"MUMPS could not factorise the stiffness (INFOG(1) = {factor.getMumpsInfog(1)}, "

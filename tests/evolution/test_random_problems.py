@@ -48,7 +48,8 @@ SLOW = {49}
     ("family", "numbers"),
     [("plain", range(b, 300, 10)) for b in range(10)]
     + [(family, range(b, 80, 4)) for family in ("directed", "oblique") for b in range(4)]
-    + [("stack", range(4))],
+    # of 33 one contact sticks, and one slides back, while both are unloaded
+    + [("stack", range(3)), ("stack", range(33, 34)), ("stack", range(283, 284))],
 )
 def test_accepted_answers_keep_the_laws_and_refusals_are_true(family: str, numbers: range) -> None:
     tried = [number for number in numbers if family == "plain" or number not in SLOW]

@@ -28,7 +28,13 @@ from receding_fenicsx.interface.residual import (
     reachable,
     relative_residual,
 )
-from receding_fenicsx.interface.system import Changes, ContactState, ContactSystem, Leg
+from receding_fenicsx.interface.system import (
+    Changes,
+    ContactState,
+    ContactSystem,
+    Leg,
+    neutral_motions,
+)
 from receding_fenicsx.interface.tolerances import ACCEPTED_RESIDUAL, REMAINING_LOAD, ROUND_OFFS
 
 UNLOADED_FORCE = 1e-11
@@ -81,8 +87,8 @@ def zero_crossing(ends: tuple[Array, Array]) -> float | None:
 def displacements_at_rest(segments: Segments, end: ContactState) -> Array:
     """Return the (2N,) displacements of the unloaded body: the rigid sliding reached.
 
-    It is the mean of the stuck nodes; all others are still displaced by the remaining load, and by
-    round-off.
+    It is that of the stuck nodes, in each motion that several contacts leave free; where a motion
+    has none, of all. All others are still displaced by the remaining load, and by round-off.
 
     Args:
         segments: of the condensed body.
@@ -90,9 +96,13 @@ def displacements_at_rest(segments: Segments, end: ContactState) -> Array:
     """
     system, n = segments.system, segments.system.n
     u = np.zeros(2 * n)
-    if segments.slides_freely:
-        stuck = segments.frictional & (end.state == STICK)
-        u[:n] = (end.v[stuck] if stuck.any() else end.v).mean()
+    stuck = segments.frictional & (end.state == STICK)
+    motions = neutral_motions(system.rigid, np.arange(2 * n) >= n)[:n]
+    if motions.shape[1]:
+        u[:n] = motions @ np.linalg.lstsq(motions[stuck], end.v[stuck], rcond=1e-9)[0]
+        # what slides without a stuck node
+        rest = neutral_motions(motions, stuck)
+        u[:n] += rest @ (rest.T @ (end.v - u[:n]))
     u[:n][system.held[:n]] = end.v[system.held[:n]]
     return u
 
