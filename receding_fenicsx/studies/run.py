@@ -163,7 +163,10 @@ def run(
                         place = mpi.given(folder) / "figures" if comm.rank == 0 else Path()
                         mpi.on_root(comm, lambda: draw_search(found.extra["accuracy"], place))
             _write_summary(comm, folder, text, timer)
-            mpi.on_root(comm, lambda: _write_report(folder, record))
+            with drawing_modules():
+                from receding_fenicsx.output.report import html
+            scene_toml = "" if record is None else record.scene_toml
+            mpi.on_root(comm, lambda: html.write_report(mpi.given(folder), scene_toml))
     if failure is not None:
         raise failure
     return record
@@ -355,12 +358,6 @@ def _write_record(
     write_record(place / "record.h5", found, overwrite=True)
     write_probes(place / PROBES, found)
     return summary.summarise(found, extra)
-
-
-def _write_report(folder: Path | None, record: Record | None) -> None:
-    with drawing_modules():
-        from receding_fenicsx.output.report import html
-    html.write_report(mpi.given(folder), mpi.given(record).scene_toml)
 
 
 def _write_summary(

@@ -118,19 +118,17 @@ class SweepTable:
         names = [name for name in headlines if name in measured] or measured[:5]
         names = [*self.keys, *names, *([ERROR] if self.failed else [])]
         most = 20
-        rows = [names, *([_shown(r.get(name)) for name in names] for r in self.rows[:most])]
+
+        def shown(value: Any) -> str:
+            text = f"{value:.6g}" if isinstance(value, float) else str(value)
+            return "-" if value is None else shortened(text, 40)
+
+        rows = [names, *([shown(r.get(name)) for name in names] for r in self.rows[:most])]
         lines = aligned(rows)
         if len(self.rows) > most:
             lines.append(f"... {len(self.rows) - most} more rows")
         failed = f", {len(self.failed)} failed" if self.failed else ""
         return "\n".join([*lines, f"{len(self.rows)} cases{failed}"])
-
-
-def _shown(value: Any) -> str:
-    """Return a cell as text, at most 40 characters."""
-    if value is None:
-        return "-"
-    return shortened(f"{value:.6g}" if isinstance(value, float) else str(value), 40)
 
 
 Cell = float | int | str | bool | None
@@ -278,7 +276,13 @@ def measure_record(record: Record) -> dict[str, Cell]:
     edges = record.by_edge()
     for name, part in edges.items():
         end = f".{name}" if len(edges) > 1 else ""
-        row |= {f"{key}{end}": value for key, value in _last_cycle(part).items()}
+        points = part.turning_points
+        rows = np.flatnonzero(points.cycle == points.cycle.max())  # of the last cycle
+        for load in ("minimum", "maximum"):
+            i = extreme_row(points, rows, load)
+            found = half_widths(part, i)
+            found |= {"p_max": points.p[i].max(), "q_abs_max": np.abs(points.q[i]).max()}
+            row |= {f"{key}_at_{load}{end}": value for key, value in found.items()}
     return row | {
         "residual_max": record.residual_max,
         "energy_error_max": record.energy_error_max,
@@ -286,19 +290,6 @@ def measure_record(record: Record) -> dict[str, Cell]:
         "sweeps": record.sweeps,
         "jumps": record.jumps,
     }
-
-
-def _last_cycle(record: Record) -> dict[str, Cell]:
-    """Return half widths and extreme tractions in the last cycle."""
-    points = record.turning_points
-    rows = np.flatnonzero(points.cycle == points.cycle.max())
-    found: dict[str, Cell] = {}
-    for load in ("minimum", "maximum"):
-        i = extreme_row(points, rows, load)
-        found |= {f"{key}_at_{load}": value for key, value in half_widths(record, i).items()}
-        found[f"p_max_at_{load}"] = points.p[i].max()
-        found[f"q_abs_max_at_{load}"] = np.abs(points.q[i]).max()
-    return found
 
 
 # -- cases ---------------------------------------------------------------------------------------
