@@ -9,7 +9,10 @@ from __future__ import annotations
 
 import ctypes.util
 import os
+import sys
 from functools import cache
+from importlib import import_module
+from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -73,6 +76,14 @@ def _prepare() -> None:
     _window()
 
 
+class _Later(ModuleType):
+    """A module that is imported when something in it is used."""
+
+    def __getattr__(self, name: str) -> Any:
+        sys.modules.pop(self.__name__, None)
+        return getattr(import_module(self.__name__), name)
+
+
 @cache
 def _window() -> Any:
     """Return the window of this process that all pictures are drawn in."""
@@ -82,6 +93,8 @@ def _window() -> Any:
         raise RecedingError("neither EGL nor OSMesa was found")
     # without its name VTK looks for a display first, and complains
     os.environ["VTK_DEFAULT_OPENGL_WINDOW"] = found[0]
+    # pyvista imports it for its charts, which takes a quarter of the time to this window
+    sys.modules.setdefault("matplotlib.pyplot", _Later("matplotlib.pyplot"))
     import pyvista as pv
 
     plotter = pv.Plotter(off_screen=True, window_size=[SAMPLES, SAMPLES], border=False)
