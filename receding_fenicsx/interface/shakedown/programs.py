@@ -116,8 +116,7 @@ def _answer(
     cost, G, c, top = program
     multipliers = np.zeros(len(c))
     multipliers[~is_equation] = np.maximum(-found.ineqlin.marginals, 0.0)
-    if np.any(is_equation):
-        multipliers[is_equation] = found.eqlin.marginals
+    multipliers[is_equation] = found.eqlin.marginals
     z = _polished(found.x, G, c, is_equation, top)
     multipliers = _refined(multipliers, cost, G, is_equation, 0.0 < z[-1] < top)
     bound = dual_bound(multipliers, cost, G, c, top, z)
