@@ -48,6 +48,7 @@ SLOW = {49}
     ("family", "numbers"),
     [("plain", range(b, 300, 10)) for b in range(10)]
     + [(family, range(b, 80, 4)) for family in ("directed", "oblique") for b in range(4)]
+    + [("capped", range(b, 60, 4)) for b in range(4)]
     # of 33 one contact sticks, and one slides back, while both are unloaded
     + [("stack", range(3)), ("stack", range(33, 34)), ("stack", range(283, 284))],
 )

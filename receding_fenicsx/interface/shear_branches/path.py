@@ -15,7 +15,7 @@ from receding_fenicsx.interface.exact.path import LEFT_TO_NEXT_LEG, EventPath
 from receding_fenicsx.interface.exact.pivot_matrix import SingularExchange
 from receding_fenicsx.interface.exact.rest import carries_nothing, zero_crossing
 from receding_fenicsx.interface.gauss_seidel.sweeps import GaussSeidelOptions
-from receding_fenicsx.interface.law import SEPARATION, SLIP_SIGN, STICK
+from receding_fenicsx.interface.law import SEPARATION, STICK
 from receding_fenicsx.interface.load_steps.path import GaussSeidelPath
 from receding_fenicsx.interface.residual import largest_force, reachable, residual_at_rest
 from receding_fenicsx.interface.shear_branches.cones import Branches, Cones
@@ -129,6 +129,9 @@ class BranchedPath:
             wrong = self._violated(now, found.end, scale)
             lands = self.cones.cohesive & ~now.bonded & (found.end.state != SEPARATION)
             if not wrong and not lands.any():
+                touches = (found.end.state != SEPARATION) & ~self.system.held[: self.system.n]
+                slip = np.where(touches, found.end.v - start.v, 0.0)
+                found.dissipation = -0.5 * (start.Q + found.end.Q) * slip
                 self._check(found)
                 return found
             now = self._passed(now, wrong, tried, ends[1])
@@ -251,7 +254,7 @@ class BranchedPath:
     ) -> tuple[float, list[tuple[int, int]], list[int], list[tuple[int, int]]]:
         """Return where another margin first passes zero or a bond forms, and of which nodes.
 
-        The last value names all margins that are passed by nodes which do not slip before, if the
+        The last value names all margins that are passed by nodes which stick until then, if the
         first is one of them.
         """
         stops = [(problem.s_start, problem.start.u), *found.stops, (end, found.end.u)]
@@ -272,7 +275,7 @@ class BranchedPath:
             first = float(at.min())
             wrong = [(int(k), int(n)) for k, n in np.argwhere(at <= first + END_TOLERANCE)]
             row = np.argmax(below, axis=0)[:2]
-            from_stick = below[:, :2].any(axis=0) & (SLIP_SIGN[problem.start.state] == 0.0)
+            from_stick = below[:, :2].any(axis=0) & (problem.start.state == STICK)
             from_stick &= np.take_along_axis(in_use, row[None], axis=0)[0] > slack
             ahead = [(int(k), int(n)) for k, n in np.argwhere(from_stick)]
             if not set(wrong) <= set(ahead):
@@ -352,6 +355,10 @@ class BranchedPath:
         problem = replace(whole, start=start, s_start=s, force_scale=scale)
         while True:
             tried.add(now.key)
+            if np.any(now.branch[start.state == SEPARATION]):
+                # a node that lands begins on its friction
+                self._follow_exactly(leg, whole, part)
+                break
             path, force = self._path(now)
             assert isinstance(path, GaussSeidelPath)
             state = self.cones.on_branches(now, start, STEP_ON_LIMIT * scale)
