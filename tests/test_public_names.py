@@ -22,7 +22,7 @@ INNER_PARTS = ("benchmark_condensation", "benchmark_interface")
 """Benchmarks that measure parts of the package which have no public name."""
 CHECKERS = {
     "hard_cases": {"hard"},
-    "random_problems": {"problems"},
+    "random_problems": {"problems", "stack_problems"},
 }
 """Modules of ``tests/`` that benchmarks use."""
 NEEDED = {"matplotlib", "mpi4py", "numpy", "petsc4py", "scipy", "h5py"}
