@@ -109,7 +109,7 @@ class ContactSystem:
         """
         if self.has_branches:
             raise InputError(
-                "[contact] shear_limit, cohesion: not served here, only by histories of cycles"
+                "[contact] shear_limit, cohesion: only runs and sweeps serve them; remove them here"
             )
         return friction_of(self.f, self.f_backward)
 
