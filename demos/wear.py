@@ -110,7 +110,7 @@ def main() -> None:
     worst = published_scar(scar)
     print(
         f"{len(scar.cycles) - 1} steps in {seconds:.0f} s (published: 17,000 to 20,000 s); "
-        f"depth +- {1e3 * scar.depth_estimate[-1]:.2g} um by the steps"
+        f"depth +- {1e3 * scar.depth_estimate[-1]:.2g} um by steps and mesh"
     )
     assert worst < 0.08, "depth or scar is more than 8 % off the published ones"
     study, error = slips[-1]

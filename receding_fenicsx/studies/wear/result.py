@@ -39,14 +39,14 @@ class WearStudy:
         rows: (n,) rows of :func:`~receding_fenicsx.studies.wear.steps.row_type`.
         share: part of the wear that the first body takes.
         end: why the last row is the last one.
-        coarse: ratio of element sizes, and the study, of a coarser mesh at the same cycles.
+        coarse: the study on a coarser mesh at the same cycles, where one fits.
     """
 
     model: NodePairs
     rows: NDArray[Any]
     share: float
     end: str
-    coarse: tuple[float, WearStudy] | None = None
+    coarse: WearStudy | None = None
 
     @property
     def system(self) -> ContactSystem:
@@ -141,7 +141,8 @@ class WearStudy:
         """
         if self.coarse is None or len(self.rows) < 2:
             return np.zeros(len(self.rows))
-        ratio, coarse = self.coarse
+        coarse = self.coarse
+        ratio = (len(self.x) - 1) / (len(coarse.x) - 1)
         same = np.searchsorted(coarse.cycles, self.cycles, side="right") - 1
         changes = [
             np.abs(1.0 - other[same[1:]] / own[1:])

@@ -176,11 +176,8 @@ def _wear(
                 with suppress(SolveError):
                     for cycles in found.cycles:
                         end = steps(model, coarse, float(cycles), COARSE)
-                ratio = scene.mesh.contact_elements / other[0].mesh.contact_elements
-                found = replace(
-                    found,
-                    coarse=(ratio, WearStudy(model, _as_array(coarse), options.share, end)),
-                )
+                other_study = WearStudy(model, _as_array(coarse), options.share, end)
+                found = replace(found, coarse=other_study)
     except (KeyboardInterrupt, SystemExit) as signalled:
         if folder is None:
             raise
