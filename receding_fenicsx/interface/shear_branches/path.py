@@ -277,6 +277,7 @@ class BranchedPath:
             row = np.argmax(below, axis=0)[:2]
             from_stick = below[:, :2].any(axis=0) & (problem.start.state == STICK)
             from_stick &= np.take_along_axis(in_use, row[None], axis=0)[0] > slack
+            from_stick &= in_use[0] > slack
             ahead = [(int(k), int(n)) for k, n in np.argwhere(from_stick)]
             if not set(wrong) <= set(ahead):
                 ahead = []
