@@ -634,7 +634,8 @@ def test_each_of_few_legs_has_a_panel(legs: int) -> None:
     drawn = dict(rf.figures.draw_all(found))
     assert len([axes for axes in drawn["zones_last_cycle"].axes if axes.axison]) == legs
     overview = [axes for axes in drawn["zones_by_cycle"].axes if axes.axison]
-    assert overview[0].get_subplotspec().get_gridspec().ncols == {2: 2, 4: 2, 5: 3}[legs]
+    place = overview[0].get_subplotspec()
+    assert place is not None and place.get_gridspec().ncols == {2: 2, 4: 2, 5: 3}[legs]
     places = [re.sub(r"\(\w+\) |:.*", "", axes.get_title(), flags=re.S) for axes in overview]
     expected = [f"cycle {cycle}, leg {leg}" for cycle in (1, 2) for leg in range(legs)]
     unloading = series.first_unloading(found)

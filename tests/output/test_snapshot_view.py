@@ -460,8 +460,8 @@ def test_colour_bar_ends_with_the_body_and_has_room_for_its_label(height: float)
     view = made_up()
     flat = np.array([1.0, height])
     view = replace(view, points=flat * view.points, moved=flat * view.moved)
-    layout, (body, tractions, bar) = layout_of(view, dpi=50.0), page_of(view).axes
-    page = body.figure.get_size_inches()
+    layout, drawn = layout_of(view, dpi=50.0), page_of(view)
+    (body, tractions, bar), page = drawn.axes, drawn.get_size_inches()
     assert [body.get_position().width, body.get_position().height] * page == pytest.approx(
         layout.body[2:]
     )
