@@ -131,7 +131,7 @@ def test_conda_recipe_asks_for_the_dependencies_of_the_project() -> None:
 
 
 def test_paper_has_the_sections_of_the_journal_and_cites_what_is_in_its_bibliography() -> None:
-    text, bibliography = (text_of(f"paper/paper.{kind}") for kind in ("md", "bib"))
+    text, bibliography = (text_of(f"docs/paper/paper.{kind}") for kind in ("md", "bib"))
     head = yaml.safe_load(text.split("---\n")[1])
     assert {"title", "tags", "authors", "affiliations", "date", "bibliography"} <= set(head)
     wanted = ["Summary", "Statement of need", "State of the field", "Software design"]
