@@ -79,7 +79,7 @@ SINGLE = {
     "rigid motions that the contact leaves free": (
         same,
         "202838 300652 401437 402286 402484 403564 403946 414070 414102 423839 424162 483327 "
-        "501660",
+        "501660 73000433",
         {ACCEPTED, REFUSED},
     ),
     # load steps lead to a jump, the exact path from the leg's start does not; a block of pivots is

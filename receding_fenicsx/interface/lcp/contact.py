@@ -165,18 +165,23 @@ def solve_states(
     Returns:
         (N,) states of the undecided nodes, 0 elsewhere; None when no solution was found.
     """
-    for found in states_by_covers(system, r0, undecided, open_dofs):
-        return found
-    if not is_exhaustible(undecided):
-        return None
-    problem = problem_of_nodes(system, undecided, *condensed(system, r0, undecided, open_dofs))
-    for sets in batches(problem[3]):
-        solved, _ = solutions(*problem[:3], sets, *problem[3:])
-        if len(solved):
-            state = np.zeros(system.n, dtype=np.int8)
-            state[list(choices(undecided))] = solved[0]
-            return state
-    return None
+    small = condensed(system, r0, undecided, open_dofs)
+    problem = problem_of_nodes(system, undecided, *small)
+    nodes, unsure = list(choices(undecided)), None
+    for found in _by_covers(system, undecided, *small):
+        if len(solutions(*problem[:3], found[nodes][None], *problem[3:])[0]):
+            return found
+        # round-off of pivots without stiffness, or a motion that only its bounds determine
+        unsure = found if unsure is None else unsure
+    most = EXHAUSTED if unsure is None else BATCH
+    if number_of_sets(problem[3]) <= most:
+        for sets in batches(problem[3]):
+            solved, _ = solutions(*problem[:3], sets, *problem[3:])
+            if len(solved):
+                state = np.zeros(system.n, dtype=np.int8)
+                state[nodes] = solved[0]
+                return state
+    return unsure
 
 
 def states_by_covers(
@@ -186,7 +191,13 @@ def states_by_covers(
 
     Arguments and answers as for :func:`solve_states`; answers may be alike.
     """
-    S, s = condensed(system, r0, undecided, open_dofs)
+    return _by_covers(system, undecided, *condensed(system, r0, undecided, open_dofs))
+
+
+def _by_covers(
+    system: ContactSystem, undecided: Undecided, S: Array, s: Array
+) -> Iterator[NDArray[np.int8]]:
+    """Yield the answers with the condensed stiffness and reactions given."""
     problem = _Pairs(undecided, system.friction)
     M, q = problem.outputs(problem.columns(S)), problem.outputs(s)
     for cover in problem.covers():
