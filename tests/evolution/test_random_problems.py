@@ -72,7 +72,7 @@ SINGLE = {
     "guided bodies that come off an edge or float": (
         oblique,
         "181 298 340 422 437 549 595 600 954 1294 2153 2402 2522 2563 2578 2592 3813 4013 20203 "
-        "560562 562071 605252 951078 1200078 99000291 71000032 71000428",
+        "560562 562071 605252 951078 1200078 99000291 71000032 71000428 74000044",
         {ACCEPTED, REFUSED},
     ),
     # near-singular bodies unloaded, feet that slip apart, levers, balanced and hanging bodies

@@ -165,9 +165,10 @@ def solve_states(
     Returns:
         (N,) states of the undecided nodes, 0 elsewhere; None when no solution was found.
     """
-    small = condensed(system, r0, undecided, open_dofs)
-    problem = problem_of_nodes(system, undecided, *small)
-    nodes, unsure = list(choices(undecided)), None
+    small, nodes = condensed(system, r0, undecided, open_dofs), list(choices(undecided))
+    if not nodes:
+        return np.zeros(system.n, dtype=np.int8)
+    problem, unsure = problem_of_nodes(system, undecided, *small), None
     for found in _by_covers(system, undecided, *small):
         if len(solutions(*problem[:3], found[nodes][None], *problem[3:])[0]):
             return found
