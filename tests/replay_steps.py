@@ -40,6 +40,10 @@ def step(run: Replay, leg: Leg, totals: Totals) -> None:
         totals.dissipation += D
         totals.moved += float(np.abs(D).sum()) + abs(work)
         run.steps.append(Step(leg, (load, load_b), (u, u_b), (state.copy(), now), lost))
+        twice = np.bincount(events.node[rows], minlength=n) > 1
+        if np.any(twice & (now == OPEN)):
+            # it has slipped and come off in one step: how far is not kept
+            totals.known = False
         if len(rows):
             way = float(np.abs((load_b - load) @ body.r_star @ (u_b - u)))
             # what a node dissipates on a way that is not straight, while its force changes

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from dataclasses import replace
 from pathlib import Path
+from typing import Literal
 
 import pytest
 
@@ -440,12 +441,19 @@ def test_its_nearest_neighbour_is_accepted(base: str, change: str) -> None:
     assert rf.from_toml(rf.to_toml(scene)) == scene
 
 
-@pytest.mark.parametrize(("legs", "accepted"), [(2, True), (400, False)])
-def test_samples_of_all_legs_are_counted_in_the_size_of_a_record(legs: int, accepted: bool) -> None:
+@pytest.mark.parametrize(
+    ("legs", "cycles", "sampled", "accepted"),
+    [(2, 5, "all", True), (400, 5, "all", False), (2, 900, "all", False), (2, 900, None, True)],
+)
+def test_samples_of_all_legs_are_counted_in_the_size_of_a_record(
+    legs: int, cycles: int, sampled: Literal["all"] | None, accepted: bool
+) -> None:
     """A million samples a leg of 5 cycles of 321 nodes: of two legs the record is not too large."""
     rows = ((0.5,), (1.0,)) * (legs // 2)
-    options = rf.HistoryOptions("table", columns=("p0",), rows=((1.0,),), cycle_rows=rows, cycles=5)
-    scene = replace(rf.from_toml(BLOCK), history=options, output=rf.OutputOptions(1_000_000, "all"))
+    options = rf.HistoryOptions(
+        "table", columns=("p0",), rows=((1.0,),), cycle_rows=rows, cycles=cycles
+    )
+    scene = replace(rf.from_toml(BLOCK), history=options, output=rf.OutputOptions(10**6, sampled))
     if accepted:
         assert rf.from_toml(rf.to_toml(scene)) == scene
     else:

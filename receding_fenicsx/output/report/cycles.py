@@ -188,7 +188,7 @@ def _steady_lines(summary: Summary) -> list[str]:
     # the law of an extrapolation is in the report
     together = "; ".join(f"{head}: {words}".partition(" (")[0] for head, words in first)
     rest = [f"{head}: {words}" for head, words in [*limit, *polygon]]
-    return [together, *rest] if together else rest
+    return [together, *rest]
 
 
 STEADY = Section(
