@@ -84,7 +84,11 @@ SINGLE = {
     ),
     # load steps lead to a jump, the exact path from the leg's start does not; a block of pivots is
     # singular; a free body that is unloaded in load steps does not float off
-    "accepted": (same, "20076 1050272 1120300 464364 621228 71000404 71000611 74000110", {ACCEPTED}),
+    "accepted": (
+        same,
+        "20076 1050272 1120300 464364 621228 71000404 71000611 74000110",
+        {ACCEPTED},
+    ),
     # a body that was displaced far comes to rest; round-off of such displacements is no jump,
     # one that vanishes in the limit is
     "in the limit": (limited, "1200155 1200094 71000467", {ACCEPTED}),
