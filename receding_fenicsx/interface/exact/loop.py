@@ -101,11 +101,12 @@ class ActiveSets:
             K, k = self._segments.system.K, len(friction)
             M = K[np.ix_(free, free)]
             M[:k] += friction[:, None] * K[np.ix_(n + free[:k], free)]
-            factor = sla.lu_factor(M, overwrite_a=True, check_finite=False)
+            # lu_factor, which warns of what is checked here
+            *factor, _ = sla.lapack.dgetrf(M, overwrite_a=True)
             size = np.abs(np.diagonal(factor[0]))
             if size.min() <= SINGULAR_FACTOR * size.max():
                 raise SingularExchange
-            _keep(self._factors, key, factor)
+            _keep(self._factors, key, tuple(factor))
         forces = self.of(state.state).forces(state)
         change[free] = -sla.lu_solve(self._factors[key], forces, check_finite=False)
         return change
