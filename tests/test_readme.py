@@ -52,7 +52,7 @@ set_up
 QUICK = {
     "bash demos/run.sh --setup": "ready: ",
     "bash demos/run.sh frictionless_block": "order of convergence",
-    "bash tests/run.sh tests/bulk/test_load_parts.py": "tests on 2 ranks",
+    "bash tests/run.sh tests/bulk/test_patch.py": "tests on 2 ranks",
     "source .venv/bin/activate; receding-fenicsx doctor": "all requirements are met",
     "source .venv/bin/activate; python docs/build.py": "pages in results/site",
 }

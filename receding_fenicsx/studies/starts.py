@@ -6,11 +6,9 @@ from collections import Counter
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import matplotlib as mpl
 import numpy as np
-from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from receding_fenicsx.arrays import Array, described
@@ -24,11 +22,13 @@ from receding_fenicsx.interface.measures.steady import NOT_REACHED
 from receding_fenicsx.interface.measures.zones import zones
 from receding_fenicsx.interface.mirror import mirror_of
 from receding_fenicsx.interface.system import ContactSystem, reactions
-from receding_fenicsx.output.plots import style
 from receding_fenicsx.scene.history import History, ended_by
 from receding_fenicsx.scene.model import OutputOptions, Scene, SolverOptions
 from receding_fenicsx.store.workspace import Case
 from receding_fenicsx.studies.runner import Runner, digest_of
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 FAILED = "failed"
 """Kind of a start whose path ends."""
@@ -213,6 +213,11 @@ def _states(record: Record) -> NDArray[np.int8]:
 
 def steady_states_figure(states: SteadyStates) -> Figure:
     """Draw dissipation per cycle of each start, sorted, beside the states of the nodes."""
+    # a run that draws nothing does without
+    import matplotlib as mpl
+
+    from receding_fenicsx.output.plots import style
+
     order = np.argsort(states.dissipation, kind="stable")
     rows = np.arange(len(order))
     with mpl.rc_context(style.RC):
