@@ -108,8 +108,9 @@ def constrained(bulk: Bulk, held: Ints) -> PETSc.Mat:
 
 def interior_solver(bulk: Bulk) -> Solve:
     """Return the function that solves with A_II; factorise it unless it is, by condensing too."""
+    off = np.concatenate([bulk.fixed, owned_contact(bulk)[0]])
     if bulk.interior is None:
-        matrix = constrained(bulk, np.concatenate([bulk.fixed, owned_contact(bulk)[0]]))
+        matrix = constrained(bulk, off)
         matrix.setOption(PETSc.Mat.Option.SPD, True)
         bulk.interior = PETSc.PC().create(bulk.comm)
         bulk.interior.setOperators(matrix)
@@ -118,7 +119,6 @@ def interior_solver(bulk: Bulk) -> Solve:
         bulk.interior.setUp()
         # petsc4py frees its objects only by destroy()
         matrix.destroy()
-    off = np.concatenate([bulk.fixed, owned_contact(bulk)[0]])
     off = off - bulk.stiffness.getOwnershipRange()[0]
     pc = bulk.interior
 

@@ -32,6 +32,7 @@ from scipy import sparse
 
 from receding_fenicsx.arrays import Array, Ints
 from receding_fenicsx.bulk.contact_nodes import ContactNodes, ContactSide
+from receding_fenicsx.bulk.edges import shape_functions
 from receding_fenicsx.bulk.mesh.curved_edges import gauss
 from receding_fenicsx.errors import InputError, MeshMisfit
 from receding_fenicsx.scene.model import Scene
@@ -353,13 +354,6 @@ def _beside(facet: Ints, node: int, carries: NDArray[np.bool_]) -> list[int]:
     return list(middle) or [k for k in facet[:2] if k != node]
 
 
-def _shapes(s: Array, nodes: int) -> Array:
-    """Return the shape functions (nodes, m) of a facet at places s in [0, 1]."""
-    if nodes == 2:
-        return np.array([1.0 - s, s])
-    return np.array([(1.0 - s) * (1.0 - 2.0 * s), s * (2.0 * s - 1.0), 4.0 * s * (1.0 - s)])
-
-
 def _projection(
     scene: Scene, joint: int, slave: ContactSide, master: ContactSide
 ) -> sparse.csr_matrix:
@@ -389,7 +383,7 @@ def _projection(
         def radius(s: Array, a: Array = a, b: Array = b) -> Array:
             return a[0] + s * (b - a)[0] if scene.axisymmetric else np.ones_like(s)
 
-        N = _shapes(at, nodes)
+        N = shape_functions(nodes, at)
         mass = np.einsum("iq,jq,q->ij", N, N, weight * radius(at))
         dual = np.diag(mass.sum(axis=1)) @ np.linalg.inv(mass)
         for low, high in pairwise(stops.tolist()):
@@ -404,8 +398,9 @@ def _projection(
                 )
             k = int(np.flatnonzero(over)[np.argmin(off[over])])
             s = low + (high - low) * at
-            on_master = _shapes((s - from_c[k]) / (from_d[k] - from_c[k]), master.facets.shape[1])
-            psi = dual @ _shapes(s, nodes)
+            at_master = (s - from_c[k]) / (from_d[k] - from_c[k])
+            on_master = shape_functions(master.facets.shape[1], at_master)
+            psi = dual @ shape_functions(nodes, s)
             part = np.einsum("iq,jq,q->ij", psi, on_master, weight * radius(s))
             rows.append(np.repeat(facet, len(on_master)))
             columns.append(np.tile(master.facets[k], nodes))

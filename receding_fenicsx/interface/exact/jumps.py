@@ -55,6 +55,13 @@ def find_jump(segments: Segments, start: ContactState, load: Array, place: Array
     system, end = segments.system, solve_static(segments, start, load)
     if end is None:
         raise no_state_beyond(system, place)
+    return jump_between(system, start, end, load)
+
+
+def jump_between(
+    system: ContactSystem, start: ContactState, end: ContactState, load: Array
+) -> Jump:
+    """Return the jump between two states under load factors (n_loads,), with its energies."""
     change = end.u - start.u
     stored = 0.5 * float(change @ system.K @ (end.u + start.u))
     work = float(load @ system.r_star @ change)
@@ -66,6 +73,14 @@ def no_state_beyond(system: ContactSystem, place: Array) -> NoQuasiStaticContinu
     return NoQuasiStaticContinuation(
         f"no quasi-static continuation at {system.load_text(place)}, and no state was found "
         "to jump to; reduce the friction or the load range"
+    )
+
+
+def lost_by_loose_motion(system: ContactSystem, load: Array) -> SolveError:
+    """Return the error for states of the exact path that leave a motion without stiffness."""
+    return SolveError(
+        f"the exact path is lost on the way to {system.load_text(load)}: a motion of the body is "
+        "left that nothing resists; add a [[support]], or use method gauss-seidel"
     )
 
 

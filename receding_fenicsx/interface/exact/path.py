@@ -12,7 +12,12 @@ from receding_fenicsx.arrays import Array
 from receding_fenicsx.errors import NoEquilibrium, NoQuasiStaticContinuation, SolveError
 from receding_fenicsx.interface.equilibrium import Limit, furthest, is_balanced
 from receding_fenicsx.interface.exact.free_motions import at_rest
-from receding_fenicsx.interface.exact.jumps import check_jumps, find_jump, no_state_beyond
+from receding_fenicsx.interface.exact.jumps import (
+    check_jumps,
+    find_jump,
+    lost_by_loose_motion,
+    no_state_beyond,
+)
 from receding_fenicsx.interface.exact.legs import (
     Chooser,
     LegProblem,
@@ -171,10 +176,7 @@ class EventPath:
         try:
             leg = self._walk(problem)
         except SingularExchange as error:
-            raise SolveError(
-                f"the exact path is lost on the way to {self.system.load_text(b)}: a motion of the "
-                "body is left that nothing resists; add a [[support]], or use method gauss-seidel"
-            ) from error
+            raise lost_by_loose_motion(self.system, b) from error
         except SolveError as error:
             limit, node = self._limit(a, b), self._low_friction_node
             if isinstance(error, NoEquilibrium) and (limit is not None or node is None):

@@ -9,7 +9,12 @@ import numpy as np
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.errors import NoEquilibrium, NoQuasiStaticContinuation, SolveError
 from receding_fenicsx.interface.exact.free_motions import at_rest
-from receding_fenicsx.interface.exact.jumps import check_jumps, no_state_beyond
+from receding_fenicsx.interface.exact.jumps import (
+    check_jumps,
+    jump_between,
+    lost_by_loose_motion,
+    no_state_beyond,
+)
 from receding_fenicsx.interface.exact.legs import LegProblem, evenly_spaced
 from receding_fenicsx.interface.exact.path import LEFT_TO_NEXT_LEG, EventPath
 from receding_fenicsx.interface.exact.pivot_matrix import SingularExchange
@@ -72,17 +77,7 @@ class BranchedPath:
     def trace_leg(
         self, start: ContactState, ends: tuple[Array, Array], force_scale: float, samples: int = 0
     ) -> Leg:
-        """Follow one leg from its start to its end.
-
-        Args:
-            start: state at the start.
-            ends: (n_loads,) load factors at the start and at the end.
-            force_scale: largest nodal force of the history so far.
-            samples: number of evenly spaced states to store, the last one at s = 1; 0 for none.
-
-        Raises:
-            SolveError: no path that satisfies the contact law was found.
-        """
+        """Follow one leg, as :meth:`EventPath.trace_leg` does."""
         scale = max(largest_force(self.system, load, start.r, force_scale) for load in ends)
         places = evenly_spaced(samples)
         if self.steps:
@@ -192,14 +187,12 @@ class BranchedPath:
             end = self.static_leg(start, (place, load), leg.force_scale).end
         except SolveError as lost:
             raise no_state_beyond(self.system, place) from lost
-        change = end.u - start.u
-        work = float(load @ self.system.r_star @ change)
-        released = -0.5 * float(change @ self.system.K @ (end.u + start.u)) - work
+        jump = jump_between(self.system, start, end, load)
         jumped = Changes.between(beyond, start.state, end.state)
         leg.events = Changes.joined(leg.events, jumped)
         leg.stops.append((beyond, end.u))
-        leg.jumps.append((s, released))
-        leg.end, leg.work = end, leg.work + work
+        leg.jumps.append((s, jump.released))
+        leg.end, leg.work = end, leg.work + jump.work
         return beyond
 
     def _piece(
@@ -231,11 +224,7 @@ class BranchedPath:
                 walk.run(target)
                 found, end = walk.finish(), target
             except SingularExchange as lost:
-                error = SolveError(
-                    f"the exact path is lost on the way to {self.system.load_text(problem.ends[1])}"
-                    ": a motion of the body is left that nothing resists; add a [[support]], or "
-                    "use method gauss-seidel"
-                )
+                error = lost_by_loose_motion(self.system, problem.ends[1])
                 error.__cause__ = lost
             except SolveError as lost:
                 error = lost
