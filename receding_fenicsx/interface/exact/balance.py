@@ -10,9 +10,6 @@ from numpy.typing import NDArray
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.interface.system import ContactSystem
 
-RANDOM_SUMS = 4
-"""Random sums over the nodes in which forces are compared with those of the displacements."""
-
 
 def summed(n: int, error: float) -> float:
     """Return the imbalance of n nodes, 50 at least, whose forces have an error of random sign."""
@@ -42,7 +39,7 @@ class BalanceCheck:
             smooth: (N,) nodes without friction, or held tangentially, at which A stands for P.
         """
         n = system.n
-        on_Q, on_P = np.random.default_rng(0).choice([-1.0, 1.0], (2, n, RANDOM_SUMS))
+        on_Q, on_P = np.random.default_rng(0).choice([-1.0, 1.0], (2, n, 4))
         on_Q *= ~system.held[:n, None]
         on_P *= (frictional | smooth)[:, None]
         opening = np.where(frictional, system.friction.opening(np.ones(n)), 1.0)[:, None]

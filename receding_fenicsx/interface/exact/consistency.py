@@ -36,10 +36,6 @@ from receding_fenicsx.interface.tolerances import ACCEPTED_RESIDUAL, ON_LIMIT, R
 SIMULTANEOUS_ROUNDS = 3
 """Rounds in which all violating nodes change state together; afterwards only the worst does."""
 
-LIMIT_APPROACH = 1e-9
-"""Part of the leg before the place where equilibrium ends within which the path ends there."""
-
-
 EquilibriumEnd = Callable[[tuple[Array, Array]], float]
 """Place on the leg between two load factors beyond which there is no equilibrium."""
 
@@ -105,7 +101,8 @@ class ConsistentStates:
             SolveError: there are no such states.
         """
         segments, point = self.segments, self.point
-        if point.s >= self.equilibrium_ends(point.problem.ends) - LIMIT_APPROACH:
+        # within round-off of the place where equilibrium ends
+        if point.s >= self.equilibrium_ends(point.problem.ends) - 1e-9:
             raise self.error(before)
         segment, exhausted = self._pivoted(before)
         if segment is None and self._balance(before):

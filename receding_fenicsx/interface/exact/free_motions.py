@@ -87,10 +87,6 @@ def _least(rows: Array, bounds: Array) -> Array | None:
     return c
 
 
-POTENTIAL_TOLERANCE = 1e-9
-"""Potential gained by rolling, over the loads' sum times the largest gap, below which a body rests
-already."""
-
 GAP_TOLERANCE = 1e-10
 """Gap, over the largest one, up to which a node touches."""
 
@@ -120,7 +116,8 @@ def at_rest(system: ContactSystem, start: ContactState, direction: Array) -> Con
     # gaps and forces are counted in their largest
     cost, normal, room = pressed @ R / force, R[n + nodes], gap[nodes] / largest
     c = _lowest(cost, normal, room)
-    if c is None or cost @ c >= -POTENTIAL_TOLERANCE:
+    # less potential gained is none
+    if c is None or cost @ c >= -1e-9:
         return start
     u = start.u + largest * (R @ c)
     left = system.g0 + u[n:]

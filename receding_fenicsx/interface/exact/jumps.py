@@ -18,12 +18,6 @@ from receding_fenicsx.interface.system import ContactState, ContactSystem
 MAX_JUMPS = 100
 """Jumps on one leg after which an error is raised."""
 
-LISTED_NODES = 12
-"""Nodes that a message names at most."""
-
-LOAD_ROUND_OFF = 1e-12
-"""Load factor over the largest of its leg, up to which a message calls it zero."""
-
 
 @dataclass(frozen=True)
 class Jump:
@@ -113,7 +107,8 @@ def explain(
     """
     s = point.problem.place(point.s)
     load = point.load
-    load[np.abs(load) <= LOAD_ROUND_OFF * np.abs(point.problem.ends).max()] = 0.0
+    # round-off of the leg's load factors is called zero
+    load[np.abs(load) <= 1e-12 * np.abs(point.problem.ends).max()] = 0.0
     where = f"at {segments.system.load_text(load)} (s = {s:.9g} of the leg)"
     contact = states != SEPARATION
     A, B = (point.y - segments.limit * force_scale).reshape(4, -1)[2:]
@@ -125,9 +120,7 @@ def explain(
         return NoEquilibrium(
             f"gross sliding {where}: all contact nodes are at their limit, in the same direction"
         )
-    listed = ", ".join(map(str, nodes[:LISTED_NODES].tolist())) + " ..." * (
-        len(nodes) > LISTED_NODES
-    )
+    listed = ", ".join(map(str, nodes[:12].tolist())) + " ..." * (len(nodes) > 12)
     which = f"the rates of nodes [{listed}]" if len(nodes) else "the rates of the contact"
     return NoQuasiStaticContinuation(
         f"no quasi-static continuation {where}: {which} have no solution"

@@ -129,14 +129,10 @@ def evenly_spaced(samples: int) -> tuple[float, ...]:
     return tuple(j / samples for j in range(1, samples + 1))
 
 
-WIDENING = 0.01
-"""Part of all nodes by which zones of nodes that changed are widened on both sides."""
-
-
 def widen(changed: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Return the nodes that changed and those within ``WIDENING`` of them along the contact."""
+    """Return the nodes that changed and those within a hundredth of them along the contact."""
     n = len(changed)
-    reach = max(2, int(WIDENING * n))
+    reach = max(2, int(0.01 * n))
     window = np.ones(2 * reach + 1)
     return np.convolve(changed, window, mode="full")[reach : reach + n] > 0.5
 

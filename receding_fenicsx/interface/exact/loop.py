@@ -30,15 +30,6 @@ FIRST_ENTRIES = 256
 CACHE_BYTES = 2**28
 """Memory for the rates of sets of states that have been met before."""
 
-WORTH_LEAVING_OUT = 0.1
-"""Part of the columns that can be left out in addition, from which the tableau is made anew."""
-
-ENDS_KEPT = 4
-"""Ends of legs whose factors are kept."""
-
-SINGULAR_FACTOR = 1e-9
-"""Pivot of a factor over the largest one up to which it is singular."""
-
 ON_THE_WAY = 0.1
 """Part of the residual accepted at an event up to which errors of nodal forces stay on the way."""
 
@@ -104,7 +95,7 @@ class ActiveSets:
             # lu_factor, which warns of what is checked here
             *factor, _ = sla.lapack.dgetrf(M, overwrite_a=True)
             size = np.abs(np.diagonal(factor[0]))
-            if size.min() <= SINGULAR_FACTOR * size.max():
+            if size.min() <= 1e-9 * size.max():
                 raise SingularExchange
             _keep(self._factors, key, tuple(factor))
         forces = self.of(state.state).forces(state)
@@ -113,8 +104,8 @@ class ActiveSets:
 
 
 def _keep(some: dict[bytes, Any], key: bytes, one: Any) -> None:
-    """Keep one more, at most ``ENDS_KEPT`` of them."""
-    if len(some) == ENDS_KEPT:
+    """Keep one more, at most four of them."""
+    if len(some) == 4:
         del some[next(iter(some))]
     some[key] = one
 
@@ -359,5 +350,6 @@ class Loop:
         stay_v = (state == STICK) & ~widen(changed)
         stay_w = (state != SEPARATION) & ~widen(opened)
         inputs = np.flatnonzero(np.concatenate([stay_v, stay_w]))
-        if len(inputs) > self.segments.left_out + WORTH_LEAVING_OUT * 2 * self.system.n:
+        # a new tableau pays from a tenth of the columns
+        if len(inputs) > self.segments.left_out + 0.2 * self.system.n:
             self.segments.leave_out(state, inputs)

@@ -51,13 +51,6 @@ LOW_FRICTION = 1e-5
 LEFT_TO_NEXT_LEG = 1e-11
 """Part of a leg before its end in which a missing continuation is left to the next leg."""
 
-CANCELLED = 1e-13
-"""Sum of the loads' held reactions, over that of their sizes, largest over the nodes, that is
-round-off of none: such a leg changes nothing."""
-
-BEYOND_EQUILIBRIUM = 1e-7
-"""Part of a leg by which a path may pass the place where equilibrium ends: round-off."""
-
 
 class EventPath:
     """Follows legs exactly; keeps the tableau and the rates of known states from leg to leg.
@@ -129,7 +122,8 @@ class EventPath:
         """Follow a leg, or a piece of one, which may start or end unloaded."""
         start, (a, b) = problem.start, problem.ends
         change, r_star = b - a, self.system.r_star
-        if np.abs(change @ r_star).max() <= CANCELLED * (np.abs(change) @ np.abs(r_star)).max():
+        # held reactions that cancel but for round-off change nothing
+        if np.abs(change @ r_star).max() <= 1e-13 * (np.abs(change) @ np.abs(r_star)).max():
             y, scale = self.segments.values(start), problem.force_scale
             leg = unchanged(problem)
             leg.ties = ties_at(self.segments, 0.0, y, start.state, scale)
@@ -193,7 +187,7 @@ class EventPath:
             ) from error
         if not is_balanced(self.system, b, leg.end):
             limit = self._limit(a, b)
-            if limit is not None and limit.s < 1.0 - BEYOND_EQUILIBRIUM:
+            if limit is not None and limit.s < 1.0 - 1e-7:
                 # round-off of a vanishing stiffness has carried the loads
                 raise NoEquilibrium(limit.text)
         return leg

@@ -23,9 +23,6 @@ from receding_fenicsx.arrays import Array, Ints
 MAX_PENDING = 32
 """Rank-one updates of T that are collected before they are applied."""
 
-MANY = 0.3
-"""Exchanges at once, over the smaller size of T, above which the blocks of T are made apart."""
-
 SINGULAR_PIVOT = 1e-11
 """Pivot, over a typical stiffness or compliance, up to which an exchange is singular."""
 
@@ -113,7 +110,8 @@ class PivotMatrix:
         if size.min() <= self.singular * max(1.0, size.max()):
             return False
         inverse = dgetrs(lu, piv, np.eye(e))[0]
-        if e <= MANY * min(T.shape):
+        # the blocks of T are made apart where many are exchanged
+        if e <= 0.3 * min(T.shape):
             R = inverse @ R
             # T is row-major: its transpose is what BLAS sees as a column-major matrix
             dgemm(-1.0, R.T, C, beta=1.0, c=T.T, trans_b=1, overwrite_c=1)

@@ -55,13 +55,6 @@ MAX_REFINEMENTS = 3
 REFINEMENTS_BEFORE_REBUILD = 0.05
 """Refinements, over the number of contact freedoms, that take as long as a new tableau."""
 
-SMALL_FRICTION = 0.1
-"""Friction below which the tolerance of A and B is reduced in proportion to it: both are small
-because f is, and only a node without pressure may count as on both limits at once."""
-
-TINY_FRICTION = 1e-3
-"""Friction below which the rates A + B of slipping nodes are computed from P itself."""
-
 
 @dataclass(frozen=True, slots=True)
 class Segment:
@@ -109,11 +102,13 @@ class Segments:
         stiffness = np.concatenate(self.stiffness)
         self._pin = float(stiffness.max())
         self.weight = np.concatenate([stiffness, force, force])
-        scale = np.where(self.frictional, np.minimum(1.0, f / SMALL_FRICTION), 1.0)
+        # A and B are small with f: only a node without pressure may be on both limits
+        scale = np.where(self.frictional, np.minimum(1.0, f / 0.1), 1.0)
         self.limit = ON_LIMIT / self.weight
         self.limit[2 * n :] *= np.tile(scale, 2)
         self._margin_scale = scale
-        self._tiny_friction = np.flatnonzero(self.frictional & (f < TINY_FRICTION))
+        # there the rate of A + B of slipping nodes is computed from that of P
+        self._tiny_friction = np.flatnonzero(self.frictional & (f < 1e-3))
         self.friction = system.friction
         self.shares = [np.where(self.frictional, part, 0.0) for part in system.friction.shares]
         self.balance = BalanceCheck(system, self.frictional, self.smooth)

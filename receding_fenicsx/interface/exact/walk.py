@@ -32,13 +32,6 @@ from receding_fenicsx.interface.residual import limit_excuse, reachable, residua
 from receding_fenicsx.interface.system import Changes, ContactState, Leg, reactions
 from receding_fenicsx.interface.tolerances import ACCEPTED_RESIDUAL, ROUND_OFFS, UNLOADING_ROUND_OFF
 
-NODAL_IMBALANCE = 1e-13
-"""Error of a nodal force, over the force scale, up to which it is never removed."""
-
-REFINEMENTS = 4
-"""Steps of iterative refinement at most: on soft springs one leaves a large part of the error, that
-of the tableau's pivots."""
-
 
 class Walk:
     """Path along one leg, under way.
@@ -256,9 +249,11 @@ class Walk:
                 round-off of larger displacements before must not remain as slip.
         """
         n, weight, last, before = self.system.n, self.segments.weight, np.inf, state
-        for _ in range(steps or REFINEMENTS):
+        # on soft springs one step leaves a large part of the error, that of the pivots
+        for _ in range(steps or 4):
             wrong = self.loop.sets.of(state.state).forces(state)
-            if not steps and np.abs(wrong).max(initial=0.0) <= NODAL_IMBALANCE * self.force_scale:
+            # smaller errors of nodal forces are never removed
+            if not steps and np.abs(wrong).max(initial=0.0) <= 1e-13 * self.force_scale:
                 break
             change = self._correction(state)
             largest = float(np.abs(change * weight[: 2 * n]).max())

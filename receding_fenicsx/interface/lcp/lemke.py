@@ -14,9 +14,6 @@ from numpy.typing import NDArray
 
 from receding_fenicsx.arrays import Array
 
-PIVOT_TOLERANCE = 1e-11
-"""Entry of the scaled tableau below which it is not used as a pivot."""
-
 
 def solve(M: Array, q: Array, cover: Array) -> Array | None:
     """Return a solution z (n,), or None where Lemke's method ends on a ray.
@@ -100,14 +97,15 @@ def lemke(M: Array, q: Array, cover: Array) -> Array | None:
 def _ratio_test(tableau: Array, basic: NDArray[np.intp], entering: int, n: int) -> int | None:
     """Return the leaving row, ties broken lexicographically, z_0 preferred; None on a ray."""
     column = tableau[:, entering]
-    rows = np.flatnonzero(column > PIVOT_TOLERANCE)
+    # smaller entries of the scaled tableau are no pivots
+    rows = np.flatnonzero(column > 1e-11)
     if len(rows) == 0:
         return None
     # order of comparison: right-hand side, then the columns of the basis inverse
     for j in (-1, *range(n)):
         ratios = tableau[rows, j] / column[rows]
         best = ratios.min()
-        rows = rows[ratios <= best + PIVOT_TOLERANCE * max(1.0, abs(best))]
+        rows = rows[ratios <= best + 1e-11 * max(1.0, abs(best))]
         if j == -1:
             artificial = rows[basic[rows] == 2 * n]
             if len(artificial):

@@ -27,9 +27,6 @@ from receding_fenicsx.interface.load_steps.steps import LegInSteps, StepTrials
 from receding_fenicsx.interface.system import Changes, ContactState, ContactSystem, Leg
 from receding_fenicsx.interface.tolerances import JUMP_STEP
 
-MAX_PARTS = 300
-"""Parts in which one load step is tried at most."""
-
 
 class GaussSeidelPath:
     """Follows legs in equal load steps."""
@@ -117,7 +114,7 @@ class GaussSeidelPath:
         """Advance by one load step from s to ``s_end``, in parts where it may contain a jump."""
         now.check_equilibrium(s_end)
         targets, part = [s_end], 0.0
-        for _ in range(MAX_PARTS):
+        for _ in range(300):
             trial = self._trials.attempt(now, s, targets[-1])
             if trial.found is None:
                 last = s + part  # as long a part as the one before
@@ -144,7 +141,7 @@ class GaussSeidelPath:
                 targets.append(s + 10.0 * part)  # grow gradually
         raise SolveError(
             f"the load step before {self.system.load_text(now.load(s_end))} was taken in "
-            f"{MAX_PARTS} parts without finding whether the contact jumps in it; use method events"
+            "300 parts without finding whether the contact jumps in it; use method events"
         )
 
     def _ties(self, now: LegInSteps, before: ContactState, s: float) -> list[Changes]:

@@ -156,10 +156,6 @@ def _leads(bases: Array) -> NDArray[np.bool_]:
     return np.array([part.min() > 0.5 for part in parts])
 
 
-LINEAR_SHIFT = 0.4
-"""Largest shift of an end, in node spacings, by the error of elements of order 1."""
-
-
 @dataclass(frozen=True)
 class ZoneEnd:
     """End of a zone: its value, an interval around it, and whether it was fitted.
@@ -222,7 +218,7 @@ def stick_half_width_estimate(at: Tractions) -> ZoneEnd:
         for i in np.flatnonzero(sign[:-1] * sign[1:] < 0.0):
             width = at.x[i + 1] - at.x[i]
             if abs(0.5 * (at.x[i] + at.x[i + 1]) - middle) <= width:
-                return ZoneEnd(0.25 * width, 0.0, (0.5 + LINEAR_SHIFT) * width, fitted=False)
+                return ZoneEnd(0.25 * width, 0.0, 0.9 * width, fitted=False)
     return _half_width(at, zone, stick=True)
 
 
@@ -283,7 +279,7 @@ def zone_end(at: Tractions, last: int, side: int, stick: bool = False) -> ZoneEn
     midside = midside_nodes(at.x, at.weight, at.radius)
     quadratic = len(midside) > 0
     # by the error of elements, in node spacings
-    shift = 0.3 if quadratic else LINEAR_SHIFT
+    shift = 0.3 if quadratic else 0.4
     if last == len(at.x) - 1:
         value = low = float(at.x[-1])
         y = np.minimum(*at.friction.margins(at.Q, at.P)) if stick else at.P

@@ -53,9 +53,6 @@ from receding_fenicsx.interface.uniqueness.instants import (
 LARGE_MARGIN = 1.5
 """Margin beyond which sets of states are measured at the ends of legs only."""
 
-COUNTED = 8
-"""Instants without certificate whose solutions are counted between two checkpoints."""
-
 
 @dataclass(frozen=True)
 class Uniqueness:
@@ -135,13 +132,14 @@ class UniquenessWatch:
         self._judged: set[tuple[bytes, ...]] = set()
         # of the last leg in each direction: its start, its end, and its changes as rows
         self._last: dict[bytes, tuple[States, States, Ints]] = {}
-        self._left = COUNTED
+        # doubtful instants whose solutions are counted before the next checkpoint
+        self._left = 8
 
     def forget_doubts(self) -> None:
         """Judge and count doubtful instants anew, as a run does that is resumed here."""
         for way, sides in self._doubtful:
             self._instants.forget(way, sides)
-        self._doubtful, self._left = [], COUNTED
+        self._doubtful, self._left = [], 8
         self._judged.clear()
         self._last.clear()
 
