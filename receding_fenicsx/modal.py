@@ -85,7 +85,7 @@ def mode_system(scene: Scene) -> tuple[ContactSystem, Array]:
         system = with_profiles(scene, given(stack.condense(bulk)))
         closed = np.asarray(_preloaded(system, scene, load.name) != State.SEPARATION)
         # along t only with friction
-        tied = np.concatenate([closed & system.friction.present, closed])
+        tied = np.concatenate([closed & system.law.present, closed])
         number = load.mode or 0
         phi, omega = _modes(bulk, tied, number, scene.mode.count)
         for part, force in zip(bulk.parts, phi, strict=True):
@@ -93,8 +93,8 @@ def mode_system(scene: Scene) -> tuple[ContactSystem, Array]:
         bulk.condensed = False
         driven = given(stack.condense(bulk))
         _check_compliance(driven, tied, omega[number - 1], driven.load_names.index(load.name))
-        law = {key: getattr(system, key) for key in ("f", "f_backward", "g0", "scene_toml")}
-        return replace(driven, **law), omega
+        keys = ("f", "f_backward", "cohesion", "shear_limit", "g0", "scene_toml")
+        return replace(driven, **{key: getattr(system, key) for key in keys}), omega
     finally:
         bulk.destroy()
 

@@ -268,14 +268,8 @@ def _checked(
             "[solver] branch: the limit of infinitely many cycles is that of the first "
             'continuation; use history.until = "steady", or branch = "first"'
         )
-    if system.has_branches:
-        # what the search and the chooser know are cones
-        for served, key in (
-            (not history.until_limit, 'history.until = "limit"'),
-            (solver.branch == FIRST, "[solver] branch"),
-        ):
-            if not served:
-                raise InputError(f"{key}: not served with [contact] shear_limit or cohesion")
+    if system.has_branches and solver.branch != FIRST:
+        raise InputError("[solver] branch: not served with [contact] shear_limit or cohesion")
     return Problem(
         system, history, solver, output, v, chooser_for(solver.branch), not system.has_branches
     )

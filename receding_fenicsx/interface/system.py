@@ -109,7 +109,8 @@ class ContactSystem:
         """
         if self.has_branches:
             raise InputError(
-                "[contact] shear_limit, cohesion: only runs and sweeps serve them; remove them here"
+                "[contact] shear_limit, cohesion: not served here, only by run, sweep, joint and "
+                "wear; leave them out"
             )
         return friction_of(self.f, self.f_backward)
 

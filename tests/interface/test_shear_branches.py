@@ -9,10 +9,12 @@ from replay import objections
 from small import named_loads, small_system, table
 
 import receding_fenicsx as rf
+from receding_fenicsx.evolution.problem import problem_of_history
 from receding_fenicsx.interface.branches.critical_friction import critical_friction
 from receding_fenicsx.interface.gauss_seidel.compliance_form import step_problem
 from receding_fenicsx.measures.ends import half_width_estimates
 from receding_fenicsx.mpi import given
+from receding_fenicsx.studies.wear.steps import NodePairs, advance
 
 pytestmark = pytest.mark.one_rank
 
@@ -82,10 +84,22 @@ def test_shear_lag_with_constant_shear(
     system = small_system(K, {"press": np.concatenate([zero, 4.0 * one]), "pull": pull}, f)
     system = branched(system, cohesion, limit)
     loop = [[1, F], [1, -F], [1, F]]
-    record = evolve(system, table(system, [[0, 0], [1, 0], [1, F]], loop, 2))
-    slip = sum(F - i for j in range(k) for i in range(j + 1, k + 1))
+    history = table(system, [[0, 0], [1, 0], [1, F]], loop, 2)
+    record = evolve(system, history)
+    slips = np.array([sum(F - i for i in range(j + 1, k + 1)) for j in range(n)])
+    slip = slips.sum()
     assert record.dissipation_first_loading == pytest.approx(slip, rel=1e-12)
     assert record.cycles.dissipation == pytest.approx([4.0 * slip] * 2, rel=1e-12)
+    found = rf.evolve(system, replace(history, cycles=8), until="limit").limit
+    assert found is not None and found.reached and found.unique == -1
+    # what wears off does not depend on the pressure, which falls as the gap grows
+    pairs = NodePairs(problem_of_history(system, history), np.full(n, 1e-3))
+    row = pairs.begin()
+    row["step"] = 10.0
+    row = advance(pairs, row, 1e-9, 10.0)
+    assert row["cycles"] == 10.0
+    assert row["depth"] == pytest.approx(10.0 * 1e-3 * 4.0 * slips, rel=1e-9, abs=1e-12)
+    assert row["P"] == pytest.approx(4.0 - row["depth"], rel=1e-9)
 
 
 def test_a_bond_forms_in_contact_and_breaks_without_shear_alone() -> None:
@@ -131,7 +145,6 @@ def test_what_knows_cones_only_refuses_in_one_line() -> None:
     system = replace(ONE, shear_limit=np.ones(1))
     cyclic = table(system, [[0, 0], [1, 0]], [[1, 0], [1, 1], [1, 0]], 8)
     refused = {
-        "history.until": lambda: rf.evolve(system, cyclic, until="limit"),
         "branch": lambda: rf.evolve(system, cyclic, rf.SolverOptions(branch="least dissipation")),
         "shear_limit, cohesion": lambda: critical_friction(system),
         "shear limit or cohesion": lambda: step_problem(system, np.ones(2)),

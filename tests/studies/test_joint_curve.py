@@ -44,6 +44,11 @@ def test_cylinders_dissipate_as_cattaneo_and_mindlin_say_within_the_estimate() -
     assert curve.masing_defect.max() < 1e-9
     assert curve.kind == ("cyclic slip",) * 4
     assert 3.0 < curve.exponent[0] < 4.0 and np.isinf(curve.backbone.macroslip)
+    # nor does it with a shear limit, which lets more slip
+    scene = rf.from_toml(rf.to_toml(cylinders(30)), ["contact.shear_limit=0.2"])
+    limited = rf.joint_curve(scene, "Q", f * U[1:3])
+    assert limited is not None and limited.masing_defect.max() < 1e-9
+    assert limited.dissipation[1] > 1.1 * coarse.dissipation[2]
     # a single change may be small by chance: the estimate covers those of the neighbours too
     change = np.abs(coarse.dissipation / curve.dissipation - 1.0)
     beside = [change[max(k - 1, 0) : k + 2].max() for k in range(4)]

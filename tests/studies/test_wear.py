@@ -91,6 +91,26 @@ def test_partial_slip_wears_to_the_closed_limit_with_its_stick_zone_kept() -> No
 
 
 @pytest.mark.one_rank
+def test_a_shear_limit_beyond_all_shear_wears_like_friction_alone() -> None:
+    scenes = [
+        cylinders(30, "wear.cycles=2000", "history.cycles=40", *more)
+        for more in ([], ["contact.shear_limit=10.0"])
+    ]
+    cone, limited = (worn(scene) for scene in scenes)
+    assert limited.end == cone.end == "cycles done"
+    assert limited.depth == pytest.approx(cone.depth, abs=1e-9 * cone.depth_max[-1])
+    for scene, study in zip(scenes, (cone, limited), strict=True):
+        record = rf.run(replace(scene, history=replace(scene.history, until="limit")))
+        assert record is not None and record.limit is not None and record.limit.reached
+        D = study.dissipation_per_cycle[0]
+        assert record.cycles.dissipation[-1] == pytest.approx(D, rel=1e-8)
+    # and where it acts the volume is still what the cycles dissipate
+    study = worn(cylinders(30, "contact.shear_limit=0.2", "wear.cycles=300"))
+    assert study.dissipation_per_cycle[0] > 1.05 * cone.dissipation_per_cycle[0]
+    assert study.volume[-1] == pytest.approx(C * study.dissipation[-1], rel=1e-14)
+
+
+@pytest.mark.one_rank
 def test_the_first_cycles_wear_off_what_cattaneo_and_mindlin_dissipate() -> None:
     study = worn(cylinders(80, "wear.cycles=10"))
     known = rf.reference.closed_forms.CattaneoMindlin(
@@ -271,6 +291,13 @@ def test_a_sweep_has_the_wear_life_of_its_cases() -> None:
     # a coefficient only scales the cycles; with more friction less slips
     assert life[0] == pytest.approx(2.0 * life[1], rel=0.02)
     assert np.all(life[:, 1] > 1.2 * life[:, 0])
+    scene = cylinders(40, "wear.cycles=1000000", "wear.depth=6e-4")
+    curve = rf.joint_curve(scene, "Q", [0.3, 0.36])
+    assert curve is not None
+    # the first amplitude is the shear of the sweep
+    rows = curve.rows()
+    assert rows[0]["wear_cycles"] == pytest.approx(life[0, 0], rel=1e-6)
+    assert rows[1]["wear_cycles"] < rows[0]["wear_cycles"]
 
 
 @pytest.mark.one_rank
@@ -338,5 +365,8 @@ def test_what_cannot_wear_is_refused_in_one_line(
 def test_wear_needs_a_coefficient_and_a_small_stroke_or_known_profiles() -> None:
     with pytest.raises(rf.InputError, match="coefficient: is missing"):
         rf.wear(rf.read_scene(CYLINDERS))
+    limited = ["wear.archard=1e-6", "contact.shear_limit=1.0", "mesh.contact_elements=30"]
+    with pytest.raises(rf.InputError, match="give coefficient instead"):
+        rf.wear(rf.read_scene(CYLINDERS, limited))
     with pytest.raises(rf.InputError, match=r"is 0\.\d+ of the contact's width"):
         rf.wear(sliding(30, 1.0, "material.lower.young=100.0"))

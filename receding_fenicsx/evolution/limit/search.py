@@ -62,6 +62,10 @@ class LimitSearch:
         self.limit = Limit(False, -1, 0, np.nan, -1, "the search has not begun")
         self.steady: Steady | None = None
         self.searched = 0
+        if problem.system.has_branches:
+            why = "with a shear limit or a cohesion cycles are played until they repeat themselves"
+            self.limit.reason = why
+            return
         self._model = replace(frictional_form(problem.system), probes=None)
         self._exact, self._segments = EventPath(self._model), Segments(self._model)
         for number in filter(self.is_due, range(len(cycles))):
@@ -70,8 +74,13 @@ class LimitSearch:
                 self.limit, self.steady = before, None
 
     def is_due(self, number: int) -> bool:
-        """Return whether the limit is searched for before a cycle is played."""
+        """Return whether the limit is searched for before a cycle is played.
+
+        The map of a tail is that of cones: other laws are played on.
+        """
         played = number - 1
+        if self.problem.system.has_branches:
+            return False
         last = number == self.problem.history.cycles
         return played >= FIRST_SEARCH and (last or is_step(played))
 

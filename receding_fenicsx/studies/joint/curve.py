@@ -34,6 +34,7 @@ from receding_fenicsx.scene.model import (
     Load,
     OutputOptions,
     Scene,
+    WearOptions,
 )
 from receding_fenicsx.scene.toml_file import from_toml
 from receding_fenicsx.scene.validate import validate
@@ -50,7 +51,16 @@ from receding_fenicsx.studies.runner import (
     digest_of,
     run_study,
 )
-from receding_fenicsx.studies.sweep import ERROR, Cell, Grid, SweepTable, grid_of, play_scene
+from receding_fenicsx.studies.sweep import (
+    ERROR,
+    Cell,
+    Grid,
+    Measure,
+    SweepTable,
+    grid_of,
+    play_scene,
+)
+from receding_fenicsx.studies.wear.study import wear_numbers
 
 
 @dataclass(frozen=True, repr=False)
@@ -127,7 +137,9 @@ class JointCurve:
         )
         columns = [getattr(self, name).tolist() for name in names]
         return [
-            dict(zip(names, row, strict=True)) | {"kind": self.kind[k], ERROR: case[ERROR]}
+            dict(zip(names, row, strict=True))
+            | {key: value for key, value in case.items() if key.startswith("wear_")}
+            | {"kind": self.kind[k], ERROR: case[ERROR]}
             for k, (*row, case) in enumerate(zip(*columns, self.table.rows, strict=True))
         ]
 
@@ -227,6 +239,16 @@ def loop_numbers(record: Record, drive: str = "") -> dict[str, Cell]:
     }
 
 
+def _play_scene(
+    scene: Scene, body: str, systems: Path | None, measure: Measure | None, taken: tuple[str, ...]
+) -> dict[str, Cell]:
+    """Play a scene as a sweep does; wear it too where it has a coefficient of wear."""
+    numbers = play_scene(scene, body, systems, measure, taken)
+    if scene.wear.coefficient or scene.wear.archard:
+        numbers |= wear_numbers(study.shared_system(scene, body, systems), scene)
+    return numbers
+
+
 def joint_curve(
     scene: Scene | ContactSystem,
     drive: str,
@@ -238,6 +260,8 @@ def joint_curve(
     """Find the limit cycles of a joint over the amplitude; all ranks of an MPI job call this.
 
     The other loads are applied first and kept: with their factors in ``history.constant``, or 1.
+    A scene with a coefficient of wear is worn too by each amplitude: columns ``wear_...`` of a
+    sweep.
 
     Args:
         scene: the joint; of its history only ``constant`` counts. Or a condensed system, whose
@@ -302,7 +326,8 @@ def joint_curve(
     partner = None
     if cyclic is not None:
         with suppress(InputError):  # without estimate where no coarser mesh fits
-            partner = comm.bcast(mpi.on_root(comm, lambda: coarser(cyclic)))
+            unworn = replace(cyclic, wear=WearOptions())
+            partner = comm.bcast(mpi.on_root(comm, lambda: coarser(unworn)))
 
     def begin() -> Study[JointCurve]:
         if cyclic is None:
@@ -323,7 +348,7 @@ def joint_curve(
             else:
                 grids = [grid, *([grid_of(partner, over)] if partner else [])]
                 all_cases = [c for g in grids for c in g.cases(runner.systems, loop_numbers)]
-                outcomes = runner.outcomes(all_cases, play_scene)
+                outcomes = runner.outcomes(all_cases, _play_scene)
                 n = len(values)
                 tables = [g.table(outcomes[k * n : k * n + n]) for k, g in enumerate(grids)]
             curve = _curve(drive, values, tables, mpi.given(backbone), omega)

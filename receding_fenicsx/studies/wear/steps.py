@@ -169,17 +169,21 @@ class NodePairs:
         """Return depths by implicit Euler with the slips of the row's cycle.
 
         At the turning point with the largest pressure, the tangential displacements kept,
-        w + g0 + depth + D P >= 0, P >= 0 with the added compliance D = cycles c E / (m P).
+        w + g0 + depth + D P >= 0, P >= 0 with the added compliance D = cycles c E / (m P). The part
+        of E that a cohesion or a shear limit dissipates does not change with P.
         """
         system, n = self.problem.system, self.problem.system.n
-        E, P = row["energy"], row["P"]
-        slides = system.friction.largest * row["path"]
+        E, P, law = row["energy"], row["P"], system.law
+        slides, limit = law.largest * row["path"], law.largest_limit(P)
         # a node that opens in the cycle may have little pressure where that is largest in all
-        steady = (E > 0.0) & (E <= 4.0 * slides * P)
-        fixed = np.where((E > 0.0) & ~steady, cycles * self.rate * E, 0.0)
+        steady = (E > 0.0) & (P > 0.0) & (E <= 4.0 * row["path"] * limit)
+        grows = np.where(steady, E, 0.0)
+        if law.cohesion is not None and law.shear_limit is not None:
+            grows[law.largest * P + law.cohesion > law.shear_limit] = 0.0
+            grows *= np.divide(law.largest * P, limit, out=np.zeros(n), where=limit > 0.0)
         new = (E == 0.0) & (P == 0.0)
-        slip = np.where(new, slides, np.divide(E, P, out=np.zeros(n), where=steady))
-        added = cycles * self.rate * slip
+        slip = np.where(new, slides, np.divide(grows, P, out=np.zeros(n), where=steady))
+        added, fixed = cycles * self.rate * slip, cycles * self.rate * (E - grows)
         gap = system.g0 + row["depth"] + fixed
         K, held = system.K[n:, n:], system.held[n:]
         load = self.problem.history.loop[int(row["corner"])] @ system.r_star[:, n:]

@@ -115,13 +115,17 @@ def _begin(scene: Scene, system: ContactSystem) -> tuple[NodePairs, Row]:
 
 def _coefficient(system: ContactSystem, options: WearOptions) -> Array:
     """Return depth per density of dissipated energy at the nodes."""
-    f = system.friction.largest
-    if system.kind == "normal" or not np.any(f > 0.0):
+    law = system.law
+    if system.kind == "normal" or not np.any(law.present):
         raise InputError("[wear]: nothing dissipates without friction; give [contact] friction")
     if options.coefficient is not None:
         return np.full(system.n, options.coefficient)
-    if np.any(system.friction.forward != system.friction.backward):
-        raise InputError("[wear] archard: friction differs by direction; give coefficient instead")
+    f = law.largest
+    if system.has_branches or np.any(law.forward != law.backward):
+        raise InputError(
+            "[wear] archard: friction differs by direction, or has a shear limit or a cohesion; "
+            "give coefficient instead"
+        )
     return np.divide(options.archard or 0.0, f, out=np.zeros(system.n), where=f > 0.0)
 
 
@@ -213,11 +217,13 @@ def _model(scene: Scene, problem: Problem, coefficient: Array) -> tuple[NodePair
     slides = np.all(first["zone"] != State.STICK)
     coupled = np.abs(system.K[:n, n:]).max() > 1e-8 * np.abs(system.K).max()
     half_planes = len(scene.bodies) == 2 and all(body.is_half_plane for body in scene.bodies)
-    if not half_planes or len(scene.contacts) > 1 or coupled or not slides:
+    alone = half_planes and len(scene.contacts) == 1 and not system.has_branches
+    if not alone or coupled or not slides:
         raise InputError(
             f"[wear]: the stroke {stroke:.4g} is {stroke / width:.2g} of the contact's width "
             f"{width:.4g}, above {LARGEST_STROKE:g}: nodes do not stay opposite each other; this "
-            "is modelled for two half-planes of equal materials that slide grossly"
+            "is modelled for two half-planes of equal materials that slide grossly, by "
+            "friction alone"
         )
     found = Convected(pairs, scene.wear.share, pairs.slip_at_corners, 0.5 * width)
     return found, found.settled(first, np.zeros(2 * n))
