@@ -99,6 +99,13 @@ EVEN: dict[str, rf.Scene] = {
             rf.Contact(span=(1.0, 2.0), friction=0.3),
         ),
     ),
+    "above and below": simple(
+        loads=(
+            rf.Load("P", body_force=(0.0, -0.2)),
+            rf.Load("T", thermal_strain="0.02*(1 + x**2)*(2 - y)"),
+        ),
+        contacts=(rf.Contact(friction=0.3), rf.Contact("top", (-0.5, 0.5), initial_gap=0.01)),
+    ),
     "pair": pair(rf.Load("T", "a.top", (-1.0, 1.0), traction=("0.2*x", 0.2))),
     "stack": pair(
         rf.Load("T", "a.top", (-1.0, 1.0), traction=("0.3*x", 0.2)),

@@ -150,34 +150,6 @@ def test_run_prints_a_table_and_no_progress_into_a_file(
     assert cli.main(again) == 0
 
 
-def test_unloading_demo_ends_without_any_force(
-    shared_tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    out = shared_tmp_path / "run"
-    scene = str(DEMOS / "unloading.toml")
-    settings = [*SMALL[:2], *SMALL[4:], "--pictures", "none"]
-    assert cli.main(["run", scene, *settings, "--out", str(out)]) == 0
-    MPI.COMM_WORLD.Barrier()
-    points = json.loads((out / "summary.json").read_text())["turning_points"]
-    assert [point["load"]["p0"] for point in points] == [1.0, 0.0]
-    # section 3.1: complete unloading
-    assert points[1]["p_max"] == points[1]["q_max"] == points[1]["q_min"] == 0.0
-    assert points[0]["p_max"] > 0.5
-    MPI.COMM_WORLD.Barrier()
-
-
-def test_solver_failure_ends_with_code_1(
-    shared_tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert cli.main(["run", BLOCK, *FAILING, "--out", str(shared_tmp_path / "run")]) == 1
-    captured = capsys.readouterr()
-    if root:
-        assert captured.err.startswith("receding-fenicsx: error: ")
-        assert "residual" in captured.err and captured.err.count("\n") == 1
-    MPI.COMM_WORLD.Barrier()
-    assert os.listdir(shared_tmp_path) == []
-
-
 @pytest.mark.parametrize(
     ("error", "code", "line"),
     [
@@ -234,15 +206,6 @@ def test_doctor_lists_what_works(capsys: pytest.CaptureFixture[str]) -> None:
         assert out.count("all requirements are met") == 1
     else:
         assert out == ""
-
-
-def test_doctor_says_when_mumps_does_not_work(monkeypatch: pytest.MonkeyPatch) -> None:
-    if not root:
-        return
-    monkeypatch.setattr(environment, "FACTORISE", "raise OSError('no such matrix')")
-    found = environment._tested(environment.Finding("MUMPS", "5.5.0"))
-    assert found.version is None
-    assert "OSError: no such matrix" in found.advice
 
 
 def test_doctor_says_what_is_missing_and_how_to_get_it(

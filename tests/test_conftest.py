@@ -146,17 +146,3 @@ def endless():
     )
     assert done.returncode != 0
     assert "in endless" in done.stdout + done.stderr
-
-
-def test_error_of_collection_on_one_rank_stops_all(session: Session) -> None:
-    text = "if rank == 1:\n    import no_such_module\n\ndef test_it(): pass\n"
-    done = session(text, *RANKS_COME)
-    assert done.returncode == pytest.ExitCode.INTERRUPTED
-    assert "No module named 'no_such_module'" in done.stdout
-
-
-def test_other_tests_on_each_rank_stop_all(session: Session) -> None:
-    text = "if rank == 1:\n    def test_more(): pass\n\ndef test_it(): pass\n"
-    done = session(text, *RANKS_COME)
-    assert done.returncode == pytest.ExitCode.INTERRUPTED
-    assert "the ranks collected different tests" in done.stdout

@@ -1,17 +1,13 @@
 """The pages of the documentation: keys of scenes, API, gallery; formulas survive Markdown."""
 
-import inspect
 import re
-from itertools import pairwise
 from pathlib import Path
 
 import api_pages
 import gallery_pages
-import picture_of_output
 import pytest
 import site_links
 import site_source
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 import receding_fenicsx
 
@@ -52,36 +48,6 @@ def test_api_describes_every_module_and_public_name(tmp_path: Path) -> None:
     assert r"K_{tn} \cr K_{nt}" in pages
 
 
-def test_docstrings_become_markdown() -> None:
-    text = """Raises :class:`~errors.InputError` as follows::
-
-        code
-
-    Args:
-        a, b: both
-            of them.
-
-    Returns:
-        (n,) values:
-
-        * one.
-
-    Raises:
-        InputError: never.
-    """
-    assert api_pages.markdown(inspect.cleandoc(text)).split("\n\n") == [
-        "Raises {py:class}`~errors.InputError` as follows:",
-        "    code",
-        "**Arguments**",
-        "* `a, b`: both\n  of them.",
-        "**Returns**",
-        "(n,) values:",
-        "* one.",
-        "**Raises**",
-        "* `InputError`: never.",
-    ]
-
-
 def test_every_demo_has_a_picture_and_every_picture_is_shown() -> None:
     demos = ROOT / "demos"
     names = gallery_pages.demo_names(demos)
@@ -108,15 +74,6 @@ def test_links_to_files_lead_to_pages() -> None:
     assert site_source.relinked(text) == "[d](api/bulk.mesh.md#edges)"
 
 
-def test_cells_of_a_notebook_become_text_and_code() -> None:
-    text = (
-        "# %% [markdown]\n# # A\n#\n# ![b](../../demos/pictures/b.png) [c](c.py)\n\n# %%\nx[1](y)\n"
-    )
-    assert site_source.page_of_notebook(text) == (
-        "# A\n\n![b](../pictures/b.png) [c](../tutorials/c.md)\n\n```python\nx[1](y)\n```\n"
-    )
-
-
 def test_broken_links_of_a_site_are_found(tmp_path: Path) -> None:
     pages = {
         "index.html": '<p id="top"><a href="sub/a.html#here">',
@@ -127,16 +84,3 @@ def test_broken_links_of_a_site_are_found(tmp_path: Path) -> None:
         (tmp_path / name).write_text(text, encoding="utf-8")
     found = site_links.broken_links(tmp_path)
     assert sorted(found) == ["sub/a.html: ../index.html#bottom", "sub/a.html: no.png"]
-
-
-def test_picture_of_output_holds_all_its_letters() -> None:
-    lines = picture_of_output.shortened([f"{i} {'x' * i}" for i in range(200)])
-    assert len(lines) == picture_of_output.LONGEST and lines[28][:2] == "28"
-    assert lines[-1].startswith("199 x") and lines[-1].endswith("x ...")
-    figure = picture_of_output.draw(lines)
-    canvas = FigureCanvasAgg(figure)
-    width, height = canvas.get_width_height()
-    boxes = [text.get_window_extent(canvas.get_renderer()) for text in figure.texts]
-    assert min(box.x0 for box in boxes) > 0 and max(box.x1 for box in boxes) < width
-    assert min(box.y0 for box in boxes) > 0 and max(box.y1 for box in boxes) < height
-    assert all(a.y0 > b.y0 for a, b in pairwise(boxes))

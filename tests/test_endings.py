@@ -11,7 +11,6 @@ import subprocess
 import sys
 from collections.abc import Callable
 from dataclasses import replace
-from html import unescape
 from pathlib import Path
 
 from mpi4py import MPI
@@ -70,15 +69,6 @@ def test_system_whose_energies_leave_the_range_of_the_numbers_is_refused(factor:
     system = block_system(8, 2)
     with pytest.raises(rf.InputError, match=r"energies of about .* beyond the range"):
         rf.evolve(replace(system, r_star=factor * system.r_star), cyclic(1))
-
-
-def test_force_on_held_nodes_only_is_refused_when_it_is_condensed(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    scene = block(load=rf.Load("p", "top", pressure=1.0), supports=(rf.Support("xy", edge="top"),))
-    monkeypatch.setattr("receding_fenicsx.scene.validate.check_acts", lambda *_: None)
-    with pytest.raises(rf.InputError, match="load 'p': is zero or acts on nothing but nodes"):
-        study.condense(scene)
 
 
 @pytest.mark.parametrize("fix", ["y", "xy"])
@@ -150,20 +140,6 @@ def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
         MPI.COMM_SELF,
     )
     return out
-
-
-# -- a .geo file that ends the program -----------------------------------------------------------
-
-
-def test_exit_in_a_geo_file_ends_every_rank_with_code_2(mpirun: Run, tmp_path: Path) -> None:
-    (tmp_path / "exit.geo").write_text("Point(1) = {0, 0, 0}; Exit;\n")
-    scene = tmp_path / "scene.toml"
-    scene.write_text(SCENE.replace("[mesh]", '[body]\nmesh = "exit.geo"\n[mesh]'))
-    done = mpirun(2, "-m", "receding_fenicsx", "run", scene, "--out", tmp_path / "run")
-    assert done.returncode == 2
-    lines = [line for line in done.stderr.splitlines() if line.startswith("receding-fenicsx:")]
-    assert len(lines) == 1 and '[body] mesh "exit.geo": ends gmsh' in lines[0]
-    assert sorted(os.listdir(tmp_path)) == ["exit.geo", "scene.toml"]
 
 
 # -- a full disk ---------------------------------------------------------------------------------
@@ -262,18 +238,3 @@ def test_every_name_of_a_load_can_be_drawn() -> None:
         text = f"{shown_name(name)} at $0.3$ of its largest"
         assert parser.parse(text) is not None
         assert text.count("$") - text.count("\\$") == 2
-
-
-@pytest.mark.one_rank
-def test_figures_and_report_bear_commands_in_names_of_loads(tmp_path: Path) -> None:
-    from receding_fenicsx.output.plots import figures
-
-    name = "&\\$<b>"
-    scene = block(elements=8, load=rf.Load(name, "top", (-1.0, 1.0), pressure=1.0))
-    scene = replace(scene, history=replace(scene.history, cycles=1), title="<i>&\\$x")
-    record = study.run(scene, tmp_path / "run", study.RunOptions(pictures=False))
-    assert record is not None
-    assert figures.plot_all(record, tmp_path / "run" / "figures", formats="png")
-    page = rf.write_report(tmp_path / "run", rf.to_toml(scene)).read_text()
-    assert "<b>" not in page and "<i>" not in page
-    assert scene.title in unescape(page) and name in unescape(page)

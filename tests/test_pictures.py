@@ -13,7 +13,6 @@ import pytest
 
 from receding_fenicsx import environment, read_scene
 from receding_fenicsx.mpi import on_root
-from receding_fenicsx.output.plots import figures
 from receding_fenicsx.studies import run as study
 from receding_fenicsx.timing import Countdown
 
@@ -48,16 +47,6 @@ def test_pictures_of_a_run_are_counted_and_those_in_pdf_are_the_figures(
             assert any(h.startswith(f"pictures of the body: {count - 1} of {count}") for h in heard)
 
     on_root(COMM, compare)
-
-
-@pytest.mark.one_rank
-def test_figures_of_a_user_are_drawn_by_a_run(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(figures, "FIGURES", dict(figures.FIGURES))
-    figures.figure("own", needs=lambda _: True)(lambda record, _: figures.hysteresis(record))
-    study.run(read_scene(BLOCK, SMALL), tmp_path / "run", study.RunOptions(all_pictures=True), COMM)
-    assert {"own.png", "hysteresis.png"} <= {p.name for p in (tmp_path / "run/figures").iterdir()}
 
 
 @pytest.mark.one_rank

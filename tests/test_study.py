@@ -192,21 +192,6 @@ def test_initial_slip_is_taken_over() -> None:
         np.testing.assert_allclose(shift, 0.125, rtol=1e-6)
 
 
-def test_existing_folders_are_left_alone_unless_asked(shared_tmp_path: Path) -> None:
-    out = shared_tmp_path / "run"
-    scene = small("history.kind=monotonic")
-    study.run(scene, out, study.RunOptions(pictures=False), comm)
-    comm.Barrier()
-    before = (out / "record.h5").stat().st_mtime_ns
-    with pytest.raises(rf.InputError, match="already exists"):
-        study.run(scene, out, study.RunOptions(pictures=False), comm)
-    assert (out / "record.h5").stat().st_mtime_ns == before
-    comm.Barrier()
-    study.run(scene, out, study.RunOptions(overwrite=True, pictures=False), comm)
-    comm.Barrier()
-    assert (out / "record.h5").stat().st_mtime_ns > before
-
-
 def test_failing_run_leaves_nothing_behind(shared_tmp_path: Path) -> None:
     # one sweep from one step of the whole load cannot be enough
     scene = small("solver.method=gauss-seidel", "solver.max_sweeps=1", "solver.polish=false")
@@ -233,17 +218,6 @@ def test_instants_are_found_by_the_names_of_legs(finished: Finished) -> None:
         )
         with pytest.raises(rf.InputError, match="one jump"):
             rf.instant_of(slipped, system, record, 0, "loading", 0.5)
-
-
-@pytest.mark.one_rank
-def test_only_loaded_turning_points_are_drawn() -> None:
-    scene = rf.read_scene(DEMOS / "unloading.toml", ["mesh.contact_elements=16"])
-    system = rf.given(study.condense(scene, MPI.COMM_SELF))
-    record = rf.evolve(system, scene)
-    assert record.turning_points.load[:, 0].tolist() == [1.0, 0.0]
-    for everything in (True, False):
-        chosen = default_instants(scene, system, record, everything)
-        assert [instant.load.tolist() for instant in chosen] == [[1.0]]
 
 
 @pytest.mark.one_rank

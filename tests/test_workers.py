@@ -14,8 +14,6 @@ import pytest
 
 from receding_fenicsx import child_environment, workers
 
-Run = Callable[..., subprocess.CompletedProcess[str]]
-
 
 def answer(work: Callable[..., Any], *arguments: Any) -> Any:
     return workers.result("test", workers.submit("test", work, *arguments))
@@ -145,17 +143,3 @@ def test_no_process_is_left_behind(how: str, code: int, tmp_path: Path) -> None:
     assert started.returncode == code
     assert "KeyboardInterrupt" in said if how == "interrupt" else said == ""
     wait_for_end_of(str(tmp_path))
-
-
-def test_ranks_have_processes_of_their_own(tmp_path: Path, mpirun: Run) -> None:
-    program = tmp_path / "program.py"
-    program.write_text(
-        "import os\n"
-        "from mpi4py import MPI\n"
-        "from receding_fenicsx import workers\n"
-        "numbers = [workers.result('a', workers.submit('a', os.getpid)) for _ in range(2)]\n"
-        "found = MPI.COMM_WORLD.allgather(numbers)\n"
-        "assert len({number for pair in found for number in pair}) == MPI.COMM_WORLD.size\n"
-    )
-    done = mpirun(2, program)
-    assert done.returncode == 0, done.stderr

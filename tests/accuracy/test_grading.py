@@ -36,26 +36,6 @@ def sheared(*overrides: str) -> rf.Scene:
     return replace(scene, history=replace(scene.history, until=None))
 
 
-@pytest.mark.one_rank
-def test_graded_search_has_true_errors_within_its_tolerance(shared_tmp_path: Path) -> None:
-    """Its second mesh against the third, 2.5 times finer; equal elements are five times worse."""
-    options = replace(sheared().accuracy, tolerance=2e-2, numbers=("dissipation_first_cycle",))
-    graded, out = rf.graded_at_ends(sheared(), contact_sizes_of(sheared())), shared_tmp_path / "run"
-    record = study.run(replace(graded, accuracy=options), out, PLAIN)
-    if record is None:
-        return
-    way = json.loads((out / "summary.json").read_text())["accuracy"]["way"]
-    _, found, last = (level["numbers"]["dissipation_first_cycle"] for level in way)
-    exact = record.cycles.dissipation[0]
-    assert last["value"] == exact and 2.0 * last["relative"] <= 2e-2
-    assert 0.0 < abs(found["value"] - exact) <= 2.0 * found["error"]
-    equal = sheared(f"mesh.contact_elements={way[1]['nodes'] // 4 * 2}")
-    system = rf.condense(equal, MPI.COMM_SELF)
-    assert system is not None
-    of_equal = rf.evolve(system, equal).cycles.dissipation[0]
-    assert 5.0 * abs(found["value"] - exact) < abs(of_equal - exact)
-
-
 def test_the_largest_pressure_at_a_sharp_corner_is_called_singular(shared_tmp_path: Path) -> None:
     scene = sheared("accuracy.numbers=['largest_pressure']", "accuracy.tolerance=1e-2")
     with pytest.raises(rf.ToleranceNotMet, match="largest_pressure does not converge: singular"):

@@ -13,7 +13,7 @@ import receding_fenicsx as rf
 from receding_fenicsx.evolution.evolve import evolve_bare
 from receding_fenicsx.reference.closed_forms import BLOCK
 from receding_fenicsx.studies import run as study
-from receding_fenicsx.studies.accuracy import estimate, meshes
+from receding_fenicsx.studies.accuracy import estimate
 from receding_fenicsx.studies.accuracy import study as space_errors
 from receding_fenicsx.studies.accuracy.estimate import estimated_error, observed_order
 from receding_fenicsx.studies.accuracy.meshes import to_limit
@@ -134,19 +134,6 @@ def test_meshes_that_do_not_fit_the_scene_are_passed_over(
     assert tried == [32, 30, 24, 16, 14]
 
 
-def test_a_coarser_partner_fits_the_scene(monkeypatch: pytest.MonkeyPatch) -> None:
-    count = meshes.count_nodes
-
-    def some(scene: rf.Scene) -> int:
-        if scene.mesh.contact_elements == 32:
-            raise rf.InputError("no vertex")
-        return count(scene)
-
-    monkeypatch.setattr(meshes, "count_nodes", some)
-    found = meshes.coarser(scene_of(64))
-    assert found is not None and found.mesh.contact_elements == 30
-
-
 def test_no_estimate_claims_more_than_meshes_can_tell(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(space_errors, "level_of", level_of)
     own: Any = {"same": rf.Number(-2.0), "missing": rf.Number(1.0)}
@@ -154,24 +141,6 @@ def test_no_estimate_claims_more_than_meshes_can_tell(monkeypatch: pytest.Monkey
     found = space_errors.space_errors(scene_of(64), own, lambda _: coarse)
     assert found["same"].error == pytest.approx(2e-6)
     assert np.isnan(found["missing"].error)
-
-
-def test_one_comparison_is_left_when_the_coarsest_mesh_has_no_answer(
-    made_up: Callable[[rf.Scene], Any],
-) -> None:
-    def solve_some(scene: rf.Scene) -> Any:
-        if scene.mesh.contact_elements < 32:
-            raise rf.NotConverged("too coarse")
-        return made_up(scene)
-
-    scene = scene_of(64)
-    assert_found(space_errors.space_errors(scene, made_up(scene), solve_some))
-    with pytest.raises(rf.NotConverged):
-        space_errors.space_errors(scene, made_up(scene), solve_nothing)
-
-
-def solve_nothing(_: rf.Scene) -> Any:
-    raise rf.NotConverged("too coarse")
 
 
 # -- true errors ----------------------------------------------------------------------------------
@@ -219,54 +188,6 @@ def test_the_estimate_holds_where_the_dissipation_converges_in_stairs(
     true = abs(found.value - SHEARED_D)
     assert 0.01 * SHEARED_D < true <= 2.0 * found.error < 0.1 * SHEARED_D
     assert estimate.narrowest_zone(record) == 1
-
-
-def round_scene(elements: int, *overrides: str) -> rf.Scene:
-    """Return the block as a body of revolution."""
-    return scene_of(elements, 'material.kinematics="axisymmetric"', "history.cycles=1", *overrides)
-
-
-@pytest.mark.parametrize(
-    ("elements", "cell", "growth", "friction", "poisson"),
-    [(128, "triangle", 1.3, 0.6, 0.3), (48, "quadrilateral", 1.25, 0.1, 0.45)],
-)
-def test_the_estimate_holds_for_the_pressure_of_linear_elements_on_an_axis(
-    elements: int, cell: str, growth: float, friction: float, poisson: float
-) -> None:
-    shared = [f"contact.friction={friction}", f"material.poisson={poisson}", "load.p0.span=[0, 1]"]
-
-    def round_block(elements: int, cell: str, degree: int, growth: float) -> rf.Scene:
-        mesh = f'mesh.cell="{cell}"', f"mesh.degree={degree}", f"mesh.growth={growth}"
-        scene = round_scene(elements, *shared, *mesh)
-        if poisson == 0.3:
-            return scene
-        platen = rf.Load("p0", "top", platen=True, force=(0.0, -6.0))
-        return replace(scene, loads=(platen,))
-
-    # quadrilaterals of order 2 are wrong by less than 1e-3 of it
-    fine = round_block(160, "quadrilateral", 2, 1.1)
-    limit = rf.headline(solve(fine))["centre_pressure"].value
-    scene = round_block(elements, cell, 1, growth)
-    found = space_errors.space_errors(scene, solve(scene), solve)["centre_pressure"]
-    true = abs(found.value - limit)
-    assert 0.003 * limit < true <= 2.0 * found.error < 0.1 * limit
-
-
-def test_ends_of_a_contact_are_those_of_hertz() -> None:
-    # a^2 = 4 P R / (pi E*) with a = 0.4 and R = 10
-    force = 0.4**2 * np.pi / (1.0 - 0.3**2) / 40.0
-    scene = rf.Scene(
-        body=rf.Body("a", shape="half-plane", width=2.0),
-        material=rf.Material(1.0, 0.3),
-        mesh=rf.MeshOptions(contact_elements=80),
-        contacts=(rf.Contact("bottom", friction=0.0, initial_gap="x**2/20"),),
-        loads=(rf.Load("P", "far", platen=True, force=(0.0, -force)),),
-        supports=(rf.Support("x", edge="far"),),
-        history=rf.HistoryOptions("monotonic"),
-    )
-    found = rf.headline(solve(scene))
-    assert found["contact_left"].value == pytest.approx(-0.4, abs=0.005)
-    assert found["contact_right"].value == pytest.approx(0.4, abs=0.005)
 
 
 def test_the_estimate_shows_that_linear_triangles_lock_near_incompressibility() -> None:
@@ -410,21 +331,3 @@ def test_a_search_without_an_answer_on_any_mesh_ends_as_its_last_run(
     scene = scene_of(16, "history.minimum=-0.5", "accuracy.tolerance=0.1")
     with pytest.raises(rf.NoEquilibrium, match="pull the body off"):
         study.run(scene, shared_tmp_path / "run", study.RunOptions(pictures=False), MPI.COMM_WORLD)
-
-
-@pytest.mark.one_rank
-def test_half_widths_refer_to_half_the_edge_and_probes_to_their_largest_value() -> None:
-    scene = scene_of(16, "history.cycles=1")
-    points = tuple((0.0, y) for y in (0.2, 0.5, 0.9))
-    record = solve(replace(scene, probes=(rf.Probe("line", points=points),)))
-    found = rf.headline(record)
-    half_edge = 0.5 * float(np.ptp(record.x))
-    for name in ("contact_half_width", "stick_half_width"):
-        assert found[name].size == half_edge != abs(found[name].value)
-    # at the end of cycle 0, the whole line in compression
-    rows = record.turning_points.cycle == 0
-    at = record.probe("line")
-    stress = at.stress[at.kind == "turning point"][np.flatnonzero(rows)[-1]]
-    assert np.all(stress[:, 1] < 0.0)
-    number = found["probe_syy[line]"]
-    assert number.value == stress[:, 1].min() and number.size == np.abs(stress).max()

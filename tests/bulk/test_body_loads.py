@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 from mpi4py import MPI
 
 import numpy as np
@@ -15,7 +13,7 @@ import receding_fenicsx as rf
 from receding_fenicsx.bulk.fields import fields_at, gather_cell_stresses, solve_fields
 from receding_fenicsx.bulk.mesh.meshing import make_meshes
 from receding_fenicsx.bulk.stack import build_all
-from receding_fenicsx.scene.symmetry import is_half_meshed, is_mirror_symmetric
+from receding_fenicsx.scene.symmetry import is_half_meshed
 
 comm = MPI.COMM_WORLD
 Array = NDArray[np.float64]
@@ -135,79 +133,7 @@ def test_rotating_shaft_between_smooth_plates(degree: int) -> None:
     np.testing.assert_allclose(at["ux"], r * eps, rtol=1e-2 * off, atol=0.2 * off * eps.max())
 
 
-def half_disc(folder: Path, side: int, h: float) -> str:
-    """A .geo file of the upper or lower half of a disc of radius 2."""
-    file = folder / f"half{side}_{h}.geo"
-    file.write_text(
-        f"h = {h}; Point(1) = {{0, 0, 0, h}}; Point(2) = {{{-2 * side}, 0, 0, h}};\n"
-        f"Point(3) = {{{2 * side}, 0, 0, h}}; Point(4) = {{0, {2 * side}, 0, h}};\n"
-        "Line(1) = {2, 1}; Line(2) = {1, 3}; Circle(3) = {3, 1, 4}; Circle(4) = {4, 1, 2};\n"
-        "Curve Loop(1) = {1, 2, 3, 4}; Plane Surface(1) = {1}; Physical Surface('s') = {1};\n"
-        f"Transfinite Curve {{1, 2}} = {round(2.0 / h) + 1}; Physical Point('mid') = {{1}};\n"
-        "Physical Curve('flat') = {1, 2}; Physical Curve('rim') = {3, 4};\n",
-        encoding="utf-8",
-    )
-    return str(file)
-
-
-@pytest.mark.one_rank
-@pytest.mark.parametrize("kinematics", ["plane stress", "plane strain"])
-def test_full_disc_rotates_inside_a_tight_ring(kinematics: str, tmp_path: Path) -> None:
-    """Two halves of a disc, rim pressure p: s_rr = c (3 + nu)(R^2 - r^2) - p and so on, order 2.
-
-    c = rho omega^2 / 8; in plane strain nu stands for nu / (1 - nu). Straight sides of the rim
-    leave errors of the second power of the element size.
-    """
-    rate, R, p = 0.4, 2.0, 1.5
-    places = np.array([(0.3, 0.4), (0.7, 0.9), (1.1, 0.12), (-0.5, 1.2), (0.05, 1.7)])
-    nu = NU / (1.0 - NU) if kinematics == "plane strain" else NU
-    r = np.hypot(*places.T)
-    c, s = (places / r[:, None]).T
-    srr = rate / 8.0 * (3.0 + nu) * (R**2 - r**2) - p
-    stt = rate / 8.0 * ((3.0 + nu) * R**2 - (1.0 + 3.0 * nu) * r**2) - p
-    known = np.column_stack([srr * c**2 + stt * s**2, srr * s**2 + stt * c**2])
-    error, force = [], []
-    for h in (0.4, 0.2):
-        scene = rf.Scene(
-            body=rf.Body("a", mesh=half_disc(tmp_path, 1, h)),
-            others=(rf.Body("b", mesh=half_disc(tmp_path, -1, h)),),
-            material=rf.Material(E, NU, kinematics),
-            mesh=rf.MeshOptions(degree=2),
-            contacts=(rf.Contact("a.flat", friction=0.0, against="b.flat"),),
-            loads=(
-                *(rf.Load("p", f"{name}.rim", pressure=p) for name in "ab"),
-                *(rf.Load("w", body=n, body_force=(f"{rate}*x", f"{rate}*y")) for n in "ab"),
-            ),
-            supports=(
-                *(rf.Support("xy" if n == "b" else "x", point="mid", body=n) for n in "ab"),
-                rf.Support("x", point=(0.0, -R), body="b"),
-            ),
-            history=rf.HistoryOptions(kind="monotonic", load="w", constant={"p": 1.0}),
-            probes=tuple(
-                rf.Probe(n, points=tuple((x, sign * y) for x, y in places.tolist()), body=n)
-                for n, sign in (("a", 1), ("b", -1))
-            ),
-        )
-        record = played(scene)
-        error.append(max(np.abs(record.probe(n).stress[-1, :, :2] - known).max() / p for n in "ab"))
-        force.append(record.turning_points.P[-1].sum() / (2.0 * p * R - 2.0 / 3.0 * rate * R**3))
-    assert error[1] < 1.2e-3 and error[0] / error[1] > 3.3
-    assert abs(force[1] - 1.0) < 2e-3 and (force[0] - 1.0) / (force[1] - 1.0) > 3.8
-
-
 # -- halves, wholes, pairs, work -----------------------------------------------------------------
-
-
-@pytest.mark.parametrize(
-    "load",
-    [
-        rf.Load("T", thermal_strain="0.01*x"),
-        rf.Load("T", body_force=(1.0, 0.0)),
-        rf.Load("T", body_force=("x", "x")),
-    ],
-)
-def test_uneven_loads_are_not_mirror_symmetric(load: rf.Load) -> None:
-    assert not is_mirror_symmetric(block(load=load))
 
 
 def test_profile_that_fails_on_a_mesh_is_refused_on_all_ranks() -> None:

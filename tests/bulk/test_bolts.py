@@ -14,7 +14,6 @@ from bodies import block, played
 import receding_fenicsx as rf
 from receding_fenicsx.bulk.fields import fields_at
 from receding_fenicsx.bulk.from_scene import bulk_of
-from receding_fenicsx.modal import mode_system
 from receding_fenicsx.timing import Timer
 
 comm = MPI.COMM_WORLD
@@ -85,19 +84,6 @@ def test_pull_on_the_head_of_a_rigid_bolt_whose_nut_is_held_is_carried_by_the_bo
     np.testing.assert_allclose(table.P.sum(axis=1), preload, rtol=1e-9)
 
 
-@pytest.mark.one_rank
-def test_a_ring_of_bolts_takes_part_in_the_modes_of_a_joint() -> None:
-    """Condensation finds 1 / omega^2 to 1e-6, or an error is raised; stiffer bolts raise omega."""
-    found, foot = [], (rf.Support("y", point=(0.0, 0.0), body="b"),)
-    round_ = rf.Material(E, 0.0, "axisymmetric", density=2.0)
-    history = rf.HistoryOptions(kind="monotonic", load="m", constant={"pull": 0.01})
-    for scene in (clamped(3.0), clamped(30.0)):
-        scene = replace(scene, material=round_, supports=foot, history=history)
-        driven = replace(scene, loads=(*scene.loads, rf.Load("m", mode=1)))
-        found.append(mode_system(driven)[1][0])
-    assert found[1] > 1.05 * found[0] > 0.0
-
-
 def with_preloads(scene: rf.Scene, *forces: float) -> rf.Scene:
     """The scene with preloads in the place of shortenings."""
     pairs = zip(scene.bolts, forces, strict=False)
@@ -160,27 +146,6 @@ def test_bolts_draw_parts_over_a_gap_or_say_that_they_cannot() -> None:
     assert "\n" not in str(error.value)
 
 
-@pytest.mark.one_rank
-def test_bolts_carry_nothing_while_a_fit_closes() -> None:
-    scene = lap(probes=(), history=rf.HistoryOptions(kind="monotonic", maximum=0.1))
-    (contact,) = scene.contacts
-    scene = with_preloads(
-        replace(
-            scene,
-            contacts=(replace(contact, interference=0.001),),
-            supports=(*scene.supports, rf.Support("xy", edge="a.left")),
-            loads=(rf.Load("pull", "a.right", traction=(0.012, 0.0)),),
-        ),
-        0.01,
-        0.03,
-    )
-    record = played(scene)
-    force = record.turning_points.load_displacement[:, 1:3]
-    np.testing.assert_allclose(force[0], 0.0, atol=1e-11)
-    np.testing.assert_allclose(force[1], [0.01, 0.0], atol=1e-11)
-    assert force[2, 1] == pytest.approx(0.03, rel=1e-9) and record.energy_error_max < 1e-10
-
-
 def test_bolt_in_one_body_prestresses_it() -> None:
     """A block, nu = 0, between head and nut: s + L alpha dT = F (1/k + L / (E H))."""
     scene = block(
@@ -223,66 +188,6 @@ def lap(**parts: Any) -> rf.Scene:
         probes=(rf.Probe("s", points=((-0.5, 0.6), (0.3, 0.7)), body="a"),),
     )
     return replace(scene, **parts)
-
-
-@pytest.mark.one_rank
-def test_lap_joint_fields_probes_and_work() -> None:
-    scene = lap(output=rf.OutputOptions(samples_per_leg=200))
-    history = rf.history_from_scene(scene)
-    assert history.load_names == ("pull", "one", "two")
-    rows: Any = [[0, 0, 0], [0, 0.01, 0], [0, 0.01, 0.01], [1, 0.01, 0.01]]
-    np.testing.assert_allclose(history.path, rows)
-    record = played(scene)
-    assert record.energy_error_max < 1e-9 and record.residual_max < 1e-9
-    D = record.cycles.dissipation[-1]
-    assert D > 1e-7
-    area = rf.loop_of(record, len(record.cycles.dissipation)).area().sum()
-    assert area == pytest.approx(D, rel=1e-3)
-    table, at = record.turning_points, record.probe("s")
-    # tightening the second bolt changes the first one's force; then both follow the load
-    force = table.load_displacement[:, 1:]
-    assert force[0, 0] > 0.0 and force[1, 1] > 0.0 and force[0, 0] != force[1, 0]
-    assert np.all(np.ptp(force[2:], axis=0) > 0.0)
-    bulk = bulk_of(scene, comm, Timer())
-    u = np.concatenate([table.v[-1], table.w[-1]])
-    fields = rf.given(fields_at(bulk, table.load[-1], u))
-    bulk.destroy()
-    for point, moved in zip(at.points, at.displacement[-1], strict=True):
-        near = np.argsort(np.hypot(*(fields.points - point).T))[:4]
-        spread = np.ptp(fields.displacement[near], axis=0).max()
-        assert np.abs(fields.displacement[near].mean(axis=0) - moved).max() <= spread
-    # the law of the elastic bolt from the mean displacements of its patches
-    means = []
-    for k, y, low in ((0, 0.8, -0.75), (1, 0.0, -0.75)):
-        on = (fields.body == k) & (np.abs(fields.points[:, 1] - y) < 1e-9)
-        on &= np.abs(fields.points[:, 0] - low - 0.25) < 0.25 + 1e-9
-        order = np.argsort(fields.points[on, 0])
-        x, v = fields.points[on, 0][order], fields.displacement[on, 1][order]
-        means.append(np.sum(np.diff(x) * (v[1:] + v[:-1])) / (2.0 * (x[-1] - x[0])))
-    assert 2.0 * (0.01 - (means[1] - means[0])) == pytest.approx(force[-1, 0], rel=1e-9)
-
-
-@pytest.mark.one_rank
-def test_rigid_bolt_is_the_limit_of_stiff_ones() -> None:
-    scene = lap(probes=())
-    stiff = replace(scene, bolts=(scene.bolts[0], replace(scene.bolts[1], stiffness=1e9)))
-    a, b = (played(s).turning_points for s in (scene, stiff))
-    np.testing.assert_allclose(a.P[-1], b.P[-1], atol=1e-6 * a.P.max())
-    np.testing.assert_allclose(a.load_displacement[-1], b.load_displacement[-1], rtol=1e-6)
-
-
-def test_saved_system_serves_other_shortenings(shared_tmp_path: Any) -> None:
-    scene = lap(probes=())
-    assert rf.from_toml(rf.to_toml(scene)) == scene
-    system = rf.condense(scene, comm)
-    if system is None:
-        return
-    rf.write_system(shared_tmp_path / "bolts.h5", system)
-    other = replace(scene, bolts=tuple(replace(bolt, shortening=0.02) for bolt in scene.bolts))
-    saved = rf.read_system(shared_tmp_path / "bolts.h5", other)
-    assert np.array_equal(saved.K, system.K)
-    with pytest.raises(rf.InputError, match="bolt"):
-        rf.read_system(shared_tmp_path / "bolts.h5", replace(scene, bolts=scene.bolts[:1]))
 
 
 TIE = rf.Bolt("a", "left", "right", 0.1, axis=(1.0, 0.0))

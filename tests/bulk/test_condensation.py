@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from receding_fenicsx.bulk import elastic_body, schur
 from receding_fenicsx.bulk.body import BLOCK_COLUMNS, Bulk, Elimination
 from receding_fenicsx.bulk.mesh.meshing import BodyMesh
-from receding_fenicsx.errors import InputError, SolveError
+from receding_fenicsx.errors import SolveError
 from receding_fenicsx.interface.system import ContactSystem
 from receding_fenicsx.scene.model import Body, Contact, Load, Material, Scene, Support
 
@@ -190,113 +190,6 @@ def test_any_number_of_ranks_gives_the_same_system(cell: str, route: str, half: 
         assert off(together.r_star, alone.r_star) < 1e-12
 
 
-@ELEMENTS
-def test_half_is_the_symmetric_part_of_the_whole(cell: str, degree: int) -> None:
-    """With u = T u_half, v odd and w even, the halves' energies add up: 2 K_half = T^T K T."""
-    scene = block(cell, degree)
-    whole, half = system_of(scene), system_of(scene, half=True)
-    if whole is None or half is None:
-        return
-    n, m = whole.n, half.n
-    assert half.half and not whole.half
-    T = np.zeros((2 * n, 2 * m))
-    for i in range(m):
-        right, left = m - 1 + i, m - 1 - i
-        assert whole.x[right] == half.x[i] and whole.x[left] == -half.x[i]
-        if i:
-            T[right, i], T[left, i] = 1.0, -1.0
-        T[n + right, m + i] = T[n + left, m + i] = 1.0
-    free = ~half.held
-    assert half.held.tolist() == [i == 0 for i in range(2 * m)]
-    symmetric = 0.5 * T.T @ whole.K @ T
-    assert off(half.K[np.ix_(free, free)], symmetric[np.ix_(free, free)]) < 1e-12
-    assert off(half.r_star[0, free], (0.5 * T.T @ whole.r_star[0])[free]) < 1e-12
-    assert 2.0 * half.load_compliance == pytest.approx(whole.load_compliance, rel=1e-12)
-
-
-@ELEMENTS
-def test_whole_system_is_mirror_symmetric(cell: str, degree: int) -> None:
-    system = system_of(block(cell, degree))
-    if system is None:
-        return
-    n = system.n
-    mirror = np.concatenate([np.arange(n)[::-1], n + np.arange(n)[::-1]])
-    sign = np.repeat([-1.0, 1.0], n)
-    image = sign[:, None] * system.K[np.ix_(mirror, mirror)] * sign
-    assert off(image, system.K) < 1e-12
-    assert off(sign * system.r_star[0, mirror], system.r_star[0]) < 1e-12
-    assert np.array_equal(system.x, -system.x[::-1])
-
-
-@ELEMENTS
-@pytest.mark.parametrize("half", [False, True])
-@pytest.mark.parametrize("supports", SUPPORTS)
-def test_properties_that_every_system_has(
-    cell: str, degree: int, half: bool, supports: tuple[Support, ...]
-) -> None:
-    scene = block(cell, degree, supports=supports)
-    system = system_of(scene, half)
-    if system is None:
-        return
-    n = system.n
-    size = np.abs(system.K).sum(axis=1).max()
-    assert np.array_equal(system.K, system.K.T)
-    free = ~system.held
-    values = np.linalg.eigvalsh(system.K[np.ix_(free, free)])
-    motions = system.rigid.shape[1]
-    assert values[:motions] == pytest.approx(np.zeros(motions), abs=1e-12 * size)
-    assert values[motions] > 1e-4 * system.K.diagonal().min()
-    assert np.abs(system.K @ system.rigid).max(initial=0.0) <= 1e-12 * size
-    assert system.weight.min() > 0.0
-    assert system.weight.sum() == pytest.approx(2.0 if half else 4.0, rel=1e-13)
-    # along every motion that is left the reactions balance the load, which acts about x = 0
-    for motion in system.rigid.T:
-        work = (1.0 if half else 2.0) * np.interp(0.0, system.x, motion[n:])
-        assert system.r_star[0] @ motion == pytest.approx(work, abs=1e-12)
-    if not supports:
-        assert system.r_star[0, n:].sum() == pytest.approx(1.0 if half else 2.0, rel=1e-12)
-        assert system.r_star[0, n:].min() > -1e-3 * system.r_star[0, n:].max()
-    assert np.all(np.diff(system.x) > 0.0)
-    assert system.load_names == ("p0",)
-    assert np.array_equal(system.load_sign, [-1.0])
-    assert system.load_compliance[0, 0] > 0.0
-    assert system.kind == "frictional"
-
-
-@ELEMENTS
-def test_scaling_by_powers_of_two_leaves_the_bits(cell: str, degree: int) -> None:
-    """On one rank: on more, MUMPS adds the ranks' parts in the order in which they arrive."""
-    alone = MPI.COMM_SELF
-    scene = block(cell, degree, load=Load("p0", "top", (-1.0, 1.0), pressure=0.7))
-    base = system_of(scene, on=alone)
-    up, down = 2.0**30, 2.0**-30
-    stiffer = system_of(replace(scene, material=Material(2.0 * up, 0.3)), on=alone)
-    load = Load("p0", "top", (-1.0, 1.0), pressure=0.7 * up)
-    harder = system_of(replace(scene, loads=(load,)), on=alone)
-    smaller = system_of(
-        replace(
-            scene,
-            body=Body(width=4.0 * down, height=down),
-            loads=(Load("p0", "top", (-down, down), pressure=0.7),),
-        ),
-        on=alone,
-    )
-    if base is None or stiffer is None or harder is None or smaller is None:
-        return
-    assert np.array_equal(stiffer.K, up * base.K)
-    assert np.array_equal(stiffer.r_star, base.r_star)
-    assert np.array_equal(stiffer.load_compliance, base.load_compliance / up)
-    assert np.array_equal(harder.K, base.K)
-    assert np.array_equal(harder.r_star, up * base.r_star)
-    # in the plane, stiffness per unit thickness has no length in it
-    assert np.array_equal(smaller.K, base.K)
-    assert np.array_equal(smaller.r_star, down * base.r_star)
-    assert np.array_equal(smaller.x, down * base.x)
-    assert np.array_equal(smaller.weight, down * base.weight)
-    assert np.array_equal(smaller.load_compliance, down**2 * base.load_compliance)
-    assert np.array_equal(smaller.rigid, base.rigid)
-
-
 @pytest.mark.parametrize("degree", [1, 2])
 def test_a_turned_body_has_the_same_system(degree: int) -> None:
     """A block on its side, with contact on that side, is the block; left and top are mirrored."""
@@ -317,13 +210,6 @@ def test_a_turned_body_has_the_same_system(degree: int) -> None:
             sign[:n] = -1.0
         assert system.x == pytest.approx(upright.x, abs=1e-15)
         assert off(sign[:, None] * system.K * sign, upright.K) < 1e-12
-
-
-def test_unknown_route_is_refused() -> None:
-    bulk = built(block())
-    with pytest.raises(InputError, match="route = 'magic'"):
-        condense(bulk, "magic")
-    bulk.destroy()
 
 
 def test_a_wrong_triangle_would_be_noticed(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -105,6 +105,9 @@ def test_fields_of_pictures_are_those_of_probes(name: str) -> None:
             largest = np.abs(probe.stress[row]).max()
             assert np.abs(probe.stress[row, :, n] - found.stress[part][own]).max() < 1e-9 * largest
         assert np.allclose(probe.von_mises[row], found.stress["von_mises"][own], rtol=1e-9)
+        sxx, syy, _, sxy = probe.stress[row].T
+        shear = np.hypot(0.5 * (sxx - syy), sxy)
+        assert np.allclose(shear, found.stress["max_shear"][own], rtol=1e-9)
 
 
 def test_windows_of_half_planes_are_where_and_as_large_as_asked_for() -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 from mpi4py import MPI
@@ -11,108 +10,20 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 from bodies import block, played
-from numpy.typing import NDArray
 
 import receding_fenicsx as rf
-from receding_fenicsx.bulk.fields import fields_at
-from receding_fenicsx.bulk.mesh.meshing import make_meshes
-from receding_fenicsx.bulk.stack import build_all
-from receding_fenicsx.scene.identity import body_difference
 from receding_fenicsx.scene.symmetry import is_half_meshed
 
 comm = MPI.COMM_WORLD
-Array = NDArray[np.float64]
 E, NU, DEPTH = 2.0, 0.3, 0.004
 ONCE = rf.HistoryOptions(kind="monotonic")
 A, B, C = 0.5, 1.0, 2.0
-
-
-def ring(folder: Path, name: str, inner: float, outer: float) -> str:
-    """A .geo file of a ring's section, 0 <= z <= 1."""
-    file = folder / f"{name}.geo"
-    text = (
-        f"Point(1) = {{{inner}, 0, 0}}; Point(2) = {{{outer}, 0, 0}};\n"
-        f"Point(3) = {{{outer}, 1, 0}}; Point(4) = {{{inner}, 1, 0}};\n"
-        "Line(1) = {1, 2}; Line(2) = {2, 3}; Line(3) = {3, 4}; Line(4) = {4, 1};\n"
-        "Curve Loop(1) = {1, 2, 3, 4}; Plane Surface(1) = {1};\n"
-        "Transfinite Curve {1, 3} = 17; Transfinite Curve {2, 4} = 9;\n"
-        "Transfinite Surface {1}; Recombine Surface {1};\n"
-        "Physical Surface('s') = {1}; Physical Curve('down') = {1};\n"
-        "Physical Curve('out') = {2}; Physical Curve('up') = {3}; Physical Curve('in') = {4};\n"
-    )
-    rf.on_root(comm, lambda: file.write_text(text))
-    return str(file)
-
-
-def fit(folder: Path, young: float = E, **parts: Any) -> rf.Scene:
-    """A ring shrunk on a hollow shaft, between smooth plates or with free ends."""
-    scene = rf.Scene(
-        body=rf.Body("hub", mesh=ring(folder, "hub", B, C)),
-        others=(rf.Body("shaft", mesh=ring(folder, "shaft", A, B)),),
-        material=rf.Material(E, NU, "axisymmetric"),
-        materials=(rf.Material(young, NU, "axisymmetric", "shaft"),),
-        mesh=rf.MeshOptions(contact_elements=8, cell="quadrilateral", degree=2),
-        contacts=(rf.Contact("hub.in", friction=0.0, against="shaft.out", interference=DEPTH),),
-        supports=(rf.Support("y", edge="hub.down"), rf.Support("y", edge="shaft.down")),
-        history=ONCE,
-        probes=(
-            rf.Probe("hub", points=((1.5, 0.3),), body="hub"),
-            rf.Probe("shaft", points=((0.75, 0.6),), body="shaft"),
-        ),
-    )
-    return replace(scene, **parts)
-
-
-def lame(young: float) -> float:
-    """Pressure of the fit with free ends, in plane stress."""
-    hub = ((C**2 + B**2) / (C**2 - B**2) + NU) / E
-    shaft = ((B**2 + A**2) / (B**2 - A**2) - NU) / young
-    return DEPTH / (B * (hub + shaft))
-
-
-@pytest.mark.one_rank
-@pytest.mark.parametrize("young", [2.0, 7.0])
-def test_shrink_fit_has_lames_pressure(shared_tmp_path: Path, young: float) -> None:
-    record = played(fit(shared_tmp_path, young))
-    p = lame(young)
-    assert record.turning_points.p[-1] == pytest.approx(p, rel=1e-4)
-    # the conjugate is the depth times the force
-    force = 2.0 * np.pi * B * p
-    assert record.turning_points.load_displacement[-1, 0] == pytest.approx(DEPTH * force, rel=1e-5)
-    hub, shaft = record.probe("hub"), record.probe("shaft")
-    c = p * B**2 / (C**2 - B**2)
-    r = 1.5
-    srr, stt = c * (1.0 - (C / r) ** 2), c * (1.0 + (C / r) ** 2)
-    np.testing.assert_allclose(hub.stress[-1, 0, [0, 2]], [srr, stt], atol=1e-3 * stt)
-    assert hub.displacement[-1, 0, 0] == pytest.approx(r * (stt - NU * srr) / E, rel=1e-5)
-    c, r = -p * B**2 / (B**2 - A**2), 0.75
-    srr, stt = c * (1.0 - (A / r) ** 2), c * (1.0 + (A / r) ** 2)
-    assert shaft.displacement[-1, 0, 0] == pytest.approx(r * (stt - NU * srr) / young, rel=1e-5)
-
-
-@pytest.mark.one_rank
-def test_fields_of_a_shrink_fit_are_the_true_ones(shared_tmp_path: Path) -> None:
-    """The two surfaces, apart by the depth as made, meet: u_hub - u_shaft = depth."""
-    scene = replace(fit(shared_tmp_path), probes=())
-    record = played(scene)
-    bulk = build_all(scene, make_meshes(comm, scene, True))
-    end = record.turning_points
-    assert np.abs(end.w[-1]).max() < 1e-12
-    found = rf.given(fields_at(bulk, end.load[-1], np.concatenate([end.v[-1], end.w[-1]])))
-    bulk.destroy()
-    on = np.abs(found.points[:, 0] - B) < 1e-9
-    radial = [found.displacement[on & (found.body == k), 0].mean() for k in (0, 1)]
-    assert radial[0] - radial[1] == pytest.approx(DEPTH, rel=1e-9)
-    p = lame(E)
-    hub = ((C**2 + B**2) / (C**2 - B**2) + NU) / E * B * p
-    assert radial[0] == pytest.approx(hub, rel=1e-5)
 
 
 # -- a block that its support presses on the plane -----------------------------------------------
 
 BULGE = "0.01*(1 - 0.1*x**2)"
 HELD = (rf.Support("y", edge="top"),)
-SHEAR = rf.Load("Q", "left", traction=(0.01, 0.0))
 
 
 def wedged(**parts: Any) -> rf.Scene:
@@ -199,21 +110,6 @@ def test_conjugate_of_a_pressure_is_its_integral_over_the_true_displacement() ->
     assert abs(found[0]) > 0.1 * np.abs(found).max()  # interference alone
 
 
-def test_saved_system_belongs_to_its_interference(shared_tmp_path: Path) -> None:
-    scene = wedged()
-    assert rf.from_toml(rf.to_toml(scene)) == scene
-    system = rf.condense(scene, comm)
-    if system is None:
-        return
-    rf.write_system(shared_tmp_path / "system.h5", system)
-    saved = rf.read_system(shared_tmp_path / "system.h5", scene)
-    assert np.array_equal(saved.r_star, system.r_star)
-    deeper = wedged(contacts=(rf.Contact(friction=0.3, interference=0.02),))
-    assert body_difference(scene, deeper) == "[contact] interference"
-    with pytest.raises(rf.InputError, match="interference"):
-        rf.read_system(shared_tmp_path / "system.h5", deeper)
-
-
 @pytest.mark.parametrize(
     ("parts", "words"),
     [
@@ -230,10 +126,3 @@ def test_bad_interference_is_refused(parts: dict[str, Any], words: str) -> None:
     with pytest.raises(rf.InputError, match=words) as error:
         rf.condense(wedged(**parts), comm)
     assert "\n" not in str(error.value)
-
-
-@pytest.mark.one_rank
-def test_half_of_the_scene_is_half_meshed() -> None:
-    assert is_half_meshed(wedged())
-    lopsided = (rf.Contact(interference="0.01 + 0.001*x"),)
-    assert not is_half_meshed(wedged(contacts=lopsided))

@@ -16,11 +16,9 @@ from receding_fenicsx.bulk.from_scene import bulk_of
 from receding_fenicsx.bulk.mesh.gmsh_model import gmsh_model
 from receding_fenicsx.mpi import on_root
 from receding_fenicsx.scene.model import Body, Contact, Load, Material, MeshOptions, Scene
-from receding_fenicsx.scene.toml_file import read_scene
 from receding_fenicsx.timing import Timer
 
 comm = MPI.COMM_WORLD
-DEMOS = Path(__file__).parents[2] / "demos"
 
 ARCH = """
 Point(1) = {-2, 0, 0}; Point(2) = {2, 0, 0}; Point(3) = {2, 2, 0}; Point(4) = {-2, 2, 0};
@@ -65,28 +63,6 @@ def forces(scene: Scene) -> Array:
     places = bulk.space.tabulate_dof_coordinates()[: len(force), :2]
     bulk.destroy()
     return np.vstack(comm.allgather(np.hstack([force, places])))
-
-
-@pytest.mark.parametrize("degree", [1, 2])
-@pytest.mark.parametrize("radius", [10.0, 40.0])
-@pytest.mark.parametrize(("file", "circle"), [("", 1.0), ("_axisymmetric", 2.0 * np.pi)])
-def test_loads_of_the_punch_demos_have_the_resultant_1(
-    degree: int, radius: float, file: str, circle: float
-) -> None:
-    scene = read_scene(
-        DEMOS / f"punch{file}.toml",
-        [
-            f"body.parameters={{radius={radius}, quarter={int(bool(file))}}}",
-            f"mesh.degree={degree}",
-            "mesh.contact_elements=20",
-        ],
-    )
-    found = forces(scene)
-    assert circle * found[:, 1].sum() == pytest.approx(-1.0, abs=1e-12)
-    if not file:
-        assert abs(found[:, 0].sum()) < 1e-12
-        moment = found[:, 2] @ found[:, 1] - found[:, 3] @ found[:, 0]
-        assert abs(moment) < 1e-11 * radius
 
 
 @pytest.mark.parametrize("kind", ROOFS)

@@ -104,19 +104,6 @@ def test_two_materials_in_one_mesh_are_two_tied_bodies(
             assert getattr(whole, name) == pytest.approx(found, abs=1e-11), name
 
 
-def test_bar_of_two_materials_shortens_by_both(shared_tmp_path: Path) -> None:
-    """Under p by p h (1 / E_1 + 1 / E_2), without lateral strain."""
-    materials = tuple(replace(m, poisson=0.0) for m in (COAT, CORE))
-    load = rf.Load("P", "top", pressure=0.1)
-    found = last(two(shared_tmp_path, materials=materials, loads=(load,)))
-    if found is not None:
-        system, record = found
-        assert record.turning_points.P[-1] == pytest.approx(0.1 * system.weight, rel=1e-10)
-        # the integral of 0.1 times the displacement over 4
-        moved = record.turning_points.load_displacement[-1, 0]
-        assert moved == pytest.approx(0.1 * 4.0 * 0.1 * (1.0 / 10.0 + 1.0 / 1.0), rel=1e-10)
-
-
 def test_beam_of_two_materials_bends_as_timoshenko_says(shared_tmp_path: Path) -> None:
     """Under its own stress E_i (y - c) k at the end, tied to a wall; c is the weighted middle.
 

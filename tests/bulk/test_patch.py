@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from mpi4py import MPI
-
 import numpy as np
 import pytest
 from bodies import CELLS, ELEMENTS, block, built
@@ -16,7 +14,6 @@ from receding_fenicsx.bulk.stress import stresses
 from receding_fenicsx.interface.mirror import mirror_of
 from receding_fenicsx.scene.symmetry import is_half_meshed
 
-comm = MPI.COMM_WORLD
 Array = NDArray[np.float64]
 FRICTION = 0.35
 
@@ -113,16 +110,3 @@ def test_block_sticks_at_99_percent_of_friction_and_slides_at_100(
         assert record.turning_points.p[-1] == pytest.approx(1.0, rel=1e-11)
     beyond = sheared(1.01, poisson, loads, cell, degree)
     assert sliding_factors(system, beyond, beyond.solver) == pytest.approx(1.0, rel=1e-8)
-
-
-@pytest.mark.parametrize(
-    ("loads", "poisson"), [((TOP, *SIDES), 0.0), ((TOP,), 0.3)], ids=["uniform", "top"]
-)
-def test_load_steps_say_at_which_load_the_block_slides(
-    loads: tuple[rf.Load, ...], poisson: float
-) -> None:
-    scene = sheared(1.01, poisson, loads, "quadrilateral", 1)
-    system = rf.condense(scene)
-    if system is not None:
-        steps = rf.SolverOptions(method="gauss-seidel", steps_per_leg=10, max_sweeps=500)
-        assert sliding_factors(system, scene, steps) == pytest.approx(1.0, rel=1e-8)

@@ -8,7 +8,7 @@ from mpi4py import MPI
 
 import numpy as np
 import pytest
-from bodies import CELLS, ELEMENTS, block, built, condense, displacements, make_mesh, reactions
+from bodies import ELEMENTS, block, built, condense, displacements, make_mesh
 from numpy.typing import NDArray
 from small import named_loads
 
@@ -18,7 +18,6 @@ from receding_fenicsx.bulk.body import Bulk, back_substitute, gather_contact
 from receding_fenicsx.bulk.elasticity import build
 from receding_fenicsx.bulk.mesh.meshing import make_meshes
 from receding_fenicsx.bulk.stack import build_all
-from receding_fenicsx.bulk.stress import stresses
 from receding_fenicsx.studies.run import condense as condense_scene
 
 comm = MPI.COMM_WORLD
@@ -146,95 +145,6 @@ def some(system: rf.ContactSystem | None) -> Array | None:
     return np.where(system.held, 0.0, np.random.default_rng(5).normal(size=2 * system.n))
 
 
-@pytest.mark.parametrize("degree", [1, 2])
-def test_platen_moves_rigidly_by_its_load_displacement(degree: int) -> None:
-    bulk = built(block(degree=degree, loads=(PRESS, WEIGHT, SHEAR)))
-    system = condense(bulk)
-    u, load = some(system), np.array([0.8, 0.3, -0.4])
-    moved = on_top(bulk, load, u)
-    assert np.ptp(moved, axis=0) == pytest.approx([0.0, 0.0], abs=1e-14)
-    found = reactions(bulk, load, back_substitute(bulk, load, u))
-    if system is not None:
-        assert u is not None and found is not None
-        by = system.load_compliance @ load + system.load_sign * (system.r_star @ u)
-        assert by[0] == pytest.approx(-moved[0, 1], rel=1e-11)
-        assert by[2] == pytest.approx(moved[0, 0], rel=1e-11)
-        r = load @ system.r_star + system.K @ u
-        assert np.abs(found - r).max() < 1e-11 * np.abs(r).max()
-        # the plane carries what presses and shears the platen
-        n, scale = system.n, np.abs(r).sum()
-        assert abs(r[:n].sum() - 0.4) < 1e-12 * scale
-        assert abs(r[n:].sum() - (0.8 + 0.3 * 2.0)) < 1e-12 * scale
-        # a platen does not turn
-        assert system.rigid.shape[1] == 2
-    bulk.destroy()
-
-
-@pytest.mark.parametrize("degree", [1, 2])
-def test_edge_moves_as_prescribed_and_its_reaction_is_the_conjugate(degree: int) -> None:
-    bulk = built(block(degree=degree, loads=(WEIGHT, PULL)))
-    system = condense(bulk)
-    u, load = some(system), np.array([0.8, -0.3])
-    field = back_substitute(bulk, load, u)
-    own = _dolfinx.owned_values(field).reshape(-1, 2)
-    x, y = bulk.space.tabulate_dof_coordinates()[: len(own), :2].T
-    at = np.isclose(x, 2.0) & (y > 0.49)
-    assert own[at, 0] == pytest.approx(-0.3, abs=1e-15)
-    assert own[at, 1] == pytest.approx(-0.3 * (y[at] - 2.0), abs=1e-15)
-    # nodal forces A u less the load: only contact and prescribed nodes have any
-    u_vec, force = bulk.stiffness.createVecRight(), bulk.stiffness.createVecLeft()
-    u_vec.getArray()[:] = own.ravel()
-    bulk.stiffness.mult(u_vec, force)
-    rest = bulk.young * force.getArray() - 0.8 * bulk.loads[0].getArray()
-    rest = rest.reshape(-1, 2)
-    work = comm.allreduce(float(rest[at, 0].sum() + rest[at, 1] @ (y[at] - 2.0)))
-    pulled = comm.allreduce(rest[at].sum(axis=0))
-    if system is not None:
-        assert u is not None
-        by = system.load_compliance @ load + system.load_sign * (system.r_star @ u)
-        assert by[1] == pytest.approx(work, rel=1e-11)
-        r = load @ system.r_star + system.K @ u
-        n, scale = system.n, np.abs(r).sum()
-        assert abs(r[:n].sum() + pulled[0]) < 1e-12 * scale
-        assert abs(r[n:].sum() + pulled[1] - 0.8 * 2.0) < 1e-12 * scale
-        assert system.rigid.shape[1] == 0
-    for thing in (u_vec, force):
-        thing.destroy()
-    bulk.destroy()
-
-
-@pytest.mark.parametrize("cell", CELLS)
-@pytest.mark.parametrize("degree", [1, 2])
-@pytest.mark.parametrize("half", [False, True])
-@pytest.mark.parametrize("kinematics", ["plane strain", "plane stress", "axisymmetric"])
-def test_top_pushed_down_over_a_smooth_plane_gives_uniform_stress(
-    cell: str, degree: int, half: bool, kinematics: str
-) -> None:
-    """Patch test: syy = -E' d / h, E' = E / (1 - nu^2) in plane strain, else E."""
-    d, young, nu = 0.5, 2.0, 0.3
-    round_body = kinematics == "axisymmetric"
-    material = rf.Material(young, nu, kinematics)
-    bulk = built(block(cell, degree, loads=(SINK,), material=material), half or round_body)
-    system = condense(bulk)
-    u = None
-    p = d * (young / (1.0 - nu**2) if kinematics == "plane strain" else young)
-    if system is not None:
-        n = system.n
-        pinned = -1 if round_body else np.argmin(np.abs(system.x))
-        free = np.flatnonzero((np.arange(n) != pinned) & ~system.held[:n])
-        u = np.zeros(2 * n)
-        u[free] = np.linalg.solve(system.K[np.ix_(free, free)], -d * system.r_star[0, free])
-        r = d * system.r_star[0] + system.K @ u
-        assert np.abs(r[:n]).max() < 1e-11
-        assert r[n:] == pytest.approx(p * system.weight, rel=1e-10)
-        force = d * system.load_compliance[0, 0] + system.r_star[0] @ u
-        assert force == pytest.approx(p * system.weight.sum(), rel=1e-11)
-    found = stresses(bulk, back_substitute(bulk, np.array([d]), u))
-    for name, value in (("sxx", 0.0), ("syy", -p), ("sxy", 0.0)):
-        assert np.abs(found.nodal[name].x.array - value).max() < 1e-11, name
-    bulk.destroy()
-
-
 @pytest.mark.parametrize(
     ("supports", "motions"),
     [
@@ -344,31 +254,6 @@ def test_a_face_that_touches_the_contact_pushes_up_to_gross_slip(kind: str) -> N
     assert found.load_displacement[-1, 1] == pytest.approx(10.0 * 1.4, rel=1e-12)
     # in gross slip the bar moves on without straining: so does the node at the face
     assert found.v[-1, 0] > 5.0 and np.all(np.diff(found.v[-1]) < 0.0)
-
-
-def test_a_platen_at_the_contact_moved_as_its_force_moves_it_gives_the_same() -> None:
-    """Stick and slip of every node, and the force that the displacement takes."""
-    force = bars(replace(PUSHES["platen"], force=(1.0, 0.0)))
-    system = condense_scene(force, comm)
-    moved = None
-    if system is not None:
-        first = rf.evolve(system, force).turning_points
-        moved = float(first.load_displacement[-1, 1])
-    moved = comm.bcast(moved)
-    # the platen sinks freely under N before it is pushed; along the bar N moves it too
-    table = replace(PUSHES["moved platen"], displacement=(1.0, "free"))
-    scene = bars(table)
-    system = condense_scene(scene, comm)
-    if system is not None:
-        start = float(first.load_displacement[0, 1])
-        history = replace(scene.history, kind="table", columns=("N", "push"), load=None)
-        rows = ((0.0, 0.0), (1.0, start), (1.0, moved))
-        scene = replace(scene, history=replace(history, rows=rows, constant={}))
-        second = rf.evolve(system, scene).turning_points
-        for name in ("P", "Q", "v"):
-            a, b = getattr(first, name)[-1], getattr(second, name)[-1]
-            assert np.abs(a - b).max() < 1e-9 * np.abs(a).max(), name
-        assert second.load_displacement[-1, 1] == pytest.approx(1.0, rel=1e-9)
 
 
 def test_bodies_move_apart_as_the_contact_and_the_driven_face_say() -> None:

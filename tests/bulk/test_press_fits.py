@@ -269,24 +269,6 @@ def test_press_out_force_is_friction_times_lames_force(inner: float, f: float) -
     assert table.load_displacement[-1, 0] == pytest.approx(0.1 * known, rel=0.1 * f + 1e-3)
 
 
-@pytest.mark.parametrize("meshed", [False, True])
-def test_a_platen_may_touch_the_fit(meshed: bool, shared_tmp_path: Path) -> None:
-    """It presses a solid shaft out by f times the normal force, which it raises at its end."""
-    platen = rf.Load("push", "shaft.push", platen=True, displacement=("free", 0.1))
-    once = rf.HistoryOptions(kind="monotonic")
-    scene = from_file(shared_tmp_path, 0.0, loads=(platen,), history=once)
-    if not meshed:
-        scene = rectangles(loads=(replace(platen, edge="shaft.bottom"),))
-    record = played(scene)
-    table = record.turning_points
-    assert np.unique(table.state[-1]).tolist() == [rf.State.FORWARD_SLIP]
-    normal = table.P[-1].sum()
-    assert table.load_displacement[-1, 0] == pytest.approx(0.1 * F * normal, rel=1e-9)
-    assert normal > 1.05 * pressure(A) * 2.0 * np.pi * B * L
-    end = table.P[-1][:3] / table.P[-1][len(table.P[-1]) // 2 :][:3]
-    assert end.max() > 1.2
-
-
 def test_places_of_a_vertical_edge_are_refined_at_both_of_its_ends() -> None:
     """The edge begins at z = 0, which is no axis."""
     places = (rf.Refinement(size=0.2, at="ends"),)

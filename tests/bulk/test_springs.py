@@ -62,40 +62,6 @@ def test_sheared_block_hangs_on_tangential_springs(degree: int) -> None:
     assert record.turning_points.P[-1].sum() == pytest.approx(0.4, rel=1e-9)
 
 
-def test_stiff_springs_are_a_support_and_soft_ones_none() -> None:
-    load = rf.Load("p", "left", (0.0, 0.5), pressure=0.02)
-    press = rf.Load("P", "top", pressure=0.2)
-    history = rf.HistoryOptions(kind="monotonic", load="p", constant={"P": 1.0})
-    scene = block(
-        degree=2, loads=(load, press), history=history, contacts=(rf.Contact(friction=0.2),)
-    )
-    held = played(replace(scene, supports=(rf.Support("xy", edge="right"),))).turning_points
-    rigid = rf.Spring("right", normal=1e7, tangential=1e7)
-    stiff = played(replace(scene, springs=(rigid,))).turning_points
-    np.testing.assert_allclose(stiff.P[-1, :-1], held.P[-1, :-1], atol=1e-6)
-    soft = played(replace(scene, springs=(replace(rigid, normal=1e-9, tangential=1e-9),)))
-    none = played(scene)
-    np.testing.assert_allclose(soft.turning_points.P, none.turning_points.P, atol=1e-8)
-
-
-def test_springs_hold_a_pair() -> None:
-    """Two layers, nu = 0: the pressure passes, the top moves by p (H / E + 1/k)."""
-    bodies = [rf.Body(name, height=0.5, position=(0.0, y)) for name, y in (("a", 0.5), ("b", 0.0))]
-    scene = replace(
-        block(degree=1, material=rf.Material(E, 0.0), history=ONCE),
-        body=bodies[0],
-        others=(bodies[1],),
-        contacts=(rf.Contact("a.bottom", friction=0.0, against="b.top"),),
-        loads=(rf.Load("p", "a.top", pressure=0.3),),
-        springs=(rf.Spring("b.bottom", normal=K),),
-    )
-    record = played(scene)
-    assert record.turning_points.p[-1] == pytest.approx(0.3, rel=1e-9)
-    moved = record.turning_points.load_displacement[-1, 0]
-    assert moved == pytest.approx(4.0 * 0.3**2 * (1.0 / E + 1.0 / K), rel=1e-9)
-    assert rf.from_toml(rf.to_toml(scene)) == scene
-
-
 @pytest.mark.parametrize("round_", [False, True])
 def test_spring_at_a_point_shares_the_load(round_: bool) -> None:
     """At nu = 0 a platen moves by d = F / (E A / H + k), of a ring the full circle."""
@@ -180,15 +146,6 @@ def test_springs_between_bodies_balance_whichever_edge_names_them() -> None:
     table = a.turning_points
     np.testing.assert_allclose(force[1], table.P[-1].sum() - 1.2, rtol=1e-9)
     np.testing.assert_allclose(force[0], table.Q[-1].sum() + 0.4, rtol=1e-9)
-
-
-def test_springs_to_a_stiff_body_are_springs_to_the_ground() -> None:
-    stiff = (rf.Material(E, 0.3, name="a"), rf.Material(1e9, 0.3, name="b"))
-    scene = tied(E, 2, materials=stiff)
-    grounded = replace(scene, springs=tuple(replace(s, against=None) for s in scene.springs))
-    a, b = (played(s).turning_points for s in (scene, grounded))
-    np.testing.assert_allclose(a.P, b.P, atol=1e-7)
-    np.testing.assert_allclose(a.load_displacement, b.load_displacement, atol=1e-8)
 
 
 @pytest.mark.parametrize(

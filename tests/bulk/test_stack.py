@@ -179,22 +179,6 @@ def test_the_record_of_a_stack_keeps_the_laws_by_code_that_shares_nothing() -> N
     assert objections(system, rf.history_from_scene(scene), rf.evolve(system, scene)) == []
 
 
-def test_a_plane_is_a_very_stiff_third_body() -> None:
-    on_plane = layers()
-    base = rf.Body("base", width=6.0, height=1.0, position=(0.0, -1.0))
-    on_base = replace(
-        on_plane,
-        others=(*on_plane.others, base),
-        materials=(*on_plane.materials[:2], rf.Material(1e7, 0.3, name="base")),
-        contacts=(replace(on_plane.contacts[0], against="base.top"), on_plane.contacts[1]),
-        supports=(rf.Support("xy", edge="base.bottom"),),
-    )
-    a, b = played(on_plane).turning_points, played(on_base).turning_points
-    assert np.abs(a.P - b.P).max() < 1e-6 * np.abs(a.P).max()
-    assert np.abs(a.Q - b.Q).max() < 1e-6 * np.abs(a.P).max()
-    assert a.load_displacement == pytest.approx(b.load_displacement, rel=1e-6)
-
-
 @pytest.mark.parametrize("order", [(0, 1, 2), (2, 0, 1)])
 def test_nodal_forces_of_all_bodies_balance_in_all_contacts(order: tuple[int, ...]) -> None:
     scene = layers((1.0, 0.5, 1.5), loads=LOADS)

@@ -31,14 +31,6 @@ def test_a_triangle_is_mirrored_and_the_other_forgotten(size: int, triangle: str
 
 
 @pytest.mark.parametrize("size", SIZES)
-def test_without_a_triangle_both_are_averaged(size: int) -> None:
-    matrix = random(size)
-    expected = 0.5 * (matrix + matrix.T)
-    symmetrise(matrix)
-    assert np.array_equal(matrix, expected)
-
-
-@pytest.mark.parametrize("size", SIZES)
 @pytest.mark.parametrize("angle", [0.0, 0.3, 0.5 * np.pi, np.pi])
 def test_turning_is_a_congruence_and_keeps_symmetry_to_the_last_bit(
     size: int, angle: float
@@ -51,9 +43,3 @@ def test_turning_is_a_congruence_and_keeps_symmetry_to_the_last_bit(
     turn(matrix, lambda values: R @ values)
     assert np.array_equal(matrix, matrix.T)
     assert matrix == pytest.approx(expected, abs=1e-13 * norm(expected))
-
-
-@pytest.mark.parametrize("size", SIZES)
-def test_norm_is_the_largest_row_sum(size: int) -> None:
-    matrix = random(size)
-    assert norm(matrix) == pytest.approx(np.linalg.norm(matrix, np.inf), rel=1e-14)

@@ -9,18 +9,17 @@ from mpi4py import MPI
 
 import numpy as np
 import pytest
-from bodies import condense, displacements, reactions
+from bodies import condense
 from models import q1_stiffness
 
 import receding_fenicsx as rf
-from receding_fenicsx.bulk.fields import Fields, gather_fields, solve_fields
+from receding_fenicsx.bulk.fields import Fields
 from receding_fenicsx.bulk.fields import _together as together
 from receding_fenicsx.bulk.mesh.meshing import make_meshes
 from receding_fenicsx.bulk.stack import Stack, build_all
 from receding_fenicsx.studies.run import condense as condense_scene
 
 comm = MPI.COMM_WORLD
-Array = np.ndarray
 
 
 def pair_scene(
@@ -112,30 +111,6 @@ def test_ratio_of_moduli_that_costs_too_many_figures_is_said(young: float) -> No
 
 
 # -- against one mesh ----------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("half", [False, True])
-def test_fields_hold_both_bodies_and_part_where_the_contact_opens(half: bool) -> None:
-    pair = built(pair_scene(), half)
-    n = len(pair.contact.x)
-    # the contact opens towards its ends
-    u = np.concatenate([np.zeros(n), 0.01 * pair.contact.x**2])
-    fields = gather_fields(solve_fields(pair, np.array([1.0]), u))
-    if fields is not None:
-        assert fields.body is not None
-        sides = []
-        for body in (0, 1):
-            on = (fields.body == body) & (np.abs(fields.points[:, 1] - 2.0) < 1e-12)
-            on &= np.abs(fields.points[:, 0]) < 2.0 + 1e-9
-            order = np.argsort(fields.points[on, 0], kind="stable")
-            sides.append((fields.points[on][order], fields.displacement[on][order]))
-        (x, upper), (same, lower) = sides
-        assert np.abs(x - same).max() < 1e-12 and abs(x[0, 0] + 2.0) < 1e-12
-        apart = np.column_stack([np.zeros(len(x)), 0.01 * x[:, 0] ** 2])
-        assert np.abs(upper - lower - apart).max() < 1e-12
-        # nothing moves below the lower body
-        assert np.all(fields.displacement[fields.points[:, 1] == 0.0] == 0.0)
-    pair.destroy()
 
 
 def test_quadrilaterals_beside_triangles_are_split_and_keep_their_area() -> None:
@@ -237,76 +212,7 @@ def test_condensed_pair_is_that_of_an_independent_assembly(young: float, sides: 
     assert not system.held.any() and system.rigid.shape[1] == 3
 
 
-@pytest.mark.parametrize("sides", [False, True])
-@pytest.mark.parametrize("young", [0.02, 3.0, 500.0])
-def test_fields_of_both_bodies_carry_the_reactions_of_the_pair(young: float, sides: bool) -> None:
-    """E A u of each body's own field, less its loads, is the force of the other: Newton's third.
-
-    Either body may be the stiffer one, whose displacements are eliminated.
-    """
-    supports = [rf.Support("xy", edge="lower.bottom")]
-    lower = rf.Body("lower", width=8.0, height=2.0)
-    if sides:
-        # the ends of the interface are held on the lower body only
-        lower = replace(lower, width=4.0)
-        supports += [rf.Support("x", edge="lower.left"), rf.Support("x", edge="lower.right")]
-    scene = pair_scene("quadrilateral", 1, young, 0.2, supports=tuple(supports), others=(lower,))
-    loads = [scene.loads[0], rf.Load("s", "upper.right", traction=(0.3, "y"))]
-    if not sides:
-        loads.append(rf.Load("p0", "lower.right", pressure="y"))
-    pair = built(replace(scene, loads=tuple(loads)))
-    system = condense(pair)
-    load, u, expected = np.array([0.7, -1.1]), None, None
-    if system is not None:
-        u = np.cos(1.0 + np.arange(2 * system.n) ** 2)
-        expected = load @ system.r_star + system.K @ u
-    for sign, (part, field) in zip((1.0, -1.0), displacements(pair, load, u), strict=True):
-        own = load[[pair.load_names.index(name) for name in part.load_names]]
-        found = reactions(part, own, field)
-        if expected is not None and found is not None:
-            free = np.ones(len(found), dtype=bool)
-            if sides and sign < 0.0:
-                # there the field's reaction has the support's in it
-                free[[0, system.n - 1]] = False  # type: ignore[union-attr]
-            error = np.abs(sign * found - expected)[free].max()
-            assert error < 1e-10 * np.abs(expected).max(), (part.scene.body.name, error)
-    pair.destroy()
-
-
 # -- histories -----------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("span", [None, (-1.0, 1.0)])
-def test_platen_on_a_pair_carries_what_the_contact_does(span: tuple[float, float] | None) -> None:
-    scene = pair_scene("triangle", 2)
-    table = rf.HistoryOptions(
-        "table",
-        columns=("N", "s"),
-        rows=((1.0, 0.0), (1.0, 1.0)),
-        cycle_rows=((1.0, -1.0), (1.0, 1.0)),
-    )
-    contact = replace(scene.contacts[0], span=span)
-    scene = replace(scene, contacts=(contact,), history=replace(table, cycles=1))
-    down = rf.Load("N", "upper.top", displacement=(0.0, -0.5))
-    aside = rf.Load("s", "upper.top", displacement=(0.1, 0.0))
-    moved = record_of(replace(scene, loads=(down, aside)))
-    force = rf.Load("N", "upper.top", platen=True, force=(0.0, -2.0))
-    shear = rf.Load("s", "upper.top", platen=True, force=(0.4, 0.0))
-    pressed = record_of(replace(scene, loads=(force, shear)))
-    if moved is None or pressed is None:
-        return
-    # work-conjugate to a displacement is the force that it takes, times its size
-    points = moved.turning_points
-    assert points.load_displacement[:, 0] == pytest.approx(0.5 * points.P.sum(axis=1), rel=1e-10)
-    assert points.load_displacement[1:, 1] == pytest.approx(
-        -0.1 * points.Q.sum(axis=1)[1:], rel=1e-8
-    )
-    points = pressed.turning_points
-    assert points.P.sum(axis=1) == pytest.approx(2.0, rel=1e-10)
-    assert points.Q.sum(axis=1) == pytest.approx(-0.4 * points.load[:, 1], abs=1e-10)
-    for record in (moved, pressed):
-        assert record.energy_error_max < 1e-10
-        assert len(record.x) == (25 if span is None else 13)
 
 
 def test_two_surfaces_of_one_file_balance_the_pull_on_their_oblique_pads() -> None:

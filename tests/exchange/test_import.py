@@ -8,7 +8,6 @@ from typing import Any
 
 from mpi4py import MPI
 
-import h5py
 import numpy as np
 import pytest
 from scipy import io, sparse
@@ -109,15 +108,6 @@ def write_labelled(folder: Path, block: Block) -> str:
     return "job_STIF1.mtx"
 
 
-def write_both_triangles(folder: Path, block: Block) -> str:
-    """Write the same with both triangles, in another order."""
-    name = write_labelled(folder, block)
-    lines = {tuple(line.replace(" ", "").split(",")) for line in (folder / name).open()}
-    lines |= {(*line[2:4], *line[:2], line[4]) for line in lines}
-    (folder / name).write_text("\n".join(sorted(map(",".join, lines))))
-    return name
-
-
 def write_calculix(folder: Path, block: Block) -> str:
     """Write CalculiX' .sti and .dof: the upper triangle, rows and columns from 1."""
     n = len(block.A)
@@ -150,9 +140,7 @@ def write_user_element(
     return "sub.mtx"
 
 
-@pytest.mark.parametrize(
-    "write", [write_market, write_labelled, write_both_triangles, write_calculix]
-)
+@pytest.mark.parametrize("write", [write_market, write_labelled, write_calculix])
 def test_a_block_of_own_elements_is_condensed(write: Writer, tmp_path: Path) -> None:
     block = Block()
     system = rf.import_system(specification(tmp_path, write(tmp_path, block), block))
@@ -492,11 +480,3 @@ def test_exported_matrices_can_be_imported_again(
     for name in ("x", "points", "weight", "K", "r_star", "f", "held"):
         assert np.array_equal(getattr(again, name), getattr(first, name)), name
     assert np.array_equal(io.mmread(out / "rigid.mtx"), first.rigid)
-
-
-def test_a_saved_system_describes_itself(tmp_path: Path) -> None:
-    block = Block()
-    system = rf.import_system(specification(tmp_path, write_market(tmp_path, block), block))
-    rf.write_system(tmp_path / "system.h5", system)
-    with h5py.File(tmp_path / "system.h5") as file:
-        assert "condensed stiffness, symmetric, order [v; w]" in file.attrs["description"]

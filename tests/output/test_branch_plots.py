@@ -51,29 +51,6 @@ def test_each_branch_is_a_line_from_rest_and_ends_are_crossed() -> None:
     assert len(set(colours.values())) == 3 and first.lines[1].get_color() == colours[labels[0]]
 
 
-def test_loads_that_rest_are_left_out_of_the_figure() -> None:
-    # a spring of 2 and one of 4: the work-conjugate displacements are 1 / 2 and 1 / 4
-    loads = {"rests": [0.0, 3.0], "pull": [-1.0, 0.0], "press": [0.0, 1.0]}
-    system = small_system(np.diag([2.0, 4.0]), loads, 0.0, g0=1.0)
-    tree = rf.branches(system, table(system, [[0, 0, 0], [0, 1, 0], [0, 1, 1]]))
-    figure = rf.figures.branches(tree)
-    pull, press = (np.array(axes.lines[0].get_data(), dtype=float) for axes in figure.axes)
-    assert [axes.get_ylabel() for axes in figure.axes] == ["pull", "press"]
-    assert pull[:, [0, -1]].T == pytest.approx(np.array([[0.0, 0.0], [0.5, 1.0]]))
-    assert press[:, [0, -1]].T == pytest.approx(np.array([[0.0, 0.0], [0.25, 1.0]]))
-
-
-def test_a_mode_is_drawn_in_the_colours_of_its_assumed_directions() -> None:
-    system = small_system([[2.0, -1.5], [-1.5, 2.0]], {"p0": [0, 1]}, 0.5)
-    figure = rf.figures.slip_mode(system, rf.critical_friction(system))
-    colours = [line.get_color() for line in figure.axes[0].lines]
-    assert rf.style.STATE_COLOURS[State.FORWARD_SLIP] in colours
-    assert "2.667" in figure.axes[0].get_title(loc="left")
-    plain = small_system(np.eye(2), {"p0": [0, 1]}, 0.5)
-    with pytest.raises(rf.InputError, match="no slip mode"):
-        rf.figures.slip_mode(plain, rf.critical_friction(plain))
-
-
 def test_a_mode_is_drawn_with_its_own_numbers() -> None:
     """Slipping nodes as lines of their assumed direction, open ones as an area, p and q below."""
     system = models.block_system(20, 10)

@@ -21,18 +21,12 @@ from small import cyclic, small_system, table
 import receding_fenicsx as rf
 from receding_fenicsx.measures.limit_nodes import limit_nodes
 from receding_fenicsx.output.plots import series
-from receding_fenicsx.output.plots.labels import describe_factors, load_symbol, scales_of
+from receding_fenicsx.output.plots.labels import describe_factors, load_symbol
 from receding_fenicsx.output.plots.series import first_unloading, slip_lines
 from receding_fenicsx.output.plots.zone_map import (
     FLICKER,
-    Timeline,
-    fill_strip,
-    stacked_map,
-    timeline,
-    without_flicker,
     zone_map,
 )
-from receding_fenicsx.output.plots.zone_plots import MAX_NUMBERS, load_axis
 from receding_fenicsx.output.report.html import report_html
 
 pytestmark = pytest.mark.one_rank
@@ -102,21 +96,6 @@ def test_zone_map_covers_the_leg_once(kind: str, cycle: int, leg: int) -> None:
     assert corners[:, 1].max() == 1.0
 
 
-def test_only_short_lone_excursions_between_stick_and_slip_are_left_out() -> None:
-    quiet = timeline(STICK, [(0.5, FORWARD)])
-    lone = timeline(STICK, [(0.2, FORWARD), (0.25, STICK), (0.5, FORWARD)])
-    cleaned = without_flicker([quiet, lone, quiet], 0.06)
-    assert np.array_equal(cleaned[1].state, quiet.state)
-    assert np.array_equal(cleaned[1].s, quiet.s)
-    opened = timeline(STICK, [(0.2, OPEN), (0.25, STICK)])
-    shared = [lone, lone, quiet]
-    for kept in ([quiet, opened, quiet], shared):
-        for before, after in zip(kept, without_flicker(kept, 0.06), strict=True):
-            assert np.array_equal(before.state, after.state)
-            assert np.array_equal(before.s, after.s)
-    assert np.array_equal(without_flicker([quiet, lone, quiet], 0.04)[1].s, lone.s)
-
-
 def test_drawn_zones_differ_from_the_events_nowhere_for_longer_than_a_flicker() -> None:
     found = record("cyclic", half=False)
     for cycle, leg in ((1, 0), (1, 1), (9, 0), (10, 1)):
@@ -143,60 +122,6 @@ def test_boundaries_of_zones_pass_through_the_events() -> None:
             assert np.hypot(*(ends - [found.x[i], s]).T).min() == 0.0
             checked += 1
     assert checked > 100
-
-
-def test_stepped_zone_map_lies_within_a_step_of_the_exact_one() -> None:
-    exact, stepped = record(), record(method="gauss-seidel")
-    step = 1.0 / rf.SolverOptions().steps_per_leg
-    for cycle, leg in ((1, 0), (1, 1)):
-        a, b = (zone_map(found, cycle, leg) for found in (exact, stepped))
-        s = np.linspace(0.0, 1.0, 400)
-        differ = np.array(
-            [x.at(s) != y.at(s) for x, y in zip(a.timelines, b.timelines, strict=True)]
-        )
-        changes = sum(len(line.state) - 1 for line in a.timelines)
-        # each change of an exact timeline is found at most about a step early or late
-        assert differ.mean() * differ.shape[0] < step * changes
-        assert differ.mean() < 0.02
-
-
-def test_timeline_leaves_out_states_that_do_not_last() -> None:
-    line = timeline(3, [(0.0, 1), (0.25, 4), (0.25, 1), (0.5, 2), (1.0, 1)])
-    assert line.state.tolist() == [1, 2]
-    assert line.s.tolist() == [0.0, 0.5, 1.0]
-
-
-@pytest.mark.parametrize("states", [[1, 3], [1, 3, 1], [2, 1, 3, 4]])
-def test_changes_that_neighbours_share_are_joined_by_straight_lines(states: list[int]) -> None:
-    at = np.linspace(0.0, 0.9, len(states))[1:]
-    a, b = (
-        Timeline(np.array(states, np.int8), np.array([0.0, *(at + delay), 1.0]))
-        for delay in (0.0, 0.05)
-    )
-    strip = fill_strip(a, b, 0.0, 2.0)
-    assert np.array(strip.lines) == pytest.approx(
-        np.array([[[0.0, s], [2.0, s + 0.05]] for s in at])
-    )
-    assert [int(state) for state, _ in strip.pieces] == states
-
-
-def test_change_of_one_node_only_tapers_midway_to_its_neighbour() -> None:
-    alone = Timeline(np.array([1, 3, 1], np.int8), np.array([0.0, 0.2, 0.6, 1.0]))
-    never = Timeline(np.array([1], np.int8), np.array([0.0, 1.0]))
-    (outer, whole), (inner, island) = fill_strip(alone, never, 0.0, 1.0).pieces
-    assert (outer, inner) == (rf.State.STICK, rf.State.FORWARD_SLIP)
-    assert area(whole) == 1.0
-    # a triangle with its base on the node and its tip halfway
-    assert area(island) == pytest.approx(0.5 * 0.4 * 0.5)
-
-
-def test_tractions_are_divided_by_no_pressure_that_no_scene_tells() -> None:
-    # the load p0 may stand for any pressure; here it is one of 3
-    system = models.block_system(20, 10)
-    scales = scales_of(rf.evolve(replace(system, r_star=3.0 * system.r_star), cyclic(1)))
-    assert scales.peak_traction() == (1.0, "")
-    assert scales.traction_labels()[:2] == ("$p$", "$q$")
-    assert scales.elastic(1, 1) == scales.elastic(2, 1) == (1.0, "")
 
 
 def test_slip_lines_find_the_power_that_the_slip_follows() -> None:
@@ -326,15 +251,6 @@ def test_colours_of_zones_are_those_of_the_legend(half: bool) -> None:
     assert len(seen) == 4
 
 
-def test_legend_says_where_closed_nodes_do_not_stick_for_want_of_friction() -> None:
-    def label(*friction: bool) -> str:
-        return str(rf.style.state_patches([rf.State.STICK], np.array(friction))[0].get_label())
-
-    assert label(True, True) == "1  stick"
-    assert label(False, False) == "1  contact"
-    assert label(True, False) == "1  stick, or contact without friction"
-
-
 def test_colours_and_numbers_of_the_band_are_those_of_the_legend() -> None:
     found = record()
     figure = rf.figures.tractions(found, found.at(1, "minimum"))
@@ -368,21 +284,6 @@ def test_nodes_that_slip_are_on_the_edge_of_the_cone_of_either_direction() -> No
         slips = moment.state == state
         ends = [edge(cone[np.abs(cone[:, 0] - place) < 1e-12, 1]) for place in x[slips]]
         assert slips.sum() > 3 and q[slips] == pytest.approx(ends, abs=1e-12)
-
-
-def test_zone_map_shows_half_of_a_symmetric_contact_against_the_load() -> None:
-    found = record("unloading")
-    figure = rf.figures.zone_maps(found, [(0, 1)])
-    axes = figure.axes[0]
-    assert axes.get_xlim() == (0.0, 2.0)
-    assert axes.get_ylim() == (0.0, 1.0)
-    assert load_axis(found, 0, 1, scales_of(found))[:2] == (1.0, 0.0)
-    (drawn,) = (c for c in axes.collections if isinstance(c, PolyCollection))
-    path = np.asarray(drawn.get_paths()[-1].vertices)
-    assert path[:, 1].min() >= 0.0
-    assert path[:, 1].max() <= 1.0
-    numbers = {text.get_text() for text in axes.texts}
-    assert numbers == {"1", "2", "3", "4"}
 
 
 @pytest.mark.parametrize("known", [True, False])
@@ -553,16 +454,6 @@ def unknown(table: Any) -> Any:
     return replace(table, load_displacement=np.full_like(table.load_displacement, np.nan))
 
 
-def test_a_peak_at_a_corner_is_cut_off_where_it_would_hide_the_rest() -> None:
-    p = np.ones(200)
-    assert rf.style.focus(p, np.array([-0.5])) == pytest.approx((-0.59, 1.09))
-    p[0] = 1.2
-    assert rf.style.focus(p, np.zeros(1))[1] > 1.2
-    p[0] = 1000.0
-    low, top = rf.style.focus(p, np.array([-500.0]))
-    assert 1.5 < top < 20.0 and low == pytest.approx(-0.5 * top, rel=0.2)
-
-
 @pytest.mark.parametrize("cycles", [20, 1000])
 def test_dissipation_is_drawn_over_all_cycles_of_short_and_long_runs(cycles: int) -> None:
     found = record(known=False)
@@ -610,14 +501,6 @@ def around(legs: int, cycles: int = 2) -> rf.Record:
     return rf.evolve(system, history, output=rf.OutputOptions(samples_per_leg=2, cycles="all"))
 
 
-def test_the_first_loading_is_shown_where_its_loads_are_largest_each_by_its_own_size() -> None:
-    system = two_nodes()
-    found = rf.evolve(system, table(system, [[0.0, 0.0], [1.0, 0.0], [0.9, 0.08], [0.0, 0.0]]))
-    drawn = dict(rf.figures.draw_all(found))
-    (name,) = (name for name in drawn if name.endswith("tractions_first_loading"))
-    assert "0.9" in drawn[name].axes[0].get_title()
-
-
 def test_the_first_loading_has_a_panel_for_each_of_its_own_legs() -> None:
     system, loop = two_nodes(), [[1.0, 0.5], [1.0, 0.2], [0.5, 0.2], [1.0, 0.5]]
     for path in ([loop[0]], [[0.5, 0.1], loop[0]]):
@@ -644,13 +527,6 @@ def test_each_of_few_legs_has_a_panel(legs: int) -> None:
     assert places == expected
 
 
-def test_any_number_of_panels_has_letters() -> None:
-    titles = [rf.style.panel_title(n, 60, "") for n in (0, 25, 26, 27, 52)]
-    assert titles == ["(a) ", "(z) ", "(aa) ", "(ab) ", "(ba) "]
-    legs = [(1, leg) for leg in range(30)]
-    assert len(rf.figures.zone_maps(around(30), legs, columns=3).axes) == 30
-
-
 @pytest.mark.parametrize("legs", [7, 30])
 def test_a_cycle_of_many_legs_is_one_map_with_the_loads_beside_it(legs: int) -> None:
     found = around(legs)
@@ -667,57 +543,6 @@ def test_a_cycle_of_many_legs_is_one_map_with_the_loads_beside_it(legs: int) -> 
         )
     *cycles, _ = drawn["zones_by_cycle"].axes
     assert [axes.get_title() for axes in cycles] == ["(a) cycle 1", "(b) cycle 2"]
-
-
-@cache
-def measured() -> rf.Record:
-    """Return a record of the block under a signal of 500 points a cycle."""
-    time = np.arange(501) / 500.0
-    noise = np.random.default_rng(7).normal(size=501)
-    signal = 0.8 + 0.4 * np.sin(6.0 * np.pi * time) * np.cos(2.0 * np.pi * time) + 0.03 * noise
-    signal[-1] = signal[0]
-    scene = replace(
-        BLOCK,
-        history=rf.HistoryOptions(
-            "table",
-            columns=("p0",),
-            rows=((float(signal[0]),),),
-            cycle_rows=tuple((float(value),) for value in signal[1:]),
-            cycles=2,
-        ),
-        output=rf.OutputOptions(samples_per_leg=2, cycles=(2,)),
-    )
-    return rf.evolve(models.block_system(12, 6), rf.history_from_scene(scene), output=scene.output)
-
-
-def test_a_measured_signal_of_500_points_is_one_map_of_few_polygons() -> None:
-    found = measured()
-    drawn = stacked_map(found, 2)
-    table = found.samples
-    rows = np.flatnonzero((table.cycle == 2) & (table.s < 1.0))
-    events = found.events
-    assert len(rows) == 500
-    for row in rows:
-        leg, s = int(table.leg[row]), float(table.s[row])
-        near = np.abs(events.leg + events.s - (leg + s)) < 1e-6
-        settled = np.setdiff1d(np.arange(len(found.x)), events.node[(events.cycle == 2) & near])
-        states = drawn.states((leg + s) / 500.0)
-        assert np.array_equal(states[settled], table.state[row][settled])
-    total = sum(area(polygon) for _, polygon in drawn.pieces if len(polygon) > 3)
-    assert total == pytest.approx(np.ptp(found.x), rel=1e-12)
-    # a polygon for each leg and pair of nodes would be three times as many
-    assert len(drawn.pieces) < 500 * (len(found.x) - 1) / 2
-    figure = rf.figures.zone_maps(found, 2)
-    zones, loads = figure.axes
-    path = np.asarray(loads.lines[0].get_xydata())
-    assert path.shape == (501, 2)
-    points = found.turning_points
-    largest = np.abs(points.load).max()
-    assert np.array_equal(path[1:, 0], points.load[points.cycle == 2][:, 0] / largest)
-    assert 0 < len(zones.texts) <= MAX_NUMBERS
-    # no dots at 500 turning points
-    assert {line.get_marker() for line in rf.figures.hysteresis(found).axes[0].lines} == {"None"}
-    check_texts(figure, "measured signal")
 
 
 def test_unknown_format_is_refused(tmp_path: Path) -> None:

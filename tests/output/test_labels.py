@@ -14,13 +14,9 @@ from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
 import receding_fenicsx as rf
-from receding_fenicsx.measures.limit_nodes import LimitNodes
 from receding_fenicsx.output.plots.figures import draw_all
 from receding_fenicsx.output.plots.labels import kind_of, load_symbol, told_loads
 from receding_fenicsx.output.plots.zone_map import stacked_map
-from receding_fenicsx.output.plots.zone_plots import add_legends
-from receding_fenicsx.output.report.run import FORCES
-from receding_fenicsx.output.report.turning_points import largest_shown
 
 pytestmark = pytest.mark.one_rank
 
@@ -217,25 +213,6 @@ def test_the_force_of_a_prescribed_displacement_is_that_of_the_contact(kinematic
     assert curve(axes, 0)[-1] == pytest.approx([1.0, resultant[-1]], rel=1e-9)
     # the record holds the conjugate of the load factor
     assert found.at(1, "maximum").load_displacement["d"] == pytest.approx(0.02 * resultant[-1])
-
-
-def test_forces_and_tractions_of_the_console_are_the_smallest_largest_and_last() -> None:
-    assert FORCES.rows({"bolts": {"b": [1.0, 3.0, 2.0]}}) == [["bolt b", 1.0, 3.0, 2.0]]
-    point = {"p_max": 3.0, "q_min": -2.0, "q_max": 1.0}
-    assert largest_shown(point, ".1f") == ("3.0", "2.0")
-
-
-@pytest.mark.parametrize(
-    ("strict", "label"), [((True, True), "does not slip"), ((True, False), "slips < $10^{-4}$")]
-)
-def test_the_dashed_line_says_whether_any_of_its_nodes_slips(
-    strict: tuple[bool, ...], label: str
-) -> None:
-    found, none = fretting("table"), np.zeros(0, dtype=int)
-    stills = [LimitNodes(found.weight > 0.0, none, none, np.zeros(0), each) for each in strict]
-    figure = rf.style.new_figure(3.0, 3.0)
-    add_legends(figure, found, {1}, stills, wide=False)
-    assert label in figure.legends[0].get_texts()[0].get_text()
 
 
 @pytest.mark.parametrize("axisymmetric", [False, True])

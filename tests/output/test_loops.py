@@ -23,14 +23,6 @@ def record(samples: int = 40) -> rf.Record:
     return rf.evolve(system, cyclic(CYCLES), output=rf.OutputOptions(samples_per_leg=samples))
 
 
-def test_area_of_a_closed_loop_is_the_dissipation() -> None:
-    """Energy balance of a closed cycle; samples make it exact as their distance squared."""
-    found = [record(samples) for samples in (20, 80)]
-    off = [rf.loop_of(r, CYCLES).area().sum() / r.cycles.dissipation[-1] - 1.0 for r in found]
-    assert abs(off[1]) < 1e-3
-    assert abs(off[1]) < 0.2 * abs(off[0])
-
-
 def test_path_of_a_cycle_goes_from_turning_point_to_turning_point() -> None:
     found = record()
     for cycle in (1, 9, CYCLES):
@@ -102,17 +94,6 @@ def test_round_off_is_not_drawn_as_a_loop(mu: float) -> None:
     assert any("cone" in label for label in labels) == bool(mu)
 
 
-def test_force_that_a_prescribed_displacement_takes_is_drawn_over_it() -> None:
-    found = dataclasses.replace(record(), load_sign=np.array([1.0]))
-    axes = rf.figures.hysteresis(found).axes[0]
-    line = next(line for line in axes.lines if line.get_linestyle() != "None")
-    loop = rf.loop_of(found, shown_cycles(found)[0])
-    assert np.array_equal(line.get_xdata(), loop.load[:, 0])
-    assert np.array_equal(line.get_ydata(), loop.displacement[:, 0])
-    assert axes.get_ylabel().startswith("$U") and "p_" in axes.get_xlabel()
-    assert loop.area() == pytest.approx(-rf.loop_of(record(), loop.cycle).area())
-
-
 @pytest.mark.parametrize("backward", [None, 0.6])
 def test_trajectories_stay_in_the_friction_cone_that_is_drawn(backward: float | None) -> None:
     system = models.block_system(40, 20)
@@ -143,8 +124,3 @@ def test_the_plane_of_a_node_with_a_gap_is_drawn_where_it_touches() -> None:
     w = np.concatenate([line.get_ydata() for line in below.lines])
     assert np.asarray(plane.get_ydata())[0] == pytest.approx(w.min(), rel=1e-12)
     assert w.max() == 0.0
-
-
-def test_nodes_that_are_not_there_are_refused() -> None:
-    with pytest.raises(rf.InputError, match="0 to 80"):
-        rf.figures.trajectories(record(), nodes=[81])

@@ -122,48 +122,6 @@ def test_contact_has_the_values_of_the_record(half: dict[float, tuple[Grid, Mome
         assert all(np.all(np.isnan(grid.at_points[n][off])) for n in ("p", "q", "gap", "slip"))
 
 
-def test_stresses_on_the_edge_balance_the_tractions(half: dict[float, tuple[Grid, Moment]]) -> None:
-    """On a lower edge s_xy = -q and s_yy = -p; the load carries 2 p0 per unit thickness."""
-    grid, end = half[1.5]
-    nodes = on_contact(grid)
-    value = {name: values[nodes] for name, values in grid.at_points.items()}
-
-    def resultant(values: Any, x: Any) -> float:
-        return float(np.sum(0.5 * (values[1:] + values[:-1]) * np.diff(x)))
-
-    for stress, traction in (("syy", "p"), ("sxy", "q")):
-        right = end.x >= 0.0
-        force = resultant(value[traction][right], end.x[right])
-        assert abs(force) > 0.02
-        assert resultant(value[stress][right], end.x[right]) == pytest.approx(-force, rel=0.12)
-    assert resultant(value["p"], end.x) == pytest.approx(2.0 / 3.0, rel=0.02)
-    # cells of the contact are between its nodes
-    for name in ("sxx", "syy", "sxy", "von_mises"):
-        means = 0.5 * (value[name][1:] + value[name][:-1])
-        found = grid.in_cells[f"{name}_cell"][grid.in_cells["part"] == 0]
-        assert sorted(found) == pytest.approx(sorted(means)), name
-
-
-def test_completed_half_is_the_whole_body(half: dict[float, tuple[Grid, Moment]]) -> None:
-    whole = grids(small_block("none"), {1.5: LEGS[1.5]})
-    for time, (b, _) in whole.items():
-        a, _ = half[time]
-        assert len(a.points) == len(b.points) and np.ptp(a.points[:, 0]) == pytest.approx(4.0)
-        places, values, middles = [], [], []
-        for grid in (a, b):
-            body = np.flatnonzero(grid.at_points["state"] == 0)
-            order = body[np.lexsort(np.round(grid.points[body, :2], 9).T)]
-            places.append(grid.points[order])
-            values.append(grid.at_points["displacement"][order])
-            middle = np.round(grid.points[cells_of(grid)].mean(axis=1)[:, :2], 9)
-            middles.append((grid, np.lexsort(middle.T)))
-        assert np.abs(places[0] - places[1]).max() < 1e-9
-        assert np.abs(values[0] - values[1]).max() < 1e-8 * np.abs(values[1]).max()
-        for name in ("sxx_cell", "sxy_cell", "syy_cell", "von_mises_cell"):
-            one, two = (grid.in_cells[name][order] for grid, order in middles)
-            assert np.abs(one - two).max() < 1e-8 * np.abs(two).max(), name
-
-
 def test_both_bodies_and_their_contact_are_one_grid() -> None:
     found = grids(two_blocks(), {1.0: (0, "0")})
     for grid, end in found.values():

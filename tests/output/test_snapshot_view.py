@@ -7,30 +7,22 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from mpi4py import MPI
-
 import matplotlib as mpl
 import numpy as np
 import pytest
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.colors import to_hex, to_rgba_array
-from matplotlib.contour import ContourSet
 from matplotlib.figure import Figure
 from pictured import instant_of_row, view_at
 
 import receding_fenicsx as rf
 from receding_fenicsx.bulk.fields import Fields
-from receding_fenicsx.evolution.instants import Instant
 from receding_fenicsx.interface.law import Friction
 from receding_fenicsx.output.snapshots.colours import QUANTITIES, colours_of, scaled
-from receding_fenicsx.output.snapshots.draw import draw_pages
 from receding_fenicsx.output.snapshots.page import compose, layout_of
 from receding_fenicsx.output.snapshots.view import Arrows, Strip, View, _traction
-from receding_fenicsx.pictures import shown_instant
-from receding_fenicsx.studies import run as study
 
-COMM = MPI.COMM_WORLD
 PRESSURE, HEIGHT, YOUNG, LARGEST = 2.0, 3.0, 5.0, 4.0
 """Where they are all 1, what divides by the wrong one looks the same."""
 
@@ -112,51 +104,6 @@ def test_pictures_are_in_the_units_of_the_scene() -> None:
     assert bar.get_ylabel() == r"$2\tau_\mathrm{max}$ (MPa)"
     notes = [text.get_text() for text in page_of(view).texts]
     assert any(re.search(r"one fringe [\d.]+ MPa, displacements", note) for note in notes)
-
-
-def drawn_states(figure: Figure, n: int, at: np.ndarray) -> list[int]:
-    """States at points (x, y) of the n-th axes, by the colours of the areas drawn there."""
-    axes, states = figure.axes[n], {colour: int(s) for s, colour in rf.style.STATE_COLOURS.items()}
-    areas = [
-        (patch.get_transform().transform_path(patch.get_path()), to_hex(patch.get_facecolor()))
-        for patch in axes.patches
-    ]
-    for drawn in axes.collections:
-        if isinstance(drawn, PolyCollection):
-            colours = to_rgba_array(drawn.get_facecolor())
-            paths = [axes.transData.transform_path(path) for path in drawn.get_paths()]
-            areas += [(path, to_hex(c)) for path, c in zip(paths, colours, strict=True)]
-    dots = axes.transData.transform(at)
-    return [[states[c] for path, c in areas if path.contains_point(dot)][-1] for dot in dots]
-
-
-def test_steady_zones_that_only_touch_their_limit_are_alike_in_all_pictures() -> None:
-    history = rf.HistoryOptions(maximum=LARGEST, minimum=LARGEST / 3.0, cycles=60)
-    mesh = rf.MeshOptions(contact_elements=40, degree=2, growth=1.4)
-    scene = replace(BLOCK, contacts=(rf.Contact(),), history=history, mesh=mesh)
-    system = study.condense(scene, COMM)
-
-    def make() -> tuple[rf.Record, Instant]:
-        record = rf.evolve(rf.given(system), scene)
-        return record, shown_instant(scene, rf.given(system), record, (60, "unloading", 1.0))
-
-    record, now = COMM.bcast(rf.on_root(COMM, make))
-    made = view_at(scene, now)
-    if made is None:
-        return
-    view, _ = made
-    low = record.at(60, "minimum")
-    # the path itself has slips far below those that anything shows
-    slips = np.isin(low.state, (rf.State.FORWARD_SLIP, rf.State.BACKWARD_SLIP))
-    assert np.count_nonzero(slips & (view.state == rf.State.STICK)) > 3
-    assert np.array_equal(low.state[view.state != rf.State.STICK], view.state[view.state != 1])
-    x = record.x[record.x > 0.01 * HEIGHT][:-1] / HEIGHT + 1e-6
-    expected = view.state[record.x > 0.01 * HEIGHT][:-1].tolist()
-    band = rf.figures.tractions(record, low)
-    assert drawn_states(band, 0, np.stack([x, 0.9 + 0.0 * x], axis=1)) == expected
-    zone_map = rf.figures.zone_maps(record, [(60, 0)])
-    just_above = 1.0 / 3.0 + 1e-6 + 0.0 * x
-    assert drawn_states(zone_map, 0, np.stack([x, just_above], axis=1)) == expected
 
 
 def test_arrows_end_on_the_deformed_edge_that_they_press() -> None:
@@ -302,23 +249,6 @@ def names_of_colours(figure: Figure) -> dict[str, str]:
 
 
 @pytest.mark.one_rank
-@pytest.mark.parametrize("name", ["max_shear", "syy"])
-def test_colours_are_those_of_the_part_of_the_body_that_is_seen(name: str) -> None:
-    view, quantity = made_up(), next(q for q in QUANTITIES if q.name == name)
-    stress = np.array([0.0, 1.0, 0.5, 0.25])
-    view, layout = replace(view, stress={name: stress}), layout_of(view)
-    beyond = replace(
-        view,
-        points=np.vstack([view.points, view.points + 50.0]),
-        moved=np.vstack([view.moved, view.moved + 50.0]),
-        cells=np.vstack([view.cells, view.cells + 4]),
-        stress={name: np.concatenate([stress, 100.0 + stress])},
-    )
-    (plain,), (same,) = (draw_pages([v], quantity, layout) for v in (view, beyond))
-    assert plain.axes[-1].get_ylim() == same.axes[-1].get_ylim()
-
-
-@pytest.mark.one_rank
 def test_band_of_states_has_the_colours_of_the_legend_where_the_states_are() -> None:
     view = made_up()
     figure = page_of(view)
@@ -418,23 +348,6 @@ def test_plane_lies_an_exaggerated_gap_below_the_edge_as_it_was() -> None:
 
 
 @pytest.mark.one_rank
-@pytest.mark.parametrize("quadrilaterals", [True, False])
-def test_contour_of_a_field_that_is_linear_is_a_straight_line(quadrilaterals: bool) -> None:
-    view = made_up()
-    if not quadrilaterals:
-        view = replace(view, cells=np.array([[0, 1, 2], [0, 2, 3]]))
-    field = view.moved @ [1.0, 2.0]
-    level = 0.3 * field.min() + 0.7 * field.max()
-    page = page_of(view, (field, np.array([level, 2.0 * field.max()])))
-    (lines,) = [c for c in page.axes[0].collections if isinstance(c, ContourSet)]
-    (line,) = [p for p in (np.asarray(path.vertices) for path in lines.get_paths()) if len(p)]
-    assert line @ [1.0, 2.0] == pytest.approx(level)
-    # from one side of the block to the other
-    (x, y), ends = view.moved.max(axis=0), line[[0, -1]]
-    assert sorted(ends[:, 0]) == pytest.approx([level - 2.0 * y, x])
-
-
-@pytest.mark.one_rank
 @pytest.mark.parametrize("scale", [1.0, 1e6])
 def test_fringes_are_white_at_whole_orders_and_black_halfway(scale: float) -> None:
     """Photoelasticity: light of a crossed polariscope counts 2 tau_max, the stress difference."""
@@ -454,25 +367,6 @@ def test_fringes_are_white_at_whole_orders_and_black_halfway(scale: float) -> No
             assert shown == pytest.approx([grey] * 3, abs=0.01), (order, part)
 
 
-@pytest.mark.one_rank
-@pytest.mark.parametrize("height", [1.0, 0.02])
-def test_colour_bar_ends_with_the_body_and_has_room_for_its_label(height: float) -> None:
-    view = made_up()
-    flat = np.array([1.0, height])
-    view = replace(view, points=flat * view.points, moved=flat * view.moved)
-    layout, drawn = layout_of(view, dpi=50.0), page_of(view)
-    (body, tractions, bar), page = drawn.axes, drawn.get_size_inches()
-    assert [body.get_position().width, body.get_position().height] * page == pytest.approx(
-        layout.body[2:]
-    )
-    box = bar.get_position()
-    assert box.height * layout.height >= 0.7 - 1e-9
-    assert box.x0 > tractions.get_position().x1 and box.y0 > tractions.get_position().y0
-    place = body.transData.transform((0.0, float(view.moved[:, 1].max())))
-    ends = body.figure.transFigure.inverted().transform(place)
-    assert box.y1 == pytest.approx(ends[1], abs=1e-9)
-
-
 def test_small_contact_is_shown_from_near_by() -> None:
     demo = Path(__file__).parents[2] / "demos" / "punch.toml"
     punch = rf.read_scene(demo, ["mesh.contact_elements=16"])
@@ -487,15 +381,3 @@ def test_small_contact_is_shown_from_near_by() -> None:
     assert length > 0.3 * (right - left)
     assert np.ptp(view.points, axis=0).max() > 10.0 * length
     assert left < view.x[0] and view.x[-1] < right and top - bottom < 4.0 * length
-
-
-def test_close_up_of_a_completed_half_body_is_that_of_the_whole() -> None:
-    contact = rf.Contact(friction=0.35, span=(-HEIGHT / 8.0, HEIGHT / 8.0))
-    scene = replace(BLOCK, contacts=(contact,), mesh=rf.MeshOptions(64, degree=1, growth=1.4))
-    made = [seen(replace(scene, solver=rf.SolverOptions(symmetry=s))) for s in ("auto", "none")]
-    if made[0] is None or made[1] is None:
-        return
-    (half, _, of_half), (whole, _, of_whole) = made[0], made[1]
-    assert of_half.half and not of_whole.half and half.near and whole.near
-    assert half.size == pytest.approx(whole.size) and half.factor == whole.factor
-    assert layout_of(half).window == pytest.approx(layout_of(whole).window, abs=1e-6)

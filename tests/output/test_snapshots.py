@@ -70,15 +70,6 @@ def test_fields_of_the_half_body_mirrored_are_those_of_the_whole_body() -> None:
             assert difference.max() < 1e-9 * np.abs(b[name]).max()
 
 
-@pytest.mark.parametrize("symmetry", ["auto", "none"])
-def test_cells_of_pictures_run_counter_clockwise(symmetry: str) -> None:
-    found = fields(symmetry)
-    if found is not None:
-        corners = found.points[found.cells]
-        sides = corners[:, 1:] - corners[:, :1]
-        assert np.linalg.det(sides[:, :2]).min() > 0.0
-
-
 def test_pictures_of_an_instant_show_the_body_and_the_states(shared_tmp_path: Path) -> None:
     chosen = tuple(q for q in QUANTITIES if q.name in ("syy", "max_shear"))
     scene = small_block()
@@ -110,19 +101,6 @@ def test_pictures_of_an_instant_show_the_body_and_the_states(shared_tmp_path: Pa
     assert not any(name.startswith("vtkmodules") for name in sys.modules)
     with h5py.File(shared_tmp_path / "fields" / "cycle0001_leg0_s1.000.h5") as file:
         assert file.attrs["time"] == 1.5  # the end of the first of two legs
-
-
-@pytest.mark.one_rank
-def test_a_picture_does_not_depend_on_the_others_drawn_with_it(tmp_path: Path) -> None:
-    scene, chosen = small_block(), tuple(q for q in QUANTITIES if q.name == "syy")
-    instants = [instant_of_row(scene, row)[1] for row in (0, 1)]
-    with picture_body(scene, COMM) as bulk:
-        both = snapshots(bulk, instants, tmp_path / "both" / "snapshots", chosen)
-        alone = snapshots(bulk, instants[1:], tmp_path / "alone" / "snapshots", chosen)
-    assert both is not None and alone is not None
-    (found,) = [path for path in alone if path.suffix == ".png"]
-    (other,) = [path for path in both if path.name == found.name]
-    assert found.read_bytes() == other.read_bytes()
 
 
 SQUARE = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
@@ -182,32 +160,6 @@ def test_renderer_that_crashes_is_said_and_replaced() -> None:
     with pytest.raises(RecedingError, match="off-screen rendering failed"):
         drawn(np.zeros(2))
     assert drawn(np.zeros(3)).shape == (40, 40, 3)
-
-
-def test_view_is_of_the_whole_body_without_a_seam() -> None:
-    made = view_at(small_block(), instant_of_row(small_block())[1])
-    assert (made is None) == (COMM.rank > 0)
-    if made is None:
-        return
-    view, _ = made
-    width, height = 4.0, 1.0
-    ends = view.points[view.edges]
-    # the outline is the rectangle's, so the axis is none of it
-    assert np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1).sum() == pytest.approx(
-        2.0 * (width + height), rel=1e-12
-    )
-    _, twice = np.unique(np.round(view.points, 9), axis=0, return_counts=True)
-    assert twice.max() == 1
-    on_axis = view.points[:, 0] == 0.0
-    assert np.abs(view.stress["sxy"][on_axis]).max() == 0.0
-    # p0 is carried by the contact: the integral of p over it is that of the load
-    (load,) = view.arrows
-    assert np.sum(0.5 * (view.p[1:] + view.p[:-1]) * np.diff(view.x)) == pytest.approx(
-        2.0, rel=0.02
-    )
-    assert np.abs(load.heads[[0, -1], 0]) == pytest.approx([1.0, 1.0], abs=0.05)
-    assert np.all(load.tails[:, 1] > load.heads[:, 1])
-    assert view.caption == r"first unloading, $p_{0} = \frac{1}{3}\,p_{0}^{\,\mathrm{max}}$"
 
 
 @pytest.mark.parametrize(

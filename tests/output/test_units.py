@@ -164,42 +164,6 @@ def telling(w: np.ndarray, p: np.ndarray) -> int:
     return int(np.flatnonzero((w.max(axis=0) > 0.0) & (p.max(axis=0) > 0.0))[-1])
 
 
-def test_what_cannot_be_made_free_of_units_is_in_those_of_the_scene() -> None:
-    """Two loads: no one pressure to divide by."""
-    scene = scene_of("plane strain", PRESSURE, HEIGHT, YOUNG, LARGEST)
-    second = rf.Load("t", "right", traction=(0.0, 0.1))
-    table = rf.HistoryOptions(
-        "table", columns=("p0", "t"), rows=((4.0, 0.0),), cycle_rows=((3.0, 1.0), (4.0, 0.0))
-    )
-    scene = replace(scene, loads=(*scene.loads, second), history=replace(table, cycles=CYCLES))
-    system = rf.given(study.condense(scene, MPI.COMM_SELF))
-    record = rf.evolve(system, scene)
-    moment = record.at(1, "minimum")
-    axes = rf.figures.tractions(record, moment).axes[1]
-    assert axes.get_ylabel() == "$p$,  $q$"
-    assert np.array_equal(curve(axes, -2)[:, 1], moment.p)
-    assert np.array_equal(curve(axes, -1)[:, 1], moment.q)
-    density = rf.figures.dissipation_density(record).axes[0]
-    assert density.get_ylabel() == "dissipation density\n$d$"
-    assert np.array_equal(curve(density, 0)[:, 1], record.cycles.dissipation_density[0])
-    loops = rf.figures.hysteresis(record, CYCLES)
-    path = rf.loop_of(record, CYCLES)
-    for n, name in enumerate(("p_{0}", "t")):
-        left = loops.axes[2 * n]
-        assert left.get_xlabel() == rf"$\delta_{{{name}}}$"
-        largest = np.abs(record.turning_points.load[:, n]).max()
-        assert left.get_ylabel() == rf"${name}/{name}^{{\,\mathrm{{max}}}}$"
-        # the work per load factor over the pressure, and over the traction
-        assert close(curve(left, 0)[:, 0], path.displacement[:, n] / (PRESSURE, 0.1)[n])
-        assert close(curve(left, 0)[:, 1], path.load[:, n] / largest)
-    node = telling(path.w, path.p)
-    forces, places = rf.figures.trajectories(record, node, CYCLES).axes
-    assert (forces.get_xlabel(), forces.get_ylabel()) == ("$q$", "$p$")
-    assert (places.get_xlabel(), places.get_ylabel()) == ("$v$", "$w$")
-    assert close(curve(forces, 0)[:, 1], path.p[:, node])
-    assert close(curve(places, 0)[:, 1], path.w[:, node])
-
-
 UNITS = rf.Units("mm", "MPa", "N")
 
 
@@ -242,23 +206,6 @@ def given_units(record: rf.Record, units: rf.Units) -> rf.Record:
     """The same record of a scene with units."""
     assert record.scene is not None
     return replace(record, scene_toml=rf.to_toml(replace(record.scene, units=units)))
-
-
-@pytest.mark.parametrize("kinematics", KINEMATICS)
-def test_loops_in_units_enclose_the_dissipation(kinematics: str) -> None:
-    record = given_units(odd(kinematics), UNITS)
-    axes = rf.figures.hysteresis(record, CYCLES).axes[0]
-    area, unit = {
-        "plane strain": ("displaced area", "mm²"),
-        "axisymmetric": ("displaced volume", "mm³"),
-    }[kinematics]
-    assert axes.get_title(loc="left") == f"(a) {area}"
-    assert axes.get_xlabel() == rf"$\delta_{{p_{{0}}}}$ ({unit})"
-    assert axes.get_ylabel() == "$p_{0}$ (MPa)"
-    x, y = curve(axes, 0).T
-    work = float(np.sum(0.5 * (y[1:] + y[:-1]) * np.diff(x)))
-    # the area of the loop in the units of its axes; the last cycle is nearly closed
-    assert work == pytest.approx(record.cycles.dissipation[-1], rel=0.05)
 
 
 @pytest.mark.parametrize(
@@ -324,18 +271,6 @@ def test_tractions_are_divided_by_the_one_pressure_of_a_scene(
     other = replace(record, scene_toml=rf.to_toml(replace(record.scene, loads=loads)))
     axes = rf.figures.tractions(other, other.at(1, "minimum")).axes[1]
     assert ("/" in axes.get_ylabel()) == divided
-
-
-def test_the_first_cycle_is_seen_where_the_last_one_lies_on_it() -> None:
-    record = odd("plane strain")
-    for figure in (
-        rf.figures.hysteresis(record, [1, CYCLES]),
-        rf.figures.dissipation_density(record),
-    ):
-        first, last = [line for line in figure.axes[0].lines if np.size(line.get_xdata()) > 4]
-        assert first.get_linewidth() > 2.0 * last.get_linewidth()
-        assert first.get_zorder() <= last.get_zorder()
-        assert first.get_color() != last.get_color()
 
 
 def test_numbers_in_titles_have_three_digits_and_no_letter_e() -> None:

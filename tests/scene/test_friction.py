@@ -10,7 +10,6 @@ from mpi4py import MPI
 import pytest
 
 import receding_fenicsx as rf
-from receding_fenicsx.scene.symmetry import is_mirror_symmetric
 
 pytestmark = pytest.mark.one_rank
 
@@ -63,14 +62,6 @@ def test_one_direction_is_set_and_the_other_one_kept() -> None:
     for wrong in ("contact.friction.forwards=0.2", "contact.friction.x=[0, 1]"):
         with pytest.raises(rf.InputError, match=r"unknown key .*forward"):
             friction(wrong)
-
-
-def test_half_is_modelled_only_where_forward_is_the_image_of_backward() -> None:
-    assert is_mirror_symmetric(block("{forward = 0.3, backward = 0.3}"))
-    assert is_mirror_symmetric(block('{forward = "0.3 + 0.05*x", backward = "0.3 - 0.05*x"}'))
-    assert not is_mirror_symmetric(block("{forward = 0.3, backward = 0.2}"))
-    # both even, but not each other's image
-    assert not is_mirror_symmetric(block('{forward = "0.3 + 0.05*x*x", backward = "0.3"}'))
 
 
 def test_record_and_figures_of_friction_with_two_directions(tmp_path: Path) -> None:

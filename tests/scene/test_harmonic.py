@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from receding_fenicsx.scene.history import History, history_from_scene
-from receding_fenicsx.scene.model import Harmonic, HistoryOptions
 from receding_fenicsx.scene.toml_file import from_toml, to_toml
 
 pytestmark = pytest.mark.one_rank
@@ -107,9 +106,3 @@ def test_constant_loads_are_applied_first_and_kept(
     found = made(f"[history]\n{history}")
     np.testing.assert_array_equal(found.path, path)
     np.testing.assert_array_equal(found.loop, np.reshape(loop, (-1, 2)))
-
-
-def test_scene_made_in_python_equals_that_of_the_file() -> None:
-    loads = {"P": Harmonic(1.0, 0.5, 20.0), "Q 1": Harmonic(amplitude=0.25, phase=110.0)}
-    options = HistoryOptions(kind="harmonic", cycles=3, harmonic=loads)
-    assert from_toml(f"{BODY}{OUT_OF_PHASE}").history == options

@@ -28,12 +28,6 @@ def test_cyclic_history_runs_maximum_minimum_maximum() -> None:
     assert (history.cycles, history.until_steady) == (7, False)
 
 
-def test_cyclic_history_may_stop_when_steady() -> None:
-    steady, plain = (made(f'kind = "cyclic"{end}') for end in ('\nuntil = "steady"', ""))
-    assert steady.until_steady and "until steady" in repr(steady)
-    assert "until steady" not in repr(plain)
-
-
 def test_monotonic_history_has_no_cycles() -> None:
     history = made('kind = "monotonic"\nmaximum = 3.0\ncycles = 5')
     np.testing.assert_array_equal(history.path, [[0.0], [3.0]])
@@ -158,10 +152,3 @@ def test_instants_spread_evenly_over_a_polygon_of_any_number_of_legs(n: int) -> 
     assert np.diff(time).max() < 2.7 / (n - 1)
     if n <= 32:
         assert np.allclose(np.diff(time), 1.0 / (n - 1))
-
-
-@pytest.mark.parametrize(("cycle", "n"), [(4, 10), (-1, 10), (1, 1)])
-def test_instants_cannot_be_spread_over_what_is_not_there(cycle: int, n: int) -> None:
-    path, loop = np.array([[0.0], [1.0]]), np.array([[1.0], [0.5], [0.2], [1.0]])
-    with pytest.raises(InputError):
-        evenly_spaced(History(("p0",), path, loop, 3), cycle, n)

@@ -103,13 +103,6 @@ def test_an_unsorted_table_is_refused_on_rectangles_and_on_meshes_of_ones_own(
         from_toml(text, [key + UNSORTED])
 
 
-@pytest.mark.parametrize("text", [BLOCK, OWN_MESH])
-@pytest.mark.parametrize("key", ["initial_gap", "friction"])
-def test_a_negative_number_is_refused_before_a_mesh_is_made(text: str, key: str) -> None:
-    with pytest.raises(InputError, match=rf"\[contact\] {key}: is -0.1 at x = .* not be negative"):
-        from_toml(text, [f"contact.{key}=-0.1"])
-
-
 def test_a_table_beside_the_contact_is_refused_unless_it_is_constant() -> None:
     beside = "contact.initial_gap={{x = [1000.0, 2000.0], value = [0.0, {}]}}"
     with pytest.raises(InputError, match=r"from x = 1000 to 2000, beside the edge.* unit"):

@@ -65,27 +65,6 @@ def test_schema_has_the_ranges_and_choices_and_nothing_that_toml_has_not(
     assert references <= set(schema["$defs"])
 
 
-def test_tables_that_may_be_several_say_which_key_is_wrong_in_each() -> None:
-    schema = scene_schema()
-    for table in ("body", "contact", "load", "probe"):
-        part, name = schema["properties"][table], key_tables.KINDS[table].__name__
-        assert part["type"] == ["object", "array"] and "anyOf" not in part
-        assert part["properties"] == schema["$defs"][name]["properties"]
-        assert part["items"] == {"$ref": f"#/$defs/{name}"}
-
-
-def test_rows_of_a_history_may_be_those_of_a_file() -> None:
-    schema = scene_schema()
-    for table, key, other in (
-        ("HistoryOptions", "rows", "array"),
-        ("HistoryOptions", "cycle_rows", "array"),
-        ("Contact", "initial_gap", "number"),
-    ):
-        found = list(parts(schema["$defs"][table]["properties"][key]))
-        assert "file" in {name for part in found for name in part.get("properties", {})}, key
-        assert other in {part.get("type") for part in found}
-
-
 def test_page_of_scenes_has_a_table_of_keys_for_each_table_of_a_scene() -> None:
     text = key_tables.with_tables((ROOT / "docs" / "scene.md").read_text(encoding="utf-8"))
     for name, kind in key_tables.KINDS.items():

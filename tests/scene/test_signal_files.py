@@ -95,14 +95,6 @@ def test_measured_block_is_closed_from_its_end_to_its_beginning(shared_tmp_path:
     assert rf.history_from_scene(both).path.shape == (4, 2) and both.history.columns == ("P", "Q")
 
 
-def test_constant_load_stands_beside_a_measured_one(shared_tmp_path: Path) -> None:
-    put(shared_tmp_path, "Q\n0\n0.5\n-0.5\n0\n")
-    scene = read(shared_tmp_path, f"constant = {{P = 2}}\n{FILE.replace('rows', 'cycle_rows')}")
-    history = rf.history_from_scene(scene)
-    assert history.path.tolist() == [[0, 0], [2, 0]]
-    assert history.loop.tolist() == [[2, 0], [2, 0.5], [2, -0.5], [2, 0]]
-
-
 def test_scene_holds_the_rows_and_notices_another_file(shared_tmp_path: Path) -> None:
     put(shared_tmp_path, "P,Q\n1,0.25\n1.5,-0.5\n1,0.5\n")
     scene = read(shared_tmp_path)
@@ -167,11 +159,3 @@ def test_bad_keys_beside_a_file_are_refused(
         read(shared_tmp_path, history, body)
     for word in words:
         assert word in str(caught.value), str(caught.value)
-
-
-def test_scene_file_is_named_with_its_signal(shared_tmp_path: Path) -> None:
-    put(shared_tmp_path, BODY + FILE, "scene.toml")
-    put(shared_tmp_path, "P,Q\n1,0.25\n1.5,-0.5\n1,0.5\n")
-    assert rf.read_scene(shared_tmp_path / "scene.toml").history == rf.HistoryOptions(
-        kind="table", cycles=2, columns=("P", "Q"), rows=ROWS
-    )

@@ -1,4 +1,3 @@
-import ctypes
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -138,47 +137,6 @@ def test_nodes_held_normally_are_no_contacts_and_nodes_held_sideways_have_no_fri
         found: list[int] = []
         file.visititems(lambda name, item: found.extend(item) if "contact_nodes" in name else None)
     assert found == np.delete(np.arange(system.n), 5).tolist()
-
-
-def test_fclib_s_own_library_reads_the_file(tmp_path: Path) -> None:
-    try:
-        library = ctypes.CDLL("libfclib.so.0")
-    except OSError:
-        pytest.skip("FCLIB's library is not installed (apt install libfclib0)")
-    system = block_system(16, 8)
-    path = tmp_path / "step.hdf5"
-    problem = step_problem(system, LOAD)
-    write_fclib(path, problem, solve_problem(system, LOAD))
-
-    class Matrix(ctypes.Structure):
-        _fields_ = (
-            *((key, ctypes.c_int) for key in ("nzmax", "m", "n")),
-            *((key, ctypes.POINTER(ctypes.c_int)) for key in ("p", "i")),
-            ("x", ctypes.POINTER(ctypes.c_double)),
-            ("nz", ctypes.c_int),
-        )
-
-    class Local(ctypes.Structure):
-        _fields_ = (
-            *((key, ctypes.POINTER(Matrix)) for key in ("W", "V", "R")),
-            *((key, ctypes.POINTER(ctypes.c_double)) for key in ("mu", "q", "s")),
-            ("spacedim", ctypes.c_int),
-        )
-
-    class Solution(ctypes.Structure):
-        _fields_ = tuple((key, ctypes.POINTER(ctypes.c_double)) for key in ("v", "u", "r", "l"))
-
-    library.fclib_read_local.restype = ctypes.POINTER(Local)
-    library.fclib_read_solution.restype = ctypes.POINTER(Solution)
-    read = library.fclib_read_local(str(path).encode()).contents
-    n = len(problem.q)
-    assert (read.spacedim, read.W.contents.m, read.W.contents.nz) == (2, n, -2)
-    np.testing.assert_array_equal(read.W.contents.x[: n * n], problem.W.ravel())
-    np.testing.assert_array_equal(read.V.contents.x[: problem.V.size], problem.V.ravel())
-    np.testing.assert_array_equal(read.q[:n], problem.q)
-    np.testing.assert_array_equal(read.mu[: n // 2], problem.mu)
-    found = library.fclib_read_solution(str(path).encode()).contents
-    np.testing.assert_array_equal(found.r[:n], solve_problem(system, LOAD).r)
 
 
 @pytest.mark.parametrize("first", [True, False])

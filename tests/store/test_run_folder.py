@@ -139,47 +139,6 @@ def test_finished_run_stays_until_the_longer_one_is_finished_too(tmp_path: Path)
     assert "cycles = 900" in (out / SCENE).read_text()
 
 
-@pytest.mark.parametrize(
-    ("table", "change", "named"),
-    [
-        ("material", {"poisson": 0.25}, r"\[material\] poisson"),
-        ("solver", {"method": "gauss-seidel"}, r"\[solver\] method"),
-        ("output", {"checkpoint_cycles": 7}, r"\[output\] checkpoint_cycles"),
-        ("output", {"samples_per_leg": 3}, r"\[output\] samples_per_leg"),
-        ("history", {"minimum": 0.5}, r"\[history\] minimum"),
-        ("mesh", {"growth": 1.2}, r"\[mesh\] growth"),
-    ],
-)
-def test_run_of_another_scene_is_not_resumed(
-    tmp_path: Path, table: str, change: dict[str, object], named: str
-) -> None:
-    interrupt(tmp_path / "run")
-    other = replace(BLOCK, **{table: replace(getattr(BLOCK, table), **change)})
-    with pytest.raises(rf.InputError, match=f"a run with another {named}"):
-        interrupt(tmp_path / "run", other, resume=True)
-    for free in (
-        replace(BLOCK, title="another"),
-        replace(BLOCK, history=replace(BLOCK.history, cycles=3, until=None)),
-        replace(BLOCK, output=replace(BLOCK.output, cycles="all")),
-        # as written by runs before the default depended on the number of legs
-        replace(BLOCK, output=replace(BLOCK.output, samples_per_leg=40)),
-    ):
-        interrupt(tmp_path / "run", free, resume=True)
-
-
-def test_differing_load_and_contact_are_named(tmp_path: Path) -> None:
-    interrupt(tmp_path / "run")
-    load = replace(BLOCK.loads[0], pressure=2.0)
-    contact = replace(BLOCK.contacts[0], friction="0.3 + 0*x")
-    for other, named in (
-        (replace(BLOCK, loads=(load,)), r"\[load\] pressure"),
-        (replace(BLOCK, loads=(load, load)), "load"),
-        (replace(BLOCK, contacts=(contact,)), r"\[contact\] friction"),
-    ):
-        with pytest.raises(rf.InputError, match=f"a run with another {named}"):
-            interrupt(tmp_path / "run", other, resume=True)
-
-
 def test_folder_in_use_is_left_alone(tmp_path: Path) -> None:
     out = tmp_path / "run"
     interrupt(out)

@@ -22,7 +22,6 @@ from receding_fenicsx.studies.sweep import SweepTable
 
 ROOT = Path(__file__).parents[2]
 CYLINDERS = ROOT / "demos" / "half_planes.toml"
-STRIP = ROOT / "tests" / "trials" / "strip_on_wall.toml"
 comm = MPI.COMM_WORLD
 
 
@@ -191,15 +190,3 @@ def test_bad_input_is_one_line(
 def test_amplitudes_are_positive_numbers(amplitudes: list[float]) -> None:
     with pytest.raises(rf.InputError, match="amplitudes: must be positive numbers"):
         rf.joint_curve(cylinders(40), "Q", amplitudes)
-
-
-@pytest.mark.one_rank
-def test_a_solver_that_fails_is_no_macroslip(monkeypatch: pytest.MonkeyPatch) -> None:
-    system = small_system(np.eye(2), {"P": [0.0, 1.0], "pull": [-1.0, 0.0]}, 0.4)
-
-    def fails(*_: object) -> rf.Record:
-        raise rf.SolveError("lost accuracy")
-
-    monkeypatch.setattr("receding_fenicsx.studies.joint.backbone.evolve", fails)
-    with pytest.raises(rf.SolveError, match="lost accuracy"):
-        first_loading(system, "pull", np.zeros((1, 2)), [0.2])

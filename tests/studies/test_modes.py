@@ -6,8 +6,6 @@ import csv
 from dataclasses import replace
 from pathlib import Path
 
-from mpi4py import MPI
-
 import numpy as np
 import pytest
 from small import small_system
@@ -16,9 +14,6 @@ import receding_fenicsx as rf
 from receding_fenicsx import cli
 from receding_fenicsx.modal import mode_system
 from receding_fenicsx.studies.joint.curve import _driven
-
-ROOT = Path(__file__).parents[2]
-comm = MPI.COMM_WORLD
 
 BLOCK = """
 [body]
@@ -161,16 +156,6 @@ def test_bolts_and_springs_between_bodies_hold_a_mode() -> None:
 
 
 @pytest.mark.one_rank
-def test_two_bodies_vibrate_together() -> None:
-    scene = rf.read_scene(ROOT / "demos" / "dovetail.toml", ["mesh.contact_elements=6"])
-    scene = replace(scene, materials=tuple(replace(m, density=1.0) for m in scene.materials))
-    # the condensed pair has the compliance of the mode, or this raises
-    _, omega = driven(scene, "mode:2", {"F": 1.0})
-    heavy = replace(scene, materials=tuple(replace(m, density=4.0) for m in scene.materials))
-    assert driven(heavy, "mode:2", {"F": 1.0})[1] == pytest.approx(0.5 * omega, rel=1e-9)
-
-
-@pytest.mark.one_rank
 def test_a_system_has_a_curve_by_command(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -188,14 +173,3 @@ def test_a_system_has_a_curve_by_command(
         pull = float(row["amplitude"])
         D = max(0.0, 4 * f * (pull - f) / k)
         assert float(row["dissipation"]) == pytest.approx(D, rel=1e-12, abs=1e-15)
-
-
-@pytest.mark.parametrize(
-    ("drive", "density", "told"),
-    [("mode:1", 0.0, "vibration modes need one"), ("mode:x", 1.0, "is no mode")],
-)
-def test_bad_modes_are_refused(drive: str, density: float, told: str) -> None:
-    scene = block(1.0, 1.0, 8)
-    scene = replace(scene, material=replace(scene.material, density=density))
-    with pytest.raises(rf.InputError, match=told):
-        rf.joint_curve(scene, drive, [1.0])

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from dataclasses import replace
 from pathlib import Path
 
 from mpi4py import MPI
@@ -17,8 +16,6 @@ from small import small_system
 
 import receding_fenicsx as rf
 from receding_fenicsx import cli
-from receding_fenicsx.studies import starts
-from receding_fenicsx.studies.shakedown import study
 from receding_fenicsx.studies.shakedown.study import (
     Diagram,
     ShakedownStudy,
@@ -62,13 +59,6 @@ def scene_file(folder: Path) -> str:
         path.write_text(SCENE)
     MPI.COMM_WORLD.Barrier()
     return str(path)
-
-
-def test_scene_keeps_its_load_range() -> None:
-    scene = rf.from_toml(SCENE, ["shakedown.mean.shear=0.1", "shakedown.largest_slip=0.2"])
-    assert scene.shakedown.mean == {"press": 1.0, "shear": 0.1}
-    assert rf.from_toml(rf.to_toml(scene)) == scene
-    assert "[shakedown]" not in rf.to_toml(replace(scene, shakedown=rf.ShakedownOptions()))
 
 
 def test_command_writes_what_the_next_run_can_start_from(
@@ -239,46 +229,6 @@ def test_dissipation_of_uncoupled_systems_does_not_depend_on_the_start(seed: int
     low, high = from_starts(system, 1.3 * limits.upper, 12).interval
     assert low > 0.0
     assert high == pytest.approx(low, rel=1e-9)
-
-
-def test_direction_of_slip_between_turning_points_is_that_of_the_displacement() -> None:
-    system = two_nodes()
-    history = rf.range_history(system, {"mean": 1.0}, TO_AND_FRO, 0.6)
-    record = rf.evolve(system, history, until="limit")
-    table = record.turning_points
-    stuck = np.full_like(table.state, rf.State.STICK)
-    found = [
-        starts._states(
-            replace(record, turning_points=replace(table, state=stuck, v=sign * table.v))
-        )
-        for sign in (1.0, -1.0)
-    ]
-    slips = record.cycles.dissipation_density[-1] > 0.0
-    assert np.any(slips)
-    assert np.all((found[0] == rf.State.STICK) == ~slips)
-    both = {rf.State.FORWARD_SLIP, rf.State.BACKWARD_SLIP}
-    assert all({a, b} == both for a, b in zip(*(states[slips] for states in found), strict=True))
-    # of the moves of the cycle the largest counts; v that rises is forward slip
-    moves = np.diff(table.v[table.cycle >= table.cycle.max() - 1][-3:], axis=0)[:, slips]
-    largest = moves[np.abs(moves).argmax(axis=0), np.arange(moves.shape[1])]
-    assert np.array_equal(found[0][slips] == rf.State.FORWARD_SLIP, largest > 0.0)
-
-
-@pytest.mark.one_rank
-def test_study_in_the_current_folder_tells_why_there_is_no_second_mesh(
-    shared_tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def refused(scene: rf.Scene) -> rf.Scene:
-        raise rf.InputError("no vertices")
-
-    monkeypatch.setattr(study, "coarser", refused)
-    monkeypatch.chdir(shared_tmp_path)
-    # with little friction it slips before it opens: no cycles are played
-    found = rf.shakedown(rf.from_toml(SCENE, ["contact.friction=0.2"]), ".")
-    if found is not None:
-        assert len(found.meshes) == 1
-        assert "no limits on a coarser mesh: no vertices" in found.notes
-        assert (shared_tmp_path / "shakedown.json").is_file()
 
 
 def test_steady_states_need_cycles() -> None:

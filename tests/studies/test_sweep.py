@@ -22,7 +22,7 @@ import sweep_measures
 
 import receding_fenicsx as rf
 from receding_fenicsx import cli
-from receding_fenicsx.studies import run, runner
+from receding_fenicsx.studies import runner
 from receding_fenicsx.studies.sweep import read_over
 
 BLOCK = str(Path(__file__).parents[2] / "demos" / "block.toml")
@@ -76,27 +76,6 @@ def test_rows_hold_the_numbers_of_single_runs() -> None:
         assert table.grid("steady").shape == (2, 3)
         # less friction, more slip; the same for a larger range of the load
         assert np.all(np.diff(table.grid("dissipation_last_cycle"), axis=1) < 0.0)
-
-
-@pytest.mark.one_rank
-def test_a_body_is_condensed_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    condensed, condense = [], rf.condense  # the name is looked up in the module at its first use
-
-    def counted(case: rf.Scene, *rest: Any, **options: Any) -> Any:
-        condensed.append(case.mesh.contact_elements)
-        return condense(case, *rest, **options)
-
-    monkeypatch.setattr(run, "condense", counted)
-    monkeypatch.setattr(run, "_systems", {})
-    over = {
-        "contact.friction": [0.0, 0.3],
-        "contact.initial_gap": [0.0, "0.001*x**2"],
-        "solver.method": ["events", "gauss-seidel"],
-        "mesh.contact_elements": [8, 10, 12],  # fastest, and more than are kept in memory
-    }
-    table = rf.sweep(scene("history.cycles=1"), over)
-    assert table is not None and len(table.rows) == 24 and table.failed == ()
-    assert sorted(condensed) == [8, 10, 12]
 
 
 def test_a_case_that_fails_is_a_row_with_its_reason(shared_tmp_path: Path) -> None:

@@ -13,7 +13,7 @@ import pytest
 
 import receding_fenicsx as rf
 from receding_fenicsx import cli
-from receding_fenicsx.output.report.run import ERRORS, verdict
+from receding_fenicsx.output.report.run import verdict
 from receding_fenicsx.reference.closed_forms import BLOCK
 from receding_fenicsx.store.workspace import CASES
 from receding_fenicsx.studies import run as study
@@ -150,18 +150,6 @@ def test_a_tolerance_is_met_and_the_true_error_is_within_it(shared_tmp_path: Pat
         assert f"{level['elements']}  " in printed
 
 
-@pytest.mark.one_rank
-def test_estimates_of_numbers_that_a_tolerance_is_not_for_say_so() -> None:
-    known = {"value": 1.0, "error": 0.001, "relative": 0.001, "order": 1.0, "converges": True}
-    coarse = known | {"relative": 0.014}
-    level = {"numbers": {"centre_pressure": known}}
-    search = {"tolerance": 0.01, "met": True, "seconds": 1.0, "way": [level]}
-    summary = {"errors": {"centre_pressure": known, "stick_half_width": coarse}, "accuracy": search}
-    (line,) = ERRORS.lines(summary)
-    assert "stick_half_width (not in the tolerance) 1.4e-02, centre_pressure 1.0e-03" in line
-    assert "met by 1 number: twice" in verdict(summary)
-
-
 def test_a_tolerance_beyond_the_budget_keeps_the_best_run(
     shared_tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -248,26 +236,6 @@ def test_errors_that_are_interrupted_continue_with_the_meshes_that_are_solved(
         assert whole["errors"] == resumed["errors"]
 
 
-@pytest.mark.parametrize("meshes", [0, 1])
-def test_interrupt_between_meshes_says_how_to_continue(
-    meshes: int, shared_tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    condensed, calls = study.condensed, []
-
-    def interrupt(*arguments: Any) -> Any:
-        calls.append(1)
-        if len(calls) > meshes:
-            raise KeyboardInterrupt
-        return condensed(*arguments)
-
-    monkeypatch.setattr(study, "condensed", interrupt)
-    with pytest.raises(KeyboardInterrupt) as caught:
-        study.run(searching(block(), 2e-2), shared_tmp_path / "run", PLAIN, COMM)
-    if COMM.rank == 0:
-        told = str(caught.value).endswith("holds the meshes that are solved; continue by --resume")
-        assert told == (meshes > 0)
-
-
 def test_a_finished_search_goes_on_with_a_smaller_tolerance(shared_tmp_path: Path) -> None:
     out, numbers = shared_tmp_path / "run", ("load_displacement",)
     with pytest.raises(rf.ToleranceNotMet):
@@ -282,19 +250,6 @@ def test_a_finished_search_goes_on_with_a_smaller_tolerance(shared_tmp_path: Pat
 def test_a_sweep_does_not_leave_a_tolerance_aside_without_a_word(shared_tmp_path: Path) -> None:
     with pytest.raises(rf.InputError, match="tolerance: a sweep solves all its cases"):
         rf.sweep(searching(block(), 1e-2), {"contact.friction": [0.1]}, shared_tmp_path / "sweep")
-
-
-def test_a_search_says_what_is_wrong_with_a_mesh_file_that_no_mesh_can_serve(
-    shared_tmp_path: Path,
-) -> None:
-    if COMM.rank == 0:
-        empty = "$MeshFormat\n4.1 0 8\n$EndMeshFormat\n$Nodes\n0 0 0 0\n$EndNodes\n"
-        (shared_tmp_path / "empty.msh").write_text(empty)
-    COMM.barrier()
-    scene = replace(block(), body=replace(block().body, mesh=str(shared_tmp_path / "empty.msh")))
-    with pytest.raises(rf.InputError, match=r"empty.msh\": has no cells"):
-        study.run(searching(scene, 1e-2), shared_tmp_path / "run", PLAIN, COMM)
-    assert not (shared_tmp_path / "run" / "summary.json").exists()
 
 
 def test_sharp_corners_in_contact_are_graded_unasked(shared_tmp_path: Path) -> None:

@@ -9,25 +9,16 @@ from mpi4py import MPI
 
 import numpy as np
 import pytest
-from bodies import CELLS, block, built, condense
+from bodies import block
 from msh import turned, write_msh
 
 import receding_fenicsx as rf
 from receding_fenicsx.bulk.mesh.curves import curve_of
 from receding_fenicsx.bulk.mesh.raw_mesh import RawMesh
-from receding_fenicsx.evolution.problem import with_profiles
-from receding_fenicsx.interface.mirror import mirror_of
 from receding_fenicsx.store import hdf5
 from receding_fenicsx.studies.run import condense as condense_scene
 
 comm = MPI.COMM_WORLD
-
-
-def system_of(scene: rf.Scene, half: bool = False) -> rf.ContactSystem | None:
-    bulk = built(scene, half)
-    system = condense(bulk)
-    bulk.destroy()
-    return system
 
 
 def record_of(scene: rf.Scene) -> rf.Record | None:
@@ -47,28 +38,6 @@ def box(load: rf.Load | None = None, solver: rf.SolverOptions | None = None) -> 
     history = rf.HistoryOptions(cycles=3, minimum=0.2)
     scene = block("triangle", 1, 24, load=load, contacts=WALLS, history=history)
     return replace(scene, solver=solver or rf.SolverOptions())
-
-
-@pytest.mark.parametrize("cell", CELLS)
-@pytest.mark.parametrize("degree", [1, 2])
-def test_letting_go_of_two_edges_leaves_the_system_of_the_third(cell: str, degree: int) -> None:
-    three = system_of(block(cell, degree, contacts=WALLS))
-    one = system_of(block(cell, degree, contacts=WALLS[:1]))
-    if three is None or one is None:
-        return
-    assert three.edge_names == ("bottom", "left", "right")
-    assert np.array_equal(np.unique(three.edges), [0, 1, 2])
-    assert np.all(np.diff(three.edges) >= 0)
-    both = np.concatenate([three.edges, three.edges])
-    keep, gone = np.flatnonzero(both == 0), np.flatnonzero(both > 0)
-    K, r = three.K, three.r_star
-    eliminated = np.linalg.solve(
-        K[np.ix_(gone, gone)], np.column_stack([K[gone][:, keep], r.T[gone]])
-    )
-    schur = K[np.ix_(keep, keep)] - K[np.ix_(keep, gone)] @ eliminated[:, :-1]
-    assert np.abs(schur - one.K).max() < 1e-11 * np.abs(one.K).max()
-    reduced = r.T[keep, 0] - K[np.ix_(keep, gone)] @ eliminated[:, -1]
-    assert np.abs(reduced - one.r_star[0]).max() < 1e-11 * np.abs(one.r_star).max()
 
 
 @pytest.mark.parametrize("friction", [0.0, 0.3])
@@ -141,29 +110,6 @@ def test_two_feet_on_one_edge_are_told_apart_and_mirror_each_other() -> None:
         a, b = getattr(left.turning_points, name), getattr(right.turning_points, name)
         assert np.abs(a - sign * b[:, ::-1]).max() < 1e-10 * scale
     assert left.turning_points.P.sum(axis=1) == pytest.approx([1.0, 1.0 / 3.0, 1.0])
-
-
-def test_half_of_two_symmetric_edges_gives_the_whole() -> None:
-    contacts = (rf.Contact(), rf.Contact("top", (-0.5, 0.5), initial_gap=0.01))
-    load = rf.Load("p0", "top", (1.0, 1.5), pressure=1.0)
-    other = rf.Load("p1", "top", (-1.5, -1.0), pressure=1.0)
-    scene = block("triangle", 1, 16, contacts=contacts, loads=(load, other))
-    whole = system_of(replace(scene, loads=()))
-    half = system_of(replace(scene, loads=()), half=True)
-    if whole is None or half is None:
-        return
-    mirror = mirror_of(half)
-    assert np.array_equal(whole.x, np.where(mirror.left, -1.0, 1.0) * half.x[mirror.index])
-    assert np.array_equal(whole.edges, half.edges[mirror.index])
-    laid = [with_profiles(scene, system) for system in (whole, half)]
-    assert np.array_equal(laid[0].g0, mirror.even(laid[1].g0))
-    # symmetric motions meet the same forces
-    w = np.cos(half.x) + 0.3 * half.edges
-    v = np.sin(half.x) * (1.0 + half.edges)
-    on_half = half.K @ np.concatenate([v, w])
-    on_whole = whole.K @ np.concatenate([mirror.odd(v), mirror.even(w)])
-    n, m = half.n, whole.n
-    assert np.abs(on_whole[m:] - mirror.total(on_half[n:])).max() < 1e-11 * np.abs(on_whole).max()
 
 
 def groove(path: Path, degrees: float, friction: float) -> rf.Scene:

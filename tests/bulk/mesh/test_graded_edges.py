@@ -14,7 +14,6 @@ from bodies import block, everything, make_mesh
 
 import receding_fenicsx as rf
 from receding_fenicsx.bulk.mesh.grading import Base, graded
-from receding_fenicsx.bulk.mesh.meshing import raw_meshes
 from receding_fenicsx.bulk.mesh.user_mesh import read_user_meshes
 
 comm = MPI.COMM_WORLD
@@ -152,16 +151,3 @@ def test_re_entrant_corners_of_a_geo_file_get_smaller_elements() -> None:
         refined = [x != 1.8 for x, _ in corners for _ in (1, -1)]
         assert np.all(before > 0.05)
         assert np.all((after < 0.004) == refined)
-
-
-@pytest.mark.one_rank
-def test_a_span_over_the_whole_edge_leaves_the_sizes_at_corners() -> None:
-    scene = rf.read_scene(DEMOS / "dovetail.toml", ["mesh.contact_elements=8", "mesh.growth=1.6"])
-    place = rf.Refinement(0.01, "corners", 1.6)
-    scene = replace(scene, mesh=replace(scene.mesh, refine=(place,)))
-    # from (1.8, -0.8) to (1.2, -0.2)
-    half = 0.3 * np.sqrt(2.0)
-    contacts = tuple(replace(contact, span=(-half, half)) for contact in scene.contacts)
-    spanned = raw_meshes(replace(scene, contacts=contacts), False)
-    for a, b in zip(raw_meshes(scene, False), spanned, strict=True):
-        assert np.array_equal(a.points, b.points)

@@ -14,15 +14,11 @@ from bodies import CELLS, block, built, make_mesh
 from msh import Array, Ints, rectangle, turned, write_msh
 
 from receding_fenicsx.bulk.from_scene import condensed
-from receding_fenicsx.cli import main
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.evolution.problem import with_profiles
 from receding_fenicsx.interface.system import ContactSystem
 from receding_fenicsx.mpi import given, on_root
-from receding_fenicsx.scene.model import Body, Contact, HistoryOptions, Load, Scene, Support, Tie
-from receding_fenicsx.scene.toml_file import to_toml
-from receding_fenicsx.store.hdf5 import write_system
-from receding_fenicsx.studies import run as study
+from receding_fenicsx.scene.model import Body, Contact, Load, Scene, Support, Tie
 from receding_fenicsx.timing import Timer
 
 comm = MPI.COMM_WORLD
@@ -324,34 +320,6 @@ def test_negative_friction_on_a_users_edge_is_refused(shared_tmp_path: Path) -> 
         system_of(bad)
 
 
-def test_a_saved_system_touches_where_a_fresh_one_does(shared_tmp_path: Path) -> None:
-    """A node at x = 1e-17 touches where the gap is x^2, whichever way friction and gap came in."""
-    history = HistoryOptions(cycles=1)
-
-    def nudged(points: Array) -> Array:
-        return np.where(np.abs(points) == 0.0, [1e-17, 0.0], points)
-
-    flat = file_of(block(degree=2, history=history), shared_tmp_path / "block.msh", nudged)
-    round_ = replace(flat, contacts=(Contact(friction=0.3, initial_gap="0.01*x**2"),))
-    saved = shared_tmp_path / "system.h5"
-    system, fresh = study.condense(flat, comm, whole=True), study.run(round_)
-
-    def write() -> None:
-        assert system is not None
-        assert np.sort(np.abs(system.x))[0] == 1e-17
-        write_system(saved, system)
-
-    on_root(comm, write)
-    reused = study.run(round_, options=study.RunOptions(system_file=saved))
-    if fresh is not None and reused is not None:
-        assert fresh.g0.min() == reused.g0.min() == 0.0 < np.sort(fresh.g0)[1]
-        for name in ("g0", "f", "x"):
-            assert getattr(fresh, name).tobytes() == getattr(reused, name).tobytes(), name
-        for name in ("state", "P", "Q", "v", "w"):
-            a, b = getattr(fresh.turning_points, name), getattr(reused.turning_points, name)
-            assert a.tobytes() == b.tobytes(), name
-
-
 def test_unknown_parameters_surfaces_and_files_are_refused(shared_tmp_path: Path) -> None:
     path = shared_tmp_path / "my.geo"
     text = refused(geo_scene(path, parameters={"widht": 6.0}))
@@ -366,16 +334,3 @@ def test_unknown_parameters_surfaces_and_files_are_refused(shared_tmp_path: Path
     assert "cells of higher order" in refused(order_two)
     garbage = write_text(shared_tmp_path / "bad.msh", "no mesh")
     assert "gmsh cannot use it" in refused(replace(order_two, body=Body(mesh=garbage)))
-
-
-def test_check_reads_the_mesh_and_counts_its_contact_nodes(
-    shared_tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    scene = geo_scene(shared_tmp_path / "my.geo")
-    path = write_text(shared_tmp_path / "my.toml", to_toml(scene))
-    assert main(["check", path]) == 0
-    if comm.rank == 0:
-        assert "25 contact nodes, the whole body" in capsys.readouterr().out
-    assert main(["check", path, "--set", "contact.edge=fooot"]) == 2
-    if comm.rank == 0:
-        assert "no group of curves 'fooot'; did you mean 'foot'?" in capsys.readouterr().err
