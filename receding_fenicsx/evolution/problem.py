@@ -15,13 +15,14 @@ from receding_fenicsx.interface.measures.zones import begins_on_axis
 from receding_fenicsx.interface.system import ContactSystem, eliminate_tangential
 from receding_fenicsx.interface.system_checks import LARGEST, check_range, check_system
 from receding_fenicsx.interface.tolerances import LIMIT_CYCLE_TOLERANCE
+from receding_fenicsx.scene.checks import broken, refuse
 from receding_fenicsx.scene.history import History, check_history, history_from_scene
 from receding_fenicsx.scene.identity import body_difference
 from receding_fenicsx.scene.model import OutputOptions, Scene, SolverOptions
 from receding_fenicsx.scene.profiles import Profile, directions, evaluate, evaluate_checked
 from receding_fenicsx.scene.toml_file import known_scene, to_toml
 from receding_fenicsx.scene.toml_reader import check_values
-from receding_fenicsx.scene.validate import check_solver, validate
+from receding_fenicsx.scene.validate import of_solver, validate
 
 
 def with_profiles(scene: Scene, system: ContactSystem) -> ContactSystem:
@@ -262,7 +263,7 @@ def _checked(
     v[system.held[:n]] = 0.0
     # a method may be registered in Python
     check_values(replace(solver, method=SolverOptions.method), "[solver]")
-    check_solver(solver)
+    refuse(broken([of_solver(solver)]))
     if history.until_limit and solver.branch != FIRST:
         raise InputError(
             "[solver] branch: the limit of infinitely many cycles is that of the first "

@@ -35,10 +35,11 @@ from receding_fenicsx.evolution.problem import with_profiles
 from receding_fenicsx.interface.system import ContactSystem
 from receding_fenicsx.modal import Assembled, assembled
 from receding_fenicsx.mpi import given
+from receding_fenicsx.scene.checks import broken, refuse
 from receding_fenicsx.scene.model import Scene
 from receding_fenicsx.scene.toml_file import read_scene
 from receding_fenicsx.scene.validate import validate
-from receding_fenicsx.scene.validate_loads import check_modes
+from receding_fenicsx.scene.validate_loads import of_modes
 from receding_fenicsx.store.hdf5 import new_hdf5, write
 from receding_fenicsx.timing import Timer
 
@@ -95,7 +96,7 @@ def reduced_model(scene: Scene) -> ReducedModel:
         NotConverged: the modes were not found.
     """
     validate(scene)
-    check_modes(scene, "reduced model")
+    refuse(broken([of_modes(scene, "reduced model")]))
     gaps = [load.gap for load in scene.loads if load.gap is not None]
     if scene.preloads or gaps:
         raise InputError(

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Annotated, Any, ClassVar, Literal, NoReturn
 
 from annotated_types import Ge, Le, Lt
 
 from receding_fenicsx.arrays import call_of
-from receding_fenicsx.errors import InputError
+from receding_fenicsx.errors import InputError, InputErrors
 
 LARGEST, SMALLEST = 1e50, 1e-50
 """Range of numbers in which products and quotients of up to six of them stay finite."""
@@ -97,3 +97,49 @@ def check_positive(value: float, where: str) -> None:
         raise InputError(
             f"{where}: {value:g} is below {SMALLEST:g}; choose units in which it is nearer to 1"
         )
+
+
+# -- rules between values ------------------------------------------------------------------------
+
+Rules = Iterator[str]
+"""Rules of one part of a scene, a generator. Each that is broken yields one line: the table and
+key, what is wrong, what to do. Only the first line counts: a rule may rely on those before it."""
+
+
+def broken(rules: Iterable[Rules]) -> list[InputError]:
+    """Return the first broken rule of each part."""
+    errors = []
+    for part in rules:
+        try:
+            errors += [InputError(line) for line in (next(part, None),) if line]
+        except InputError as error:
+            errors.append(error)
+    return errors
+
+
+def refuse(errors: list[InputError]) -> None:
+    """Raise all errors if there are any; a single one as it is."""
+    if len(errors) == 1:
+        raise errors[0]
+    if errors:
+        raise InputErrors(*dict.fromkeys(str(error) for error in errors))
+
+
+def is_given(part: Table, key: str) -> bool:
+    """Return whether a key has another value than its default, which is a dictionary or fixed."""
+    return bool(getattr(part, key) != getattr(type(part), key, {}))
+
+
+def unused(part: Table, at: str, table: Iterable[tuple[object, Sequence[str], str]]) -> Rules:
+    """Refuse keys that are given where a condition leaves them without meaning, with a reason."""
+    for condition, keys, reason in table:
+        for key in keys if condition else ():
+            if is_given(part, key):
+                yield f"{at} {key}: {reason}; remove {key}"
+
+
+def one_of(part: Table, at: str, keys: Sequence[str]) -> Rules:
+    """Demand exactly one of some keys."""
+    have = " and ".join(key for key in keys if is_given(part, key)) or "none"
+    if have not in keys:
+        yield f"{at}: has {have} of {', '.join(keys)}; give exactly one of them"

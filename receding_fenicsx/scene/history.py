@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from receding_fenicsx.arrays import Array, Ints, described
 from receding_fenicsx.errors import InputError
-from receding_fenicsx.scene.checks import suggestion
+from receding_fenicsx.scene.checks import Rules, broken, refuse, suggestion, unused
 from receding_fenicsx.scene.model import INTERFERENCE, Harmonic, HistoryOptions, Scene
 
 LEAST_CYCLES = 8
@@ -223,21 +222,20 @@ def history_from_scene(scene: Scene) -> History:
     if not isinstance(scene, Scene):
         raise InputError(f"a Scene is needed, not a {type(scene).__name__}")
     options, names = scene.history, scene.driven_names
-    _check_keys(options)
-    _check_known(options.constant, names, "constant")
     varying = tuple(name for name in names if name not in options.constant)
-    if names and not varying:
-        raise InputError("[history] constant: names every load; leave out the one that varies")
+    refuse(broken([_rules(scene, varying)]))
     if not names:
         path, loop = np.zeros((1, 0)), np.zeros((0, 0))
-    elif options.kind == "travel" or any(len(load.travel) > 1 for load in scene.loads):
+    elif options.kind == "travel":
         path = loop = _travel(scene, varying)
     elif options.kind == "harmonic":
         path, loop = _harmonic(options, varying)
     elif options.kind == "table":
         path, loop = _table(options, varying)
     else:
-        path, loop = _range(options, varying)
+        low, high = options.minimum, options.maximum
+        path = np.array([[0.0], [high]])
+        loop = np.array([[high], [low], [high]])[: 0 if options.kind == "monotonic" else 3]
     if len(loop) and options.cycles < 1:
         raise InputError('[history] cycles: must be at least 1, not 0; or use kind = "monotonic"')
     held = _held(scene)
@@ -253,50 +251,86 @@ def history_from_scene(scene: Scene) -> History:
     return ended_by(History(scene.load_names, path, widened(loop), cycles), options.until)
 
 
-def _check_keys(options: HistoryOptions) -> None:
-    """Refuse keys without a meaning for the kind of the history."""
-    default = HistoryOptions()
+def _rules(scene: Scene, varying: tuple[str, ...]) -> Rules:
+    """The keys of [history] suit its kind, and it drives all loads that are not constant."""
+    options, names, kind = scene.history, scene.driven_names, scene.history.kind
     for keys, kinds in (
-        (("load", "maximum", "minimum"), ("cyclic", "monotonic")),
-        (("rows", "cycle_rows", "columns"), ("table",)),
-        (("harmonic", "corners", "tolerance"), ("harmonic",)),
+        (("load", "maximum", "minimum"), '"cyclic" or "monotonic"'),
+        (("rows", "cycle_rows", "columns"), '"table"'),
+        (("harmonic", "corners", "tolerance"), '"harmonic"'),
     ):
-        for key in keys if options.kind not in kinds else ():
-            if getattr(options, key) not in (getattr(default, key), ()):
-                by = "name the loads by columns" if (key, options.kind) == ("load", "table") else ""
-                allowed = " or ".join(f'"{kind}"' for kind in kinds)
-                raise InputError(
-                    f'[history] {key}: is for kind = {allowed} only, not "{options.kind}"; '
-                    f"{by or 'remove it'}"
-                )
-
-
-def _check_known(driven: Iterable[str], names: tuple[str, ...], key: str) -> None:
-    """Raise InputError for a name under a key of [history] that no load has."""
-    for name in driven:
-        if name not in names:
-            raise InputError(
-                f"[history] {key}: no load is named '{name}'; {suggestion(name, names)}"
-            )
-
-
-def _check_driven(
-    driven: Iterable[str], names: tuple[str, ...], options: HistoryOptions, key: str
-) -> None:
-    """Check that a history drives, by a key of [history], all loads that are not constant."""
+        only = f'is for kind = {kinds} only, not "{kind}"'
+        yield from unused(options, "[history]", [(kind not in kinds, keys, only)])
+    travel = [load for load in scene.loads if len(load.travel) > 1]
+    if travel and kind != "travel":
+        yield f'{travel[0].label}: travels, which needs [history] kind = "travel"'
+    moved = {unit.name for load in travel for unit in load.units}
+    one = options.load or varying[0] if len(varying) == 1 else options.load
+    key, driven, missing = {
+        "travel": ("kind", moved, "no load travels; give one travel = [FROM, TO]"),
+        "harmonic": ("harmonic", options.harmonic, "is missing; give each load a table"),
+        "table": ("columns", options.columns, "is missing; name the load of each column"),
+    }.get(kind, ("load", [one] if one else [], "several loads; name the one that is not constant"))
+    for at, given in (("constant", options.constant), (key, driven)):
+        for name in given:
+            if name not in names:
+                yield f"[history] {at}: no load is named '{name}'; {suggestion(name, names)}"
+    if names and not varying:
+        yield "[history] constant: names every load; leave out the one that varies"
+    if names and not driven:
+        yield f"[history] {key}: {missing}"
     for name in driven:
         if name in options.constant:
-            raise InputError(
-                f"[history] constant: load '{name}' varies, by [history] {key}; name it in one of "
-                "them"
-            )
-    _check_known(driven, names, key)
-    for name in names:
+            both = f"load '{name}' varies, by [history] {key}"
+            yield f"[history] constant: {both}; name it in one of them"
+    for name in varying:
         if name not in driven:
-            raise InputError(
-                f"load '{name}': is not driven by the history; remove it, name it in [history] "
-                'constant, or use kind = "table" with a column for it'
-            )
+            ways = 'name it in [history] constant, or use kind = "table" with a column for it'
+            yield f"load '{name}': is not driven by the history; remove it, {ways}"
+    if not names:
+        return
+    if kind == "cyclic" and options.minimum >= options.maximum:
+        not_below = f"{options.minimum:g} is not below maximum = {options.maximum:g}"
+        yield f"[history] minimum: {not_below}; reduce it"
+    steps = sorted({len(load.units) - 1 for load in travel})
+    if len(steps) > 1:
+        different = f"loads travel in {' and '.join(map(str, steps))} steps"
+        yield f"[history] kind: {different}; give them the same number of steps"
+    if kind == "harmonic":
+        if not any(load.amplitude for load in options.harmonic.values()):
+            yield "[history] harmonic: no load has an amplitude, so nothing is cyclic; give one"
+        least = len(_extremes(list(options.harmonic.values())))
+        if options.corners is not None and options.corners < least:
+            few = f"{options.corners} are too few"
+            yield f"[history] corners: {few}; the extremes of the loads need {least}"
+    if kind == "table":
+        yield from _of_table(options)
+
+
+def _of_table(options: HistoryOptions) -> Rules:
+    """Rows of load factors begin at rest, are closed, and change from row to row."""
+    columns = options.columns
+    if len(set(columns)) < len(columns):
+        yield "[history] columns: a load occurs twice; name each load once"
+    for key in ("cycle_rows", "rows"):
+        for i, row in enumerate(getattr(options, key)):
+            if len(row) != len(columns):
+                count = f"{len(row)} value(s) for {len(columns)} column(s)"
+                yield f"[history] {key} row {i + 1}: has {count}; give one per column"
+    if not options.rows and not options.cycle_rows:
+        yield "[history] rows: is missing; give the load factors up to the start of the cycles"
+    rows, loop = _table(options, columns)
+    if not np.any(rows) and not any(options.constant.values()):
+        yield "[history] rows: all load factors are zero; give one that is not"
+    if len(loop) and np.any(loop[-1] != rows[-1]):
+        ends = f"ends at {named_factors(columns, loop[-1])}"
+        end = f"rows end at {named_factors(columns, rows[-1])}"
+        yield f"[history] cycle_rows: is not closed: {ends}, but {end}; use the same load factors"
+    for key, corners in (("rows", rows), ("cycle_rows", loop)):
+        still = np.flatnonzero(np.all(np.diff(corners, axis=0) == 0.0, axis=1))
+        if len(still):
+            twice = f"{named_factors(columns, corners[still[0]])} occurs twice in a row"
+            yield f"[history] {key}: {twice}; remove one"
 
 
 def preload_legs(scene: Scene) -> list[str]:
@@ -320,114 +354,39 @@ def _held(scene: Scene) -> Array:
     return rows if np.any(list(scene.history.constant.values())) else rows[:-1]
 
 
-def _range(options: HistoryOptions, names: tuple[str, ...]) -> tuple[Array, Array]:
-    """Return path and loop of one load between minimum and maximum."""
-    if options.load is None and len(names) != 1:
-        raise InputError(
-            "[history] load: the scene has several loads; name the driven one, and the others in "
-            "constant"
-        )
-    _check_driven((options.load or names[0],), names, options, "load")
-    low, high = options.minimum, options.maximum
-    if options.kind == "monotonic":
-        return np.array([[0.0], [high]]), np.zeros((0, 1))
-    if low >= high:
-        raise InputError(f"[history] minimum: {low:g} is not below maximum = {high:g}; reduce it")
-    return np.array([[0.0], [high]]), np.array([[high], [low], [high]])
-
-
 def _travel(scene: Scene, names: tuple[str, ...]) -> Array:
     """Return the pass of loads that are put on, travel side by side, and are taken off."""
     units = [load.units for load in scene.loads if len(load.travel) > 1]
-    if not units:
-        raise InputError("[history] kind: no load travels; give one travel = [FROM, TO]")
-    if scene.history.kind != "travel":
-        name = next(load.name for load in scene.loads if len(load.travel) > 1)
-        raise InputError(f"load '{name}': travels, which needs [history] kind = \"travel\"")
-    _check_driven({unit.name for part in units for unit in part}, names, scene.history, "kind")
-    counts = sorted({len(part) for part in units})
-    if len(counts) > 1:
-        raise InputError(
-            f"[history] kind: loads travel in {' and '.join(str(n - 1) for n in counts)} steps; "
-            "give them the same number of steps"
-        )
-    rows = np.zeros((counts[0] + 2, len(names)))
+    rows = np.zeros((len(units[0]) + 2, len(names)))
     for part in units:
-        rows[np.arange(counts[0]) + 1, [names.index(unit.name) for unit in part]] = 1.0
+        columns = [names.index(unit.name) for unit in part]
+        rows[np.arange(len(part)) + 1, columns] = 1.0
     return rows
 
 
 def _table(options: HistoryOptions, names: tuple[str, ...]) -> tuple[Array, Array]:
-    """Return path and loop of a table of load factors; ``names`` are those not constant."""
-    columns = options.columns
-    if not columns:
-        raise InputError("[history] columns: is missing; give the name of the load of each column")
-    if len(set(columns)) < len(columns):
-        raise InputError("[history] columns: a load occurs twice; name each load once")
-    _check_driven(columns, names, options, "columns")
-    given: dict[str, Array] = {}
-    for key in ("cycle_rows", "rows"):
-        for i, row in enumerate(getattr(options, key)):
-            if len(row) != len(columns):
-                raise InputError(
-                    f"[history] {key} row {i + 1}: has {len(row)} value(s) for {len(columns)} "
-                    "column(s); give one per column"
-                )
-        given[key] = np.array(getattr(options, key), dtype=float).reshape(-1, len(columns))
-    loop, rows = given.values()
-    if not len(rows) and not len(loop):
-        raise InputError(
-            "[history] rows: is missing; give the load factors up to the start of the cycles"
-        )
+    """Return path and loop of a table of load factors, with columns in the order of names."""
+    order = [options.columns.index(name) for name in names]
+    rows, loop = (
+        np.array(given, dtype=float).reshape(-1, len(order))[:, order]
+        for given in (options.rows, options.cycle_rows)
+    )
     rows = rows if len(rows) else loop[-1:]
     if np.any(rows[0] != 0.0):
         rows = np.vstack([np.zeros_like(rows[:1]), rows])
-    if not np.any(rows) and not any(options.constant.values()):
-        raise InputError("[history] rows: all load factors are zero; give one that is not")
-    if len(loop) and np.any(loop[-1] != rows[-1]):
-        raise InputError(
-            f"[history] cycle_rows: is not closed: ends at {named_factors(columns, loop[-1])}, but "
-            f"rows end at {named_factors(columns, rows[-1])}; use the same load factors"
-        )
     if len(loop) and (np.any(loop[0] != rows[-1]) or len(loop) == 1):
         loop = np.vstack([rows[-1:], loop])
-    for key, corners in (("rows", rows), ("cycle_rows", loop)):
-        still = np.flatnonzero(np.all(np.diff(corners, axis=0) == 0.0, axis=1))
-        if len(still):
-            raise InputError(
-                f"[history] {key}: {named_factors(columns, corners[still[0]])} occurs twice in a "
-                "row; remove one"
-            )
-    order = [columns.index(name) for name in names]
-    return rows[:, order], loop[:, order]
+    return rows, loop
 
 
 def _harmonic(options: HistoryOptions, names: tuple[str, ...]) -> tuple[Array, Array]:
     """Return path and polygon of a harmonic history, the coarsest one without ``corners``."""
-    if not options.harmonic:
-        raise InputError(
-            '[history] harmonic: is missing; give each load a table [history.harmonic."NAME"] with '
-            "mean, amplitude and phase"
-        )
-    _check_driven(tuple(options.harmonic), names, options, "harmonic")
-    if not any(load.amplitude for load in options.harmonic.values()):
-        raise InputError(
-            "[history] harmonic: no load has an amplitude, so nothing is cyclic; give one an "
-            'amplitude, or use kind = "monotonic"'
-        )
-    least = len(_extremes(list(options.harmonic.values())))
-    if options.corners is not None and options.corners < least:
-        raise InputError(
-            f"[history] corners: {options.corners} are too few; the extremes of the loads need "
-            f"{least}"
-        )
     loads = [options.harmonic[name] for name in names]
-    angles = corner_angles(options, names)
     mean, amplitude, phase = (
         np.array([getattr(load, key) for load in loads]) for key in ("mean", "amplitude", "phase")
     )
     # the cosine of angles in degrees, exact at multiples of 90
-    degrees = angles[:-1, None] - phase
+    degrees = corner_angles(options, names)[:-1, None] - phase
     quarters = np.round(degrees / 90.0)
     rest, turn = np.radians(degrees - 90.0 * quarters), np.mod(quarters, 4.0)
     sign = np.where((turn == 1.0) | (turn == 2.0), -1.0, 1.0)

@@ -395,9 +395,8 @@ class Scene(Table):
                 return material
         if body.material is None:
             return next(iter(self.surface_materials(body)), self.material)
-        label = f"body '{body.name}'" if self.others else "[body]"
         known = [material.name for material in self.materials]
-        unknown_name(body.material, known, f"{label} material", "material")
+        unknown_name(body.material, known, f"{self.label(body)} material", "material")
 
     def surface_materials(self, body: Body) -> tuple[Material, ...]:
         """Return the tables [material.NAME] that can be those of single surfaces of a body."""
@@ -407,10 +406,15 @@ class Scene(Table):
             return ()
         return tuple(material for material in self.materials if material.name not in names)
 
-    def find_edge(self, edge: str) -> tuple[Body, str]:
+    def label(self, body: Body) -> str:
+        """Return the beginning of messages on a body."""
+        return f"body '{body.name}'" if self.others else "[body]"
+
+    def find_edge(self, edge: str, where: str = "") -> tuple[Body, str]:
         """Split "NAME.edge" into the body and the name of its edge.
 
-        The body's name may be left out in a scene of one body; InputError where no body has it.
+        The body's name may be left out in a scene of one body. InputError, which begins with
+        ``where``: no body has it.
         """
         for body in self.bodies:
             if body.name and edge.startswith(f"{body.name}."):
@@ -418,7 +422,7 @@ class Scene(Table):
         if self.others:
             names = [body.name for body in self.bodies]
             raise InputError(
-                f'"{edge}" names none of the bodies {", ".join(names)}; write it as '
+                f'{where}"{edge}" names none of the bodies {", ".join(names)}; write it as '
                 f'"{nearest(edge.partition(".")[0], names) or names[0]}.{edge.rpartition(".")[2]}"'
             )
         return self.body, edge

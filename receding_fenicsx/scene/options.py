@@ -10,7 +10,6 @@ from typing import Annotated
 
 from annotated_types import Ge, Gt, Le, Lt, MaxLen
 
-from receding_fenicsx.errors import InputError
 from receding_fenicsx.scene.checks import (
     Count,
     Million,
@@ -61,15 +60,6 @@ class Units(Table):
         if self.force and self.length and not axisymmetric:
             return f"{self.force}/{self.length}"
         return self.product(1, 2 if axisymmetric else 1)
-
-
-def check_units(units: Units) -> None:
-    """Check that the names in the table [units] can be printed."""
-    for name, text in vars(units).items():
-        if text is not None and not (text.isprintable() and text.strip()):
-            raise InputError(
-                f'[units] {name}: must be the name of a unit, such as "mm", not {text!r}'
-            )
 
 
 def in_unit(name: str, unit: str | None) -> str:

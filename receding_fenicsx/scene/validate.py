@@ -1,41 +1,44 @@
 """Validation of a scene: errors for what cannot be modelled, warnings for what is inaccurate.
 
 Types, ranges and choices of single values stand at the dataclasses of the scene. Here are the rules
-between values, and in ``validate_bodies`` and ``validate_loads``. Every
-message is one line: the table and key, what is wrong, what to do.
+between values, and in ``validate_bodies`` and ``validate_loads``.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
-from functools import partial
-
-from receding_fenicsx.errors import InputError, InputErrors
-from receding_fenicsx.scene.checks import check_name, unknown_name
-from receding_fenicsx.scene.history import History, history_from_scene
+from receding_fenicsx.errors import InputError
+from receding_fenicsx.scene.checks import (
+    Rules,
+    broken,
+    check_name,
+    one_of,
+    refuse,
+    unknown_name,
+)
+from receding_fenicsx.scene.history import history_from_scene
 from receding_fenicsx.scene.model import Probe, Scene, SolverOptions
-from receding_fenicsx.scene.options import HEADLINE_NAMES, check_units
+from receding_fenicsx.scene.options import HEADLINE_NAMES
 from receding_fenicsx.scene.toml_reader import check_values
 from receding_fenicsx.scene.validate_bodies import (
-    check_bodies,
-    check_contact,
-    check_half_planes,
-    check_initial_slip,
-    check_mesh,
-    check_sides,
-    check_touching,
     gap_warnings,
+    of_bodies,
+    of_contact,
+    of_half_planes,
+    of_initial_slip,
+    of_joint,
+    of_mesh,
+    of_touching,
 )
 from receding_fenicsx.scene.validate_loads import (
     body_named,
-    check_acts,
-    check_bolt,
-    check_inside,
-    check_load,
-    check_names,
-    check_parts,
-    check_spring,
-    check_support,
+    of_bolt,
+    of_effect,
+    of_load,
+    of_names,
+    of_parts,
+    of_place,
+    of_spring,
+    of_support,
 )
 
 
@@ -58,56 +61,31 @@ def validate(scene: Scene) -> None:
 
 def check_rules(scene: Scene) -> None:
     """Check the rules between the values of a scene whose types and ranges are right."""
-    _raise_all(_errors([lambda scene: check_units(scene.units), check_bodies], scene))
+    refuse(broken([_of_units(scene), of_bodies(scene)]))
     # what follows asks for the edges of contacts and ties
-    sides = [partial(check_sides, number=k) for k in range(len(scene.joints))]
-    _raise_all(_errors(sides, scene))
-    checks: list[Callable[[Scene], None]]
-    checks = [partial(check_contact, number=k) for k in range(len(scene.contacts))]
-    checks += [check_touching, check_mesh, check_half_planes]
-    checks += [partial(check_bolt, bolt) for bolt in scene.bolts]
-    checks += [partial(check_support, support) for support in scene.supports]
-    checks += [partial(check_spring, spring) for spring in scene.springs]
-    checks += [check_probes, check_shakedown, check_wear, check_accuracy, check_initial_slip]
-    errors = _errors([*checks, lambda scene: check_solver(scene.solver)], scene)
-    wrong = _errors([check_names, *(partial(check_load, load) for load in scene.loads)], scene)
-    wrong = wrong or _errors([check_parts], scene)
-    if not wrong:  # a load that is wrong may not be in the history yet
-        acts = [partial(check_acts, load) for load in scene.loads]
-        wrong = _errors([*acts, check_fatigue, check_output], scene)
-    _raise_all([*errors, *wrong])
-
-
-def _errors(checks: Iterable[Callable[[Scene], None]], scene: Scene) -> list[InputError]:
-    """Return the errors of all checks."""
-    errors = []
-    for check in checks:
-        try:
-            check(scene)
-        except InputError as error:
-            errors.append(error)
-    return errors
-
-
-def _raise_all(errors: list[InputError]) -> None:
-    """Raise all errors if there are any; a single one as it is."""
-    if len(errors) == 1:
-        raise errors[0]
-    if errors:
-        raise InputErrors(*dict.fromkeys(str(error) for error in errors))
+    refuse(broken(of_joint(scene, k) for k in range(len(scene.joints))))
+    rules = [
+        *(of_contact(scene, k) for k in range(len(scene.contacts))),
+        *(rule(scene) for rule in (of_touching, of_mesh, of_half_planes, of_initial_slip)),
+        *(of_bolt(scene, bolt) for bolt in scene.bolts),
+        *(of_support(scene, support) for support in scene.supports),
+        *(of_spring(scene, spring) for spring in scene.springs),
+        *(rule(scene) for rule in (_of_probes, _of_studies)),
+        of_solver(scene.solver),
+    ]
+    loads = broken([of_names(scene), *(of_load(scene, load) for load in scene.loads)])
+    loads = loads or broken([of_parts(scene)])
+    # a load that is wrong may not be in the history yet
+    acts = [of_effect(scene, load) for load in scene.loads if not loads]
+    refuse([*broken(rules), *(loads or broken([*acts, _of_fatigue(scene), _of_record(scene)]))])
 
 
 def scene_warnings(scene: Scene) -> list[str]:
     """Return one line for each option that makes the results inaccurate without any error."""
     lines = []
-    largest = max(
-        (
-            material.poisson
-            for material in (scene.material, *scene.materials)
-            if material.kinematics != "plane stress"
-        ),
-        default=0.0,
-    )
+    materials = (scene.material, *scene.materials)
+    ratios = [m.poisson for m in materials if m.kinematics != "plane stress"]
+    largest = max(ratios, default=0.0)
     # Poisson's ratio above which elements of order 1 are too stiff. On the paper's block with 81
     # contact nodes, the error of their dissipation is 3 to 8 % at 0.49 and 11 to 30 % at 0.499;
     # that of order 2 is 1 %
@@ -119,90 +97,74 @@ def scene_warnings(scene: Scene) -> list[str]:
     return lines + gap_warnings(scene)
 
 
-def check_solver(solver: SolverOptions) -> None:
-    """Check that the method finds the branch that is taken."""
+def of_solver(solver: SolverOptions) -> Rules:
+    """The method finds the branch that is taken."""
     if solver.branch != "first" and solver.method != "events":
-        raise InputError(
-            '[solver] branch: load steps find one continuation only; use method "events" with it'
-        )
+        one = "load steps find one continuation only"
+        yield f'[solver] branch: {one}; use method "events" with it'
 
 
-def check_wear(scene: Scene) -> None:
-    """Check that wear has one coefficient."""
-    if scene.wear.coefficient is not None and scene.wear.archard is not None:
-        raise InputError("[wear] coefficient and archard: give one of them")
+def _of_units(scene: Scene) -> Rules:
+    """The names in the table [units] can be printed."""
+    for name, text in vars(scene.units).items():
+        if text is not None and not (text.isprintable() and text.strip()):
+            yield f'[units] {name}: must be the name of a unit, such as "mm", not {text!r}'
 
 
-def check_fatigue(scene: Scene) -> None:
-    """Check that there are a cycle and points for fatigue parameters."""
-    if scene.fatigue is None:
+def _of_fatigue(scene: Scene) -> Rules:
+    """There are a cycle and points for fatigue parameters."""
+    options = scene.fatigue
+    if options is None:
         return
     if not scene.probes:
-        raise InputError(
-            '[fatigue]: needs points; add a [[probe]], such as edge = "bottom" for a contact edge'
-        )
+        yield '[fatigue]: needs points; add a [[probe]], such as edge = "bottom" for a contact edge'
     if not len(history_from_scene(scene).loop):
-        raise InputError(
-            "[fatigue]: needs a history with cycles, this one is monotonic; use "
-            'kind = "cyclic", "table" or "harmonic"'
-        )
-    if (scene.fatigue.threshold is None) != (scene.fatigue.fatigue_limit is None):
-        raise InputError("[fatigue] threshold and fatigue_limit: give both, or none")
-    if scene.fatigue.threshold is not None and not any(
-        probe.segment and len(probe.coordinates) > 2 for probe in scene.probes
-    ):
-        raise InputError(
-            "[fatigue] threshold: needs a [[probe]] with a segment, and a count of 3 or more, "
-            "along which a crack grows"
-        )
+        kinds = 'kind = "cyclic", "table" or "harmonic"'
+        yield f"[fatigue]: needs a history with cycles, this one is monotonic; use {kinds}"
+    if (options.threshold is None) != (options.fatigue_limit is None):
+        yield "[fatigue] threshold and fatigue_limit: give both, or none"
+    long = any(probe.segment and len(probe.coordinates) > 2 for probe in scene.probes)
+    if options.threshold is not None and not long:
+        along = "a [[probe]] with a segment, and a count of 3 or more, along which a crack grows"
+        yield f"[fatigue] threshold: needs {along}"
 
 
-def check_shakedown(scene: Scene) -> None:
-    """Check the loads of the table [shakedown], and its choices."""
+def _of_studies(scene: Scene) -> Rules:
+    """Wear has one coefficient; the names in [shakedown] and [accuracy] are known."""
+    if scene.wear.coefficient is not None and scene.wear.archard is not None:
+        yield "[wear] coefficient and archard: give one of them"
     options, known = scene.shakedown, scene.driven_names
-    tables = [("mean", options.mean), *(("range", vertex) for vertex in options.range)]
-    for key, names in [*tables, ("diagram", [options.diagram] if options.diagram else [])]:
+    named = [("mean", options.mean), *(("range", vertex) for vertex in options.range)]
+    for key, names in [*named, ("diagram", [options.diagram] if options.diagram else [])]:
         for name in names:
             if name not in known:
                 unknown_name(name, known, f"[shakedown] {key}", "load")
-
-
-def check_accuracy(scene: Scene) -> None:
-    """Check the table [accuracy] and the names of its numbers."""
-    options = scene.accuracy
     owners = {
         "load": scene.load_names,
         "probe": tuple(probe.name for probe in scene.probes),
         "": tuple(contact.edge for contact in scene.contacts),
     }
-    for name in options.numbers:
+    for name in scene.accuracy.numbers:
         base, bracket, owner = name.removesuffix("]").partition("[")
         if base not in HEADLINE_NAMES:
             unknown_name(name, tuple(HEADLINE_NAMES), "[accuracy] numbers", "number")
         kind = next(kind for kind in owners if base.startswith(kind))
         several = kind or len(scene.contacts) > 1
         if bracket and (base.startswith("dissipation") or not several):
-            raise InputError(f"[accuracy] numbers: '{base}' is one number; leave out [{owner}]")
+            yield f"[accuracy] numbers: '{base}' is one number; leave out [{owner}]"
         if bracket and owner not in owners[kind]:
             what = kind or "contact edge"
             unknown_name(owner, owners[kind], f"[accuracy] numbers '{base}'", what)
 
 
-def check_output(scene: Scene) -> None:
-    """Check the history, its sampled cycles, and that the record can be stored."""
+def _of_record(scene: Scene) -> Rules:
+    """The history, its sampled cycles, and that the record can be stored."""
     history, output = history_from_scene(scene), scene.output
-    if isinstance(output.cycles, tuple):
-        for number in output.cycles:
-            if number > history.cycles:
-                raise InputError(
-                    f"[output] cycles: cycle {number} does not occur; the history has cycles 0 to "
-                    f"{history.cycles}"
-                )
-    _check_record_size(scene, history)
-
-
-def _check_record_size(scene: Scene, history: History) -> None:
-    output, legs = scene.output, max(len(history.loop) - 1, len(history.path) - 1)
+    for number in output.cycles if isinstance(output.cycles, tuple) else ():
+        if number > history.cycles:
+            have = f"the history has cycles 0 to {history.cycles}"
+            yield f"[output] cycles: cycle {number} does not occur; {have}"
+    legs = max(len(history.loop) - 1, len(history.path) - 1)
     # a run until the steady state or the limit ends long before
     cycles = 0 if history.until_steady or history.until_limit else history.cycles
     # number of cycles that are sampled by default: 0, 1, 2, 9 and the last
@@ -210,71 +172,54 @@ def _check_record_size(scene: Scene, history: History) -> None:
     if output.cycles is not None:
         sampled = len(output.cycles) if isinstance(output.cycles, tuple) else cycles + 1
     nodes = scene.mesh.degree * scene.mesh.contact_elements + 1
+    fewer = "use fewer, or sample fewer cycles by output.cycles"
     for key, count, advice in (
         ("[history] cycles", cycles + 1, "use fewer"),
-        (
-            "[output] samples_per_leg",
-            sampled * output.samples_on(legs),
-            "use fewer, or sample fewer cycles by output.cycles",
-        ),
+        ("[output] samples_per_leg", sampled * output.samples_on(legs), fewer),
     ):
         # bytes of one node at one instant of a record: v, w, P, Q, p, q and the state
         size = count * legs * nodes * 50
         # size of the largest record
         if size > 1e12:
-            raise InputError(f"{key}: requires a record of {size / 1e9:.0f} GB; {advice}")
+            yield f"{key}: requires a record of {size / 1e9:.0f} GB; {advice}"
 
 
-def check_probes(scene: Scene) -> None:
-    """Check the names of probes, and that their points lie on their bodies."""
+def _of_probes(scene: Scene) -> Rules:
+    """The names of probes, and that their points lie on their bodies."""
     seen: set[str] = set()
     for probe in scene.probes:
-        where = f"probe '{probe.name}'"
-        check_name(probe.name, "[[probe]] name")
+        at, name = f"probe '{probe.name}'", probe.name
+        check_name(name, "[[probe]] name")
         # characters that some systems do not allow
-        odd = any(c in '/\\:*?"<>|' for c in probe.name) or probe.name != probe.name.strip()
-        if odd or probe.name.startswith(".") or len(probe.name) > 80:
-            raise InputError(
-                f"[[probe]] name: {probe.name!r} cannot be the name of a file; use letters, "
-                "digits, _ and -"
-            )
-        if probe.name.casefold() in seen:
-            raise InputError(f"{where}: two probes have this name; rename one")
-        seen.add(probe.name.casefold())
-        _check_probe_points(probe, where)
-        if probe.edge is not None:
-            known = [e for c in scene.contacts for e in (c.edge, c.against) if e is not None]
-            if probe.edge not in known:
-                unknown_name(probe.edge, known, f"{where} edge", "contact edge")
-            if probe.body is not None:
-                raise InputError(f"{where} body: the edge names the body; remove it")
-            continue
-        body = body_named(scene, probe.body, where)
-        for point in probe.coordinates if body.mesh is None else ():
-            check_inside(scene, body, point, where)
+        odd = any(c in '/\\:*?"<>|' for c in name) or name != name.strip() or name[0] == "."
+        if odd or len(name) > 80:
+            use = "use letters, digits, _ and -"
+            yield f"[[probe]] name: {name!r} cannot be the name of a file; {use}"
+        if name.casefold() in seen:
+            yield f"{at}: two probes have this name; rename one"
+        seen.add(name.casefold())
+        yield from _of_points(scene, probe, at)
     total = sum(len(probe.coordinates) for probe in scene.probes)
     if total > 1000:  # each costs six solves with the bulk
-        raise InputError(
-            f"[[probe]]: the probes have {total} points, at most 1000 are possible; leave some out"
-        )
+        yield f"[[probe]]: the probes have {total} points, at most 1000 are possible; omit some"
 
 
-def _check_probe_points(probe: Probe, where: str) -> None:
-    """Check that the points are given in one way."""
-    kinds = ("point", "points", "segment", "edge")
-    given = [kind for kind in kinds if getattr(probe, kind) not in (None, ())]
-    if len(given) != 1:
-        raise InputError(
-            f"{where}: has {' and '.join(given) or 'none'} of {', '.join(kinds)}; give "
-            "exactly one of them"
-        )
-    if (probe.count is not None) != (given == ["segment"]):
-        raise InputError(
-            f"{where} count: a segment needs its number of points; add count"
-            if given == ["segment"]
-            else f"{where} count: belongs to a segment; remove it"
-        )
-    if probe.count is None:
+def _of_points(scene: Scene, probe: Probe, at: str) -> Rules:
+    """The points of a probe are given in one way, and lie on its body."""
+    yield from one_of(probe, at, ("point", "points", "segment", "edge"))
+    if probe.segment and probe.count is None:
+        yield f"{at} count: a segment needs its number of points; add count"
+    if probe.count is not None and not probe.segment:
+        yield f"{at} count: belongs to a segment; remove it"
+    if probe.segment and (len(probe.segment) != 2 or probe.segment[0] == probe.segment[1]):
+        yield f"{at} segment: needs two different ends, [[x, y], [x, y]]"
+    if probe.edge is None:
+        body = body_named(scene, probe.body, at)
+        for point in probe.coordinates:
+            yield from of_place(scene, body, point, at)
         return
-    if len(probe.segment) != 2 or probe.segment[0] == probe.segment[1]:
-        raise InputError(f"{where} segment: needs two different ends, [[x, y], [x, y]]")
+    known = [e for c in scene.contacts for e in (c.edge, c.against) if e is not None]
+    if probe.edge not in known:
+        unknown_name(probe.edge, known, f"{at} edge", "contact edge")
+    if probe.body is not None:
+        yield f"{at} body: the edge names the body; remove it"

@@ -1,16 +1,20 @@
-"""Validation of bodies, materials, mesh options and contacts."""
+"""Rules of bodies, materials, mesh options and contacts.
+
+See :func:`~receding_fenicsx.scene.checks.broken`.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
-from receding_fenicsx.errors import InputError, MeshMisfit
-from receding_fenicsx.scene.checks import check_name, unknown_name
+from receding_fenicsx.errors import MeshMisfit
+from receding_fenicsx.scene.checks import Rules, check_name, unknown_name, unused
 from receding_fenicsx.scene.model import (
     MIN_REFINED_GROWTH,
     RECTANGLE_KEYS,
     Body,
-    Material,
     MeshOptions,
     Refinement,
     Scene,
@@ -25,213 +29,150 @@ from receding_fenicsx.scene.symmetry import (
     is_cylinder,
 )
 
-MIN_REFINED_SIZE = 1e-6
-"""Smallest refined element, over the length of the contact edge: below it, round-off counts."""
 LENGTH_TOLERANCE = 1e-9
 """Distance of two positions that count as equal, over the length of the edge."""
 
 
-def check_bodies(scene: Scene) -> None:
-    """Check names, shapes and materials of the bodies."""
+def of_bodies(scene: Scene) -> Rules:
+    """Names, shapes and materials of the bodies."""
     names = [body.name for body in scene.bodies]
     for name in names:
         if scene.others or name:
             check_name(name, "[[body]] name")
         if "." in name:
-            raise InputError(f'[[body]] name: "{name}" holds a dot; remove it')
+            yield f'[[body]] name: "{name}" holds a dot; remove it'
         if names.count(name) > 1:
-            raise InputError(
-                f"body '{name}': {names.count(name)} bodies have this name; rename one"
-            )
+            yield f"body '{name}': {names.count(name)} bodies have this name; rename one"
     for body in scene.bodies:
-        _check_body(body, _label(scene, body))
+        at, position = scene.label(body), body.position
+        table = (
+            (body.mesh is not None, RECTANGLE_KEYS, "a body from a mesh file has none"),
+            (body.mesh is None, ("surface", "parameters"), "needs a mesh file"),
+            (body.is_half_plane, ("height",), "a half-plane has none"),
+            (body.is_rectangle, ("datum", "window"), 'belongs to shape = "half-plane"'),
+        )
+        yield from unused(body, at, table)
+        if body.is_half_plane and body.datum is not None and not body.datum >= body.width:
+            less = f"{body.datum:g} is less than the width of the contact, {body.width:g}"
+            yield f"{at} datum: {less}; choose a deeper point"
+        # round-off grows with the position
+        if body.is_rectangle and max(map(abs, position)) > 1e4 * min(body.width, body.height):
+            far = "is more than 10000 times the body's smaller side from the origin"
+            yield f"{at} position: [{position[0]:g}, {position[1]:g}] {far}; move it nearer"
     used = [scene.material_of(body) for body in scene.bodies]
     used += [material for body in scene.bodies for material in scene.surface_materials(body)]
     for material in scene.materials:
         if material not in used:
-            raise InputError(
+            yield (
                 f"[material.{material.name}]: no body has this material; name it in a [[body]], or "
                 "give it the name of a physical surface"
             )
-    for material in used:
-        _check_material(material)
+    for m in used:
+        at = f"[material.{m.name}]" if m.name else "[material]"
+        if m.poisson >= m.poisson_limit:
+            most = f"{m.poisson_limit:g} in {m.kinematics}"
+            yield f"{at} poisson: must be above -1 and below {most}, not {m.poisson:g}"
+        if (m.young_2 is None) != (m.shear is None):
+            yield f"{at}: an orthotropic material has both young_2 and shear; give both"
+        yield from unused(
+            m, at, [(m.young_2 is None, ("angle",), "an isotropic material has none")]
+        )
+        if m.young_2 is not None and m.kinematics != "plane stress":
+            yield f"{at} young_2: orthotropic materials are for plane stress; use it as kinematics"
+        if m.young_2 is not None and not m.poisson**2 < m.young / m.young_2:
+            most = f"young / young_2, {m.young / m.young_2:g}"
+            yield f"{at} poisson: its square must be below {most}, not {m.poisson**2:g}"
     if len({material.kinematics for material in used}) > 1:
-        raise InputError("[material] kinematics: differs between the bodies; use the same for all")
+        yield "[material] kinematics: differs between the bodies; use the same for all"
     for body in scene.bodies:
         low, high = (body.position[0] + 0.5 * side * body.width for side in (-1.0, 1.0))
         # the smallest hole of a ring, over its width
         ring = scene.axisymmetric and body.is_rectangle and not is_cylinder(scene, body)
         if ring and not low > 1e-6 * body.width:
-            raise InputError(
-                f"{_label(scene, body)} position: x = {body.position[0]:g} and width "
-                f"{body.width:g} make a ring from r = {low:g} to {high:g}; move it off the axis "
-                "r = 0, or put a cylinder (its width is the diameter) at x = 0"
+            yield (
+                f"{scene.label(body)} position: x = {body.position[0]:g} and width {body.width:g} "
+                f"make a ring from r = {low:g} to {high:g}; move it off the axis r = 0, or put a "
+                "cylinder (its width is the diameter) at x = 0"
             )
 
 
-def _label(scene: Scene, body: Body) -> str:
-    return f"body '{body.name}'" if scene.others else "[body]"
-
-
-def _check_body(body: Body, label: str) -> None:
-    if body.mesh is not None:
-        default = Body()
-        for key in RECTANGLE_KEYS:
-            if getattr(body, key) != getattr(default, key):
-                raise InputError(
-                    f"{label} {key}: a body from a mesh file has none; remove {key} or mesh"
-                )
-        return
-    for key in ("surface", "parameters"):
-        if getattr(body, key):
-            raise InputError(f"{label} {key}: needs a mesh file; give mesh, or remove {key}")
-    if body.is_half_plane:
-        if body.height != Body().height:
-            raise InputError(f"{label} height: a half-plane has none; remove it")
-        if body.datum is not None and not body.datum >= body.width:
-            raise InputError(
-                f"{label} datum: {body.datum:g} is less than the width of the contact, "
-                f"{body.width:g}; choose a deeper point"
-            )
-        return
-    for key in ("datum", "window"):
-        if getattr(body, key) is not None:
-            raise InputError(f'{label} {key}: belongs to shape = "half-plane"; remove it')
-    # round-off grows with the position
-    if max(map(abs, body.position)) > 1e4 * min(body.width, body.height):
-        raise InputError(
-            f"{label} position: [{body.position[0]:g}, {body.position[1]:g}] is more than 10000 "
-            "times the body's smaller side from the origin; move it nearer"
-        )
-
-
-def check_half_planes(scene: Scene) -> None:
-    """Check what half-planes touch: their contact edges, and the other body."""
+def of_half_planes(scene: Scene) -> Rules:
+    """What half-planes touch: their contact edges, and the other body."""
     flat = [body for body in scene.bodies if body.is_half_plane]
     if not flat:
         return
     if scene.is_stack:
-        raise InputError(
-            f"{_label(scene, flat[0])} shape: a half-plane touches one body or one plane only, not "
-            "a stack; use a large rectangle"
-        )
+        only = "a half-plane touches one body or one plane only, not a stack"
+        yield f"{scene.label(flat[0])} shape: {only}; use a large rectangle"
     if scene.axisymmetric:
-        raise InputError(
-            "[material] kinematics: a half-plane is not axisymmetric; use plane strain or plane "
-            "stress"
-        )
+        yield "[material] kinematics: a half-plane is not axisymmetric; use another one"
+    edges = [edge for contact in scene.contacts for edge in (contact.edge, contact.against)]
+    on = [scene.find_edge(edge) for edge in edges if edge]
+    first = {scene.find_edge(contact.edge)[0].name for contact in scene.contacts}
     for body in flat:
-        label = _label(scene, body)
+        at = scene.label(body)
         if scene.material_of(body).young_2 is not None:
-            raise InputError(f"{label} material: a half-plane is isotropic; use a large rectangle")
-        edges = [edge for contact in scene.contacts for edge in (contact.edge, contact.against)]
-        own = {
-            name
-            for owner, name in (scene.find_edge(edge) for edge in edges if edge)
-            if owner == body
-        }
-        if len(own) > 1:
-            raise InputError(f"{label}: has the surfaces bottom and top; use one of them")
+            yield f"{at} material: a half-plane is isotropic; use a large rectangle"
+        if len({name for owner, name in on if owner == body}) > 1:
+            yield f"{at}: has the surfaces bottom and top; use one of them"
         if not scene.others:
             continue
-        first = {scene.find_edge(contact.edge)[0].name for contact in scene.contacts}
         if body.name in first if len(flat) == 1 else len(first) > 1:
-            raise InputError(
+            yield (
                 f"[contact] edge: names the half-plane '{body.name}'; exchange edge and against, "
                 "it takes its nodes from the other body's mesh"
             )
+        other = Body() if len(flat) == 1 else flat[0]
+        whose = "its partner's mesh" if len(flat) == 1 else f"body '{other.name}'"
         for key in ("width", "position"):
-            other = Body() if len(flat) == 1 else flat[0]
             if getattr(body, key) != getattr(other, key):
-                where = "its partner's mesh" if len(flat) == 1 else f"body '{other.name}'"
-                raise InputError(
-                    f"{label} {key}: the contact nodes are those of {where}; remove {key}, or "
-                    "give both half-planes the same"
-                )
-    surface, against = scene.find_edge(scene.contacts[0].edge)[1], scene.contacts[0].against
-    if len(flat) == 2 and against is not None and scene.find_edge(against)[1] == surface:
-        raise InputError(
-            f'[contact] against: both half-planes have the surface "{surface}"; one has to be '
-            '"bottom" and the other one "top"'
-        )
+                both = f"remove {key}, or give both half-planes the same"
+                yield f"{at} {key}: the contact nodes are those of {whose}; {both}"
+    if len(flat) == 2 and len({name for _, name in on}) == 1:
+        one = 'one has to be "bottom" and the other one "top"'
+        yield f'[contact] against: both half-planes have the surface "{on[0][1]}"; {one}'
 
 
-def _check_material(material: Material) -> None:
-    where = f"[material.{material.name}]" if material.name else "[material]"
-    if material.poisson >= material.poisson_limit:
-        raise InputError(
-            f"{where} poisson: must be above -1 and below {material.poisson_limit:g} in "
-            f"{material.kinematics}, not {material.poisson:g}"
-        )
-    if (material.young_2 is None) != (material.shear is None):
-        raise InputError(f"{where}: an orthotropic material has both young_2 and shear; give both")
-    if material.young_2 is None:
-        if material.angle != 0.0:
-            raise InputError(f"{where} angle: an isotropic material has none; remove it")
-        return
-    if material.kinematics != "plane stress":
-        raise InputError(
-            f"{where} young_2: orthotropic materials are for plane stress, where no constants "
-            'across the plane count; use kinematics = "plane stress"'
-        )
-    if not material.poisson**2 < material.young / material.young_2:
-        raise InputError(
-            f"{where} poisson: its square must be below young / young_2, "
-            f"{material.young / material.young_2:g}, not {material.poisson**2:g}"
-        )
-
-
-def check_mesh(scene: Scene) -> None:
-    """Check the table [mesh]."""
-    mesh = scene.mesh
-    n = mesh.contact_elements
-    if n % 2 and any(body.mesh is None for body in scene.bodies):
-        raise InputError(
-            f"[mesh] contact_elements: {n} is odd; use an even number, half on each side of x = 0"
-        )
-    if mesh.refinements and all(body.mesh is None for body in scene.bodies):
-        raise InputError(
-            "[mesh] refinements: is for bodies from mesh files; use more contact_elements"
-        )
+def of_mesh(scene: Scene) -> Rules:
+    """The table [mesh]."""
+    mesh, meshed = scene.mesh, [body.mesh is not None for body in scene.bodies]
+    if mesh.contact_elements % 2 and not all(meshed):
+        odd = f"{mesh.contact_elements} is odd"
+        yield f"[mesh] contact_elements: {odd}; use an even number, half on each side of x = 0"
+    if mesh.refinements and not any(meshed):
+        yield "[mesh] refinements: is for bodies from mesh files; use more contact_elements"
     if mesh.refine and mesh.cell != "triangle":
-        raise InputError(
-            f'[mesh] refine: is for triangles; use cell = "triangle", not "{mesh.cell}"'
-        )
+        yield f'[mesh] refine: is for triangles; use cell = "triangle", not "{mesh.cell}"'
     for i, place in enumerate(mesh.places):
-        _check_refinement(scene, place, f"[mesh] refine entry {i + 1}")
+        yield from _of_refinement(scene, place, f"[mesh] refine entry {i + 1}", any(meshed))
 
 
-def _check_refinement(scene: Scene, place: Refinement, where: str) -> None:
-    """Check one entry of refine; whether it lies on its edge is found when the body is meshed."""
-    if place.at == "corners" and all(body.mesh is None for body in scene.bodies):
-        raise InputError(f"{where} at: rectangles have no re-entrant corners; leave it out")
+def _of_refinement(scene: Scene, place: Refinement, at: str, meshed: bool) -> Rules:
+    """One entry of refine; whether it lies on its edge is found when the body is meshed."""
+    if place.at == "corners" and not meshed:
+        yield f"{at} at: rectangles have no re-entrant corners; leave it out"
     if not isinstance(place.at, str) and place.span[0] > place.span[1]:
-        raise InputError(f"{where} at: is empty; write [from, to]")
+        yield f"{at} at: is empty; write [from, to]"
     if place.growth is None and scene.mesh.growth < MIN_REFINED_GROWTH:
-        raise InputError(
-            f"{where} growth: that of the mesh is {scene.mesh.growth:g}; give one of "
-            f"{MIN_REFINED_GROWTH:g} to 3"
-        )
+        own = f"that of the mesh is {scene.mesh.growth:g}"
+        yield f"{at} growth: {own}; give one of {MIN_REFINED_GROWTH:g} to 3"
     edges = [contact.edge for contact in scene.contacts]
     if place.edge is not None and place.edge not in edges:
-        unknown_name(place.edge, edges, f"{where} edge", "contact edge")
-    for contact in scene.contacts:
-        body, _ = scene.find_edge(contact.edge)
-        if body.mesh is None and place.edge in (None, contact.edge):
-            low, high = edge_range(scene, contact.edge)
-            if place.size < MIN_REFINED_SIZE * (high - low):
-                raise InputError(
-                    f"{where} size: {place.size:g} is less than {MIN_REFINED_SIZE:g} of the "
-                    "contact edge; enlarge it"
-                )
-            ends = (low, high) if isinstance(place.at, str) else place.span
-            slack = MIN_REFINED_SIZE * (high - low)
-            if ends[0] < low - slack or ends[1] > high + slack:
-                beyond = ends[0] if ends[0] < low - slack else ends[1]
-                raise InputError(
-                    f"{where} at: {beyond:g} lies beyond the contact edge, which runs from "
-                    f"{low:g} to {high:g}; move it"
-                )
+        unknown_name(place.edge, edges, f"{at} edge", "contact edge")
+    for edge in edges:
+        if has_mesh_file(scene, edge) or place.edge not in (None, edge):
+            continue
+        low, high = edge_range(scene, edge)
+        slack = 1e-6 * (high - low)  # below it round-off counts
+        if place.size < slack:
+            yield f"{at} size: {place.size:g} is less than 1e-06 of the contact edge; enlarge it"
+        ends = (low, high) if isinstance(place.at, str) else place.span
+        if ends[0] < low - slack or ends[1] > high + slack:
+            beyond = ends[0] if ends[0] < low - slack else ends[1]
+            yield (
+                f"{at} at: {beyond:g} lies beyond the contact edge, which runs from {low:g} to "
+                f"{high:g}; move it"
+            )
 
 
 def count_cells(mesh: MeshOptions, slenderness: float) -> float:
@@ -243,137 +184,109 @@ def count_cells(mesh: MeshOptions, slenderness: float) -> float:
     return 2.0 * mesh.contact_elements * layers
 
 
-def check_elements(mesh: MeshOptions, body: Body, edge: str) -> None:
-    """Check a rectangle's depth below its contact edge against the size of its elements."""
-    flat = edge in HORIZONTAL
-    depth, length = (body.height, body.width) if flat else (body.width, body.height)
-    size = length / mesh.contact_elements
-    key = "height" if flat else "width"
+def of_elements(mesh: MeshOptions, body: Body, edge: str) -> Rules:
+    """A rectangle's depth below its contact edge against the size of its elements."""
+    keys = ("height", "width") if edge in HORIZONTAL else ("width", "height")
+    depth, length = (getattr(body, key) for key in keys)
+    size, cells = length / mesh.contact_elements, count_cells(mesh, depth / length)
     if depth < 0.01 * size:
-        raise MeshMisfit(
-            f"[body] {key}: {depth:g} is less than 0.01 of an element of the contact edge "
-            f"({size:.3g}); enlarge it, or mesh.contact_elements"
-        )
+        less = f"{depth:g} is less than 0.01 of an element of the contact edge ({size:.3g})"
+        raise MeshMisfit(f"[body] {keys[0]}: {less}; enlarge it, or mesh.contact_elements")
     if depth > 1e5 * length:
-        raise InputError(
-            f"[body] {key}: {depth:g} is more than 100000 times the contact edge's length; reduce "
-            "it, material so far away has no effect"
-        )
-    cells = count_cells(mesh, depth / length)
-    # estimated number of cells of a rectangle above which no machine can mesh and factor it
+        yield f"[body] {keys[0]}: {depth:g} is more than 100000 times the contact edge; reduce it"
+    # above which no machine can mesh and factor it
     if cells > 1e8:
-        raise InputError(
-            f"[mesh] growth: {mesh.growth:g} makes about {cells:.0e} cells; "
-            "enlarge it, or use fewer contact_elements"
-        )
+        more = f"{mesh.growth:g} makes about {cells:.0e} cells"
+        yield f"[mesh] growth: {more}; enlarge it, or use fewer contact_elements"
 
 
-def check_touching(scene: Scene) -> None:
-    """Check that there are contacts, and that every body is in one of them or in a tie."""
+def of_touching(scene: Scene) -> Rules:
+    """There are contacts, and every body is in one of them or in a tie."""
     if not scene.contacts:
-        raise InputError("[contact]: the scene has none; add one")
+        yield "[contact]: the scene has none; add one"
     edges = [edge for joint in scene.joints for edge in (joint.edge, joint.against) if edge]
     touching = [scene.find_edge(edge)[0] for edge in edges]
     for body in scene.bodies:
         if body not in touching:
-            raise InputError(
-                f"body '{body.name}': touches nothing; name one of its edges in a [[contact]], or "
-                "bond it by a [[tie]]"
-            )
+            ways = "name one of its edges in a [[contact]], or bond it by a [[tie]]"
+            yield f"body '{body.name}': touches nothing; {ways}"
 
 
-def check_sides(scene: Scene, number: int) -> None:
-    """Check the edges of a contact or tie, its span, and which side is the slave."""
-    joint, where = scene.joints[number], scene.joint_labels[number]
+def of_joint(scene: Scene, number: int) -> Rules:
+    """The edges of a contact or tie, its span, and which side is the slave."""
+    joint, at = scene.joints[number], scene.joint_labels[number]
     surfaces = HORIZONTAL if number < len(scene.contacts) else ()
-    check_edge(scene, joint.edge, f"{where} edge", surfaces)
+    yield from of_edge(scene, joint.edge, f"{at} edge", surfaces)
     if joint.against is not None:
-        check_edge(scene, joint.against, f"{where} against", surfaces)
+        yield from of_edge(scene, joint.against, f"{at} against", surfaces)
         if not scene.others:
-            raise InputError(
-                f"{where} against: the scene has one body only; add a second [[body]], or remove "
-                "against for a rigid plane"
-            )
+            yield f"{at} against: the scene has one body only; add a [[body]], or remove against"
         if scene.find_edge(joint.against)[0] == scene.find_edge(joint.edge)[0]:
-            raise InputError(f"{where} against: must name an edge of another body")
+            yield f"{at} against: must name an edge of another body"
     elif joint.slave is not None:
-        raise InputError(f"{where} slave: a rigid plane has no nodes; remove it, or give against")
-    check_span(scene, joint.edge, joint.span, f"{where} span")
+        yield f"{at} slave: a rigid plane has no nodes; remove it, or give against"
+    yield from of_span(scene, joint.edge, joint.span, f"{at} span")
 
 
-def check_contact(scene: Scene, number: int) -> None:
-    """Check friction, gap and interference of a contact."""
-    contact, where = scene.contacts[number], scene.joint_labels[number]
-    meshed = has_mesh_file(scene, contact.edge)
-    forward, backward = directions(contact.friction, f"{where} friction")
-    profiles = [(forward, "friction"), (contact.initial_gap, "initial_gap")]
-    for key in ("shear_limit", "cohesion"):
-        if (given := getattr(contact, key)) is not None:
-            profiles.append((given, key))
-    if contact.interference is not None:
-        profiles.append((contact.interference, "interference"))
-        if not scene.others and scene.body.is_half_plane:
-            raise InputError(f"{where} interference: a half-plane moves as a whole; remove it")
+def of_contact(scene: Scene, number: int) -> Rules:
+    """Friction, gap and interference of a contact."""
+    contact, at = scene.contacts[number], scene.joint_labels[number]
+    body, edge = scene.find_edge(contact.edge)
+    forward, backward = directions(contact.friction, f"{at} friction")
+    profiles = {"friction": forward}
     if forward != backward:
-        profiles[:1] = [(forward, "friction forward"), (backward, "friction backward")]
-    for profile, key in profiles:
-        check_table(profile, f"{where} {key}")
-    if meshed:
-        # the points of the edge are known when it is meshed; numbers need none
-        profiles = [(p, key) for p, key in profiles if not isinstance(p, dict | str)]
-    elif not scene.find_edge(contact.edge)[0].is_half_plane:
-        check_elements(scene.mesh, *scene.find_edge(contact.edge))
-    x = np.zeros(1) if meshed else contact_samples(scene, contact)
-    for profile, key in profiles:
-        values = evaluate_checked(profile, x, None, f"{where} {key}")
+        profiles = {"friction forward": forward, "friction backward": backward}
+    for key in ("initial_gap", "shear_limit", "cohesion", "interference"):
+        if (profile := getattr(contact, key)) is not None:
+            profiles[key] = profile
+    if contact.interference is not None and not scene.others and body.is_half_plane:
+        yield f"{at} interference: a half-plane moves as a whole; remove it"
+    for key, profile in profiles.items():
+        check_table(profile, f"{at} {key}")
+    if body.is_rectangle:
+        yield from of_elements(scene.mesh, body, edge)
+    x = np.zeros(1) if body.mesh is not None else contact_samples(scene, contact)
+    for key, profile in profiles.items():
+        # the points of a mesh file's edge are known when it is meshed; numbers need none
+        if body.mesh is not None and isinstance(profile, dict | str):
+            continue
+        values = evaluate_checked(profile, x, None, f"{at} {key}")
         if values.min() < 0.0:
-            at = x[np.argmin(values)]
-            raise InputError(
-                f"{where} {key}: is {values.min():g} at x = {at:.6g}; must not be negative"
-            )
+            least = f"is {values.min():g} at x = {x[np.argmin(values)]:.6g}"
+            yield f"{at} {key}: {least}; must not be negative"
 
 
-def check_edge(
-    scene: Scene, edge: str, where: str, of_half_plane: tuple[str, ...] = (FAR,)
-) -> None:
-    """Check that a body has an edge; groups of a mesh file are checked when it is read.
+def of_edge(scene: Scene, edge: str, at: str, of_half_plane: Sequence[str] = (FAR,)) -> Rules:
+    """A body has the edge; groups of a mesh file are checked when it is read.
 
     ``of_half_plane`` are the names that a half-plane's edge may have here.
     """
-    try:
-        body, name = scene.find_edge(edge)
-    except InputError as error:
-        raise InputError(f"{where}: {error}") from None
+    body, name = scene.find_edge(edge, f"{at}: ")
+    choices = of_half_plane if body.is_half_plane else EDGES
     if body.mesh is not None:
         return
-    choices = of_half_plane if body.is_half_plane else EDGES
     if not choices:
-        raise InputError(f"{where}: a half-plane cannot be tied; use a large rectangle")
+        yield f"{at}: a half-plane cannot be tied; use a large rectangle"
     if name not in choices:
-        raise InputError(f'{where}: "{name}" is unknown; use one of {", ".join(choices)}')
+        yield f'{at}: "{name}" is unknown; use one of {", ".join(choices)}'
     if is_cylinder(scene, body) and name == "left":
-        raise InputError(
-            f'{where}: "{edge}" is the axis r = 0 of the axisymmetric body; use another edge'
-        )
+        yield f'{at}: "{edge}" is the axis r = 0 of the axisymmetric body; use another edge'
 
 
-def check_span(scene: Scene, edge: str, span: tuple[float, float] | None, where: str) -> None:
-    """Check that a span is an interval within its edge."""
+def of_span(scene: Scene, edge: str, span: tuple[float, float] | None, at: str) -> Rules:
+    """A span is an interval within its edge."""
     if span is None:
         return
-    if scene.find_edge(edge)[1] == FAR and not has_mesh_file(scene, edge):
-        raise InputError(f"{where}: the far field of a half-plane has no parts; remove span")
-    low, high = span if has_mesh_file(scene, edge) else edge_range(scene, edge)
-    slack = LENGTH_TOLERANCE * abs(high - low)
+    meshed = has_mesh_file(scene, edge)
+    if scene.find_edge(edge)[1] == FAR and not meshed:
+        yield f"{at}: the far field of a half-plane has no parts; remove span"
+    low, high = span if meshed else edge_range(scene, edge)
+    slack, own = LENGTH_TOLERANCE * abs(high - low), f"[{span[0]:g}, {span[1]:g}]"
     if not span[1] - span[0] > slack:
-        raise InputError(
-            f"{where}: [{span[0]:g}, {span[1]:g}] is empty; write [lower end, upper end]"
-        )
+        yield f"{at}: {own} is empty; write [lower end, upper end]"
     if span[0] < low - slack or span[1] > high + slack:
-        raise InputError(
-            f'{where}: [{span[0]:g}, {span[1]:g}] reaches beyond edge "{edge}", which runs from '
-            f"{low:g} to {high:g}; shorten it"
-        )
+        runs = f"which runs from {low:g} to {high:g}"
+        yield f'{at}: {own} reaches beyond edge "{edge}", {runs}; shorten it'
 
 
 def has_mesh_file(scene: Scene, edge: str) -> bool:
@@ -381,16 +294,16 @@ def has_mesh_file(scene: Scene, edge: str) -> bool:
     return scene.find_edge(edge)[0].mesh is not None
 
 
-def check_initial_slip(scene: Scene) -> None:
-    """Check the profile of the initial slip on every contact edge of a rectangle."""
-    slip = scene.history.initial_slip
+def of_initial_slip(scene: Scene) -> Rules:
+    """The profile of the initial slip on every contact edge of a rectangle."""
+    slip, at = scene.history.initial_slip, "[history] initial_slip"
     if slip is None:
         return
-    check_table(slip, "[history] initial_slip")
+    check_table(slip, at)
     for contact in scene.contacts:
         if not has_mesh_file(scene, contact.edge):
-            x = contact_samples(scene, contact)
-            evaluate_checked(slip, x, None, "[history] initial_slip")
+            evaluate_checked(slip, contact_samples(scene, contact), None, at)
+    yield from ()  # the checks of a profile raise
 
 
 def gap_warnings(scene: Scene) -> list[str]:
@@ -408,15 +321,12 @@ def gap_warnings(scene: Scene) -> list[str]:
         nodes = contact_samples(scene, contact)
         x, gap = (np.asarray(table[key]) for key in ("x", "value"))
         slope = np.diff(gap) / np.diff(x)
-        # change of slope of a table, over its largest slope, that is a kink and not round-off
+        # smaller changes of slope are round-off
         kinks = np.abs(np.diff(slope)) > 1e-6 * np.abs(slope).max(initial=0.0)
         inside = (x[1:-1] > nodes[0]) & (x[1:-1] < nodes[-1])
-        apart = float(np.median(np.diff(x)))
-        spacing = float(nodes[1] - nodes[0])
-        # number of kinks of a table from which it is taken for samples of a curve
-        # distance of a table's points, over that of the nodes, above which the mesh resolves its
-        # kinks. A parabola of 51 points on 161 nodes has peaks of 4 % of the largest pressure, one
-        # of 201 points 0.2 %
+        apart, spacing = float(np.median(np.diff(x))), float(nodes[1] - nodes[0])
+        # six kinks are samples of a curve. A parabola of 51 points on 161 nodes has peaks of 4 %
+        # of the largest pressure, one of 201 points 0.2 %
         if np.count_nonzero(kinks & inside) >= 6 and apart > 1.5 * spacing:
             lines.append(
                 f"{scene.joint_labels[i]} initial_gap: the table is linear between points "

@@ -1,4 +1,4 @@
-"""Validation of loads, supports, springs and bolts."""
+"""Rules of loads, supports, springs, bolts and points; see ``validate_bodies``."""
 
 from __future__ import annotations
 
@@ -8,7 +8,16 @@ from math import hypot
 import numpy as np
 
 from receding_fenicsx.errors import InputError
-from receding_fenicsx.scene.checks import SMALLEST, check_name, check_positive, unknown_name
+from receding_fenicsx.scene.checks import (
+    SMALLEST,
+    Rules,
+    check_name,
+    check_positive,
+    is_given,
+    one_of,
+    unknown_name,
+    unused,
+)
 from receding_fenicsx.scene.model import (
     FREE,
     INTERFERENCE,
@@ -34,169 +43,140 @@ from receding_fenicsx.scene.symmetry import (
 from receding_fenicsx.scene.validate_bodies import (
     FAR,
     LENGTH_TOLERANCE,
-    check_edge,
-    check_span,
     has_mesh_file,
+    of_edge,
+    of_span,
 )
 
 
-def check_load(load: Load, scene: Scene) -> None:
-    """Check that a load acts outside the contact, on what a body has, and is not zero."""
-    where = f"load '{load.name}'"
+def of_load(scene: Scene, load: Load) -> Rules:
+    """A load acts outside the contact, on what a body has, and is not zero."""
+    at = load.label
+    kinds = [kind for kind in KINDS if is_given(load, kind)]
     if load.on_body:
-        _check_body_load(scene, load, where)
+        yield from _of_body_load(scene, load, kinds)
         return
     if not load.edge:
-        raise InputError(f"{where}: the key 'edge' is missing; add it")
+        yield f"{at}: the key 'edge' is missing; add it"
     if load.body is not None:
-        raise InputError(f"{where} body: is for body_force and thermal_strain; write BODY.EDGE")
-    on_contact = HORIZONTAL if load.gap is not None else (FAR,)
-    check_edge(scene, load.edge, f"{where} edge", on_contact)
-    if not load.travel:
-        check_span(scene, load.edge, load.span, f"{where} span")
-    _check_kind(scene, load, where)
-    kind = _kinds(load)[0]
+        yield f"{at} body: is for body_force and thermal_strain; write BODY.EDGE"
+    surfaces = HORIZONTAL if load.gap is not None else (FAR,)
+    yield from of_edge(scene, load.edge, f"{at} edge", surfaces)
+    yield from of_span(scene, load.edge, None if load.travel else load.span, f"{at} span")
+    yield from one_of(load, at, KINDS)
+    kind, travels = kinds[0], len(load.travel) > 1
+    value, key = getattr(load, kind), f"{at} {kind}"
+    if load.steps and not travels:
+        yield f"{at} steps: are those of its travel; remove them, or give travel"
+    if load.travel and kind not in ("pressure", "traction"):
+        yield f"{at} travel: is for a pressure or a traction, not {kind}; remove it"
+    if travels and not load.steps and not load.span:
+        yield f"{at} steps: are needed to travel without a span; give them"
+    if any(a == b for a, b in pairwise(load.travel)):
+        yield f"{at} travel: stays at a position; write each once"
+    if travels and len(load.units) > MOST_UNITS:
+        units = f"takes {len(load.units)} unit loads, {MOST_UNITS} are the most"
+        yield f"{at} travel: {units}; shorten it, or give fewer steps"
+    far = scene.find_edge(load.edge)[0].is_half_plane
+    if load.tension is not None and not far:
+        yield f"{at} tension: acts on the far field of a half-plane; use traction"
+    if load.force is not None and not load.platen and not far:
+        yield f"{at} force: acts on a platen only; add platen = true, or use traction"
+    if load.platen and kind not in ("force", "displacement"):
+        yield f"{at} platen: needs force or displacement, not {kind}; give one of them"
+    if scene.axisymmetric and load.platen and value[0] not in (0.0, FREE):
+        axial = f"write [0.0, {value[1]}]"
+        yield f"{key}: a platen on a body of revolution moves along its axis only; {axial}"
     if load.gap is not None:
-        _check_gap(load, scene, where)
+        edges = [contact.edge for contact in scene.contacts]
+        if load.edge not in edges:
+            unknown_name(load.edge, edges, f"{at} edge", "edge of a [[contact]]")
+        check_table(load.gap, key)
+        for contact in scene.contacts:
+            if contact.edge == load.edge and not has_mesh_file(scene, load.edge):
+                evaluate_checked(load.gap, contact_samples(scene, contact), None, key)
         return
-    if scene.find_edge(load.edge)[0].is_half_plane:
-        _check_far_load(load, kind, where)
+    parts = [part for part in (value if isinstance(value, tuple) else (value,)) if part != FREE]
+    if far:
+        if kind not in ("force", "displacement", "tension"):
+            yield f"{key}: the far field of a half-plane takes force, displacement or tension"
+        if any(not isinstance(part, float | int) for part in parts):
+            yield f"{key}: the far field moves as a whole; write numbers"
+        if not any(abs(part) >= SMALLEST for part in parts):
+            yield f"{key}: is zero; give it a value or remove the load"
         return
-    _check_off_contact(scene, load, where)
-    value, key = getattr(load, kind), f"{where} {kind}"
-    parts = value if isinstance(value, tuple) else (value,)
+    yield from _off_contact(scene, load, at)
     for part in parts:
         check_table(part, key)
     if has_mesh_file(scene, load.edge):
         return
     along = load_samples(scene, load)
     x, y = edge_points(scene, load.edge, along)
-    zero = True
-    for part in parts:
-        if part != FREE:
-            # a table is a function of the position along the edge, an expression of x and y
-            points = along if isinstance(part, dict) else x
-            values = evaluate_checked(part, points, y, key)
-            zero = zero and bool(np.all(np.abs(values) < SMALLEST))
-    if zero:
-        raise InputError(f"{key}: is zero everywhere; give it a value or remove the load")
+    # a table is a function of the position along the edge, an expression of x and y
+    points = (along if isinstance(part, dict) else x for part in parts)
+    values = [evaluate_checked(p, at_, y, key) for p, at_ in zip(parts, points, strict=True)]
+    if np.abs(values).max(initial=0.0) < SMALLEST:
+        yield f"{key}: is zero everywhere; give it a value or remove the load"
 
 
-def _check_gap(load: Load, scene: Scene, where: str) -> None:
-    """Check that a gap is on a contact edge, and finite there."""
-    on = [contact for contact in scene.contacts if contact.edge == load.edge]
-    if not on:
-        edges = [contact.edge for contact in scene.contacts]
-        unknown_name(load.edge, edges, f"{where} edge", "edge of a [[contact]]")
-    gap = load.gap or 0.0
-    check_table(gap, f"{where} gap")
-    for contact in on:
-        if not has_mesh_file(scene, load.edge):
-            evaluate_checked(gap, contact_samples(scene, contact), None, f"{where} gap")
-
-
-def _check_off_contact(scene: Scene, load: Load, where: str) -> None:
-    """Check that a load on a rectangle is off the contact."""
+def _off_contact(scene: Scene, load: Load, at: str) -> Rules:
+    """A load on a rectangle is off the contact."""
     if has_mesh_file(scene, load.edge):
         return
     for joint, label in zip(scene.joints, scene.joint_labels, strict=True):
         if scene.find_edge(load.edge) == scene.find_edge(joint.edge):
             whole = edge_range(scene, load.edge)
-            (a, b), (c, d) = (not load.travel and load.span) or whole, joint.span or whole
-            if min(b, d) - max(a, c) > LENGTH_TOLERANCE * (whole[1] - whole[0]):
+            span = (not load.travel and load.span) or whole
+            if _overlap(span, joint.span or whole) > LENGTH_TOLERANCE * (whole[1] - whole[0]):
                 what = "contact" if "contact" in label else "tie"
-                raise InputError(
-                    f'{where}: overlaps the {what} on the {what} edge "{load.edge}"; use another '
+                yield (
+                    f'{at}: overlaps the {what} on the {what} edge "{load.edge}"; use another '
                     f"edge, or a span outside the {what}'s"
                 )
 
 
-def check_bolt(bolt: Bolt, scene: Scene) -> None:
-    """Check the direction, preload and patches of a bolt."""
-    where = f"bolt '{bolt.name}'"
-    if not hypot(*bolt.axis) > 0.0:
-        raise InputError(f"{where} axis: has no direction; give [x, y] from head to nut")
-    if scene.axisymmetric and bolt.axis[0] != 0.0:
-        raise InputError(f"{where} axis: of a ring of bolts it is [0, 1] or [0, -1]")
-    if bolt.tightening:
-        legs = len(scene.preloads)
-        if bolt.preload is None or bolt.shortening is None or len(bolt.tightening) != legs:
-            raise InputError(f"{where} tightening: is found from the preload; remove it")
-    elif (bolt.shortening is None) == (bolt.preload is None):
-        raise InputError(f"{where}: give exactly one of preload and shortening")
-    elif bolt.shortening is not None:
-        check_positive(bolt.shortening, f"{where} shortening")
-    for patch, key in zip(bolt.patches, ("head", "nut"), strict=True):
-        check_edge(scene, patch.edge, f"{where} {key}", ())
-        check_span(scene, patch.edge, patch.span, f"{where} {key}_span")
-        _check_off_contact(scene, patch, f"{where} {key}")
+def _overlap(a: tuple[float, float], b: tuple[float, float]) -> float:
+    """Return the length that two spans share, negative where they are apart."""
+    return min(a[1], b[1]) - max(a[0], b[0])
 
 
-def _kinds(load: Load) -> list[str]:
-    """Return which of pressure, traction, displacement and force are given."""
-    return [kind for kind in KINDS if getattr(load, kind) is not None]
-
-
-def _check_kind(scene: Scene, load: Load, where: str) -> None:
-    """Check that a load has exactly one kind, and that its kind suits a platen."""
-    kinds = _kinds(load)
-    if len(kinds) != 1:
-        raise InputError(
-            f"{where}: has {' and '.join(kinds) or 'none'} of {', '.join(KINDS)}; give exactly one "
-            "of them"
-        )
-    kind = kinds[0]
-    if load.steps and len(load.travel) < 2:
-        raise InputError(f"{where} steps: are those of its travel; remove them, or give travel")
-    if load.travel and kind not in ("pressure", "traction"):
-        raise InputError(f"{where} travel: is for a pressure or a traction, not {kind}; remove it")
-    if len(load.travel) > 1:
-        if not load.steps and not load.span:
-            raise InputError(f"{where} steps: are needed to travel without a span; give them")
-        if any(a == b for a, b in pairwise(load.travel)):
-            raise InputError(f"{where} travel: stays at a position; write each once")
-        if len(load.units) > MOST_UNITS:
-            raise InputError(
-                f"{where} travel: takes {len(load.units)} unit loads, {MOST_UNITS} are the most; "
-                "shorten it, or give fewer steps"
-            )
-    far = scene.find_edge(load.edge)[0].is_half_plane
-    if load.tension is not None and not far:
-        raise InputError(f"{where} tension: acts on the far field of a half-plane; use traction")
-    if load.force is not None and not load.platen and not far:
-        raise InputError(
-            f"{where} force: acts on a platen only; add platen = true, or use traction"
-        )
-    if load.platen and kind not in ("force", "displacement"):
-        raise InputError(
-            f"{where} platen: needs force or displacement, not {kind}; give one of them"
-        )
-    if scene.axisymmetric and load.platen and getattr(load, kind)[0] not in (0.0, FREE):
-        raise InputError(
-            f"{where} {kind}: a platen on a body of revolution moves along its axis only; "
-            f"write [0.0, {getattr(load, kind)[1]}]"
-        )
-
-
-def _check_far_load(load: Load, kind: str, where: str) -> None:
-    """Check a load on the far field: a force, a displacement or a tension, not zero."""
-    if kind not in ("force", "displacement", "tension"):
-        raise InputError(
-            f"{where} {kind}: the far field of a half-plane takes a force, a displacement or a "
-            "tension; use one of them"
-        )
+def _of_body_load(scene: Scene, load: Load, kinds: list[str]) -> Rules:
+    """A body force or thermal strain: its body, and that its profile is finite, not zero."""
+    kind = next(kind for kind in ON_BODY if kind in kinds)
+    at, key = load.label, f"{load.label} {kind}"
+    others = ("edge", "span", "platen", *(other for other in KINDS if other != kind))
+    yield from unused(load, at, [(True, others, f"{kind} acts on a whole body")])
+    if load.mode is not None:
+        yield from of_modes(scene, at)
+        return
+    body = body_named(scene, load.body, at, "load")
+    if body.is_half_plane:
+        yield f"{key}: a half-plane has no mesh to act on; give it a shape"
     value = getattr(load, kind)
-    parts = [part for part in (value if kind != "tension" else (value,)) if part != FREE]
-    if any(not isinstance(part, float | int) for part in parts):
-        raise InputError(f"{where} {kind}: the far field moves as a whole; write numbers")
-    if not any(abs(part) >= SMALLEST for part in parts):
-        raise InputError(f"{where} {kind}: is zero; give it a value or remove the load")
+    parts = value if isinstance(value, tuple) else (value,)
+    if any(isinstance(part, dict) for part in parts):
+        yield f"{key}: a table runs along an edge; write an expression in x, y"
+    if body.mesh is None:  # else its points are known when it is meshed
+        x, y = body_points(scene, body)
+        if np.abs([evaluate_checked(part, x, y, key) for part in parts]).max() < SMALLEST:
+            yield f"{key}: is zero everywhere; give it a value or remove the load"
 
 
-def check_names(scene: Scene) -> None:
-    """Check the names of loads and bolts, which are those of the load factors."""
+def of_modes(scene: Scene, at: str) -> Rules:
+    """The bodies have vibration modes."""
+    if any(body.is_half_plane for body in scene.bodies):
+        yield f"{at}: half-planes have no vibration modes; use bodies with a mesh"
+    if any(bolt.stiffness is None for bolt in scene.bolts):
+        yield f"{at}: vibration modes need elastic bolts; give them a stiffness"
+    own = [m for b in scene.bodies for m in (scene.material_of(b), *scene.surface_materials(b))]
+    if any(material.density <= 0.0 for material in own):
+        yield "[material] density: vibration modes need one of every body; give it"
+
+
+def of_names(scene: Scene) -> Rules:
+    """Names of loads and bolts, which are those of the load factors."""
     if not scene.load_names:
-        raise InputError("[[load]]: the scene has none; add one")
+        yield "[[load]]: the scene has none; add one"
     taken: list[str] = []
     modes = {load.name for load in scene.loads if load.mode is not None}
     names = [("load", name) for name in scene.driven_names]
@@ -205,132 +185,119 @@ def check_names(scene: Scene) -> None:
         # of the contacts' interference, of vibration modes, of springs between bodies
         mode = name.startswith("mode:") and name not in modes
         if name == INTERFERENCE or mode or name.startswith("[[spring]] "):
-            raise InputError(f"{table} '{name}': the name is reserved; rename the {table}")
+            yield f"{table} '{name}': the name is reserved; rename the {table}"
         if name in taken:
-            raise InputError(
-                f"bolt '{name}': a load or another bolt has this name; rename the bolt"
-            )
+            yield f"bolt '{name}': a load or another bolt has this name; rename the bolt"
         taken.append(name)
 
 
-def check_parts(scene: Scene) -> None:
-    """Check the parts of each load, two at a time."""
-    for k, load in enumerate(scene.loads):
-        for other in scene.loads[:k]:
-            if other.name == load.name:
-                _check_pair(scene, other, load)
+def of_parts(scene: Scene) -> Rules:
+    """Two parts of one load are both forces or both displacements, and not the same part."""
+    for k, b in enumerate(scene.loads):
+        for a in (other for other in scene.loads[:k] if other.name == b.name):
+            if a.is_prescribed != b.is_prescribed:
+                forced, moved = (a, b) if b.is_prescribed else (b, a)
+                on = f'a force on "{forced.edge or "a body"}" and a displacement on "{moved.edge}"'
+                yield f"{a.label}: is {on}; give them two names"
+            kind, other = (next(k for k in KINDS if is_given(part, k)) for part in (a, b))
+            if kind == other and a.on_body and b.on_body and a.body == b.body:
+                yield f"{a.label}: has two of {kind} on one body; add them"
+            if kind != other or a.on_body or scene.find_edge(a.edge) != scene.find_edge(b.edge):
+                continue
+            if has_mesh_file(scene, a.edge) or scene.find_edge(a.edge)[0].is_half_plane:
+                overlap = a.span is None or b.span is None or _overlap(a.span, b.span) > 0.0
+            else:
+                whole = edge_range(scene, a.edge)
+                length = LENGTH_TOLERANCE * (whole[1] - whole[0])
+                overlap = _overlap(a.span or whole, b.span or whole) > length
+            if overlap:
+                same = f'a {kind} on the same part of "{a.edge}"'
+                yield f"{a.label}: two of its parts are {same}; write them as one, or rename one"
 
 
-def _check_pair(scene: Scene, a: Load, b: Load) -> None:
-    """Check two parts of one load: both forces or both displacements, and not the same part."""
-    if a.is_prescribed != b.is_prescribed:
-        forced, moved = (a, b) if b.is_prescribed else (b, a)
-        raise InputError(
-            f"load '{a.name}': is a force on \"{forced.edge or 'a body'}\" and a displacement on "
-            f'"{moved.edge}"; give them two names'
-        )
-    if a.on_body or b.on_body:
-        if _kinds(a) == _kinds(b) and a.body == b.body:
-            raise InputError(f"load '{a.name}': has two of {_kinds(a)[0]} on one body; add them")
+def of_effect(scene: Scene, load: Load) -> Rules:
+    """Supports do not hold the edge of a force in its direction: it would have no effect."""
+    kind = next(kind for kind in KINDS if is_given(load, kind))
+    if load.on_body or kind in ("tension", "gap", "displacement"):
         return
-    if scene.find_edge(a.edge) != scene.find_edge(b.edge) or _kinds(a) != _kinds(b):
-        return
-    if has_mesh_file(scene, a.edge) or scene.find_edge(a.edge)[0].is_half_plane:
-        overlap = a.span is None or b.span is None or _overlap(a.span, b.span) > 0.0
-    else:
-        whole = edge_range(scene, a.edge)
-        length = LENGTH_TOLERANCE * (whole[1] - whole[0])
-        overlap = _overlap(a.span or whole, b.span or whole) > length
-    if overlap:
-        raise InputError(
-            f"load '{a.name}': two of its parts are a {_kinds(a)[0]} on the same part of "
-            f'"{a.edge}"; write them as one, or rename one'
-        )
-
-
-def _overlap(a: tuple[float, float], b: tuple[float, float]) -> float:
-    """Return the length that two spans share, negative where they are apart."""
-    return min(a[1], b[1]) - max(a[0], b[0])
-
-
-def check_support(support: Support, scene: Scene) -> None:
-    """Check that a support holds an edge off the contact, or a point of a body."""
-    several = f" number {scene.supports.index(support) + 1}" if len(scene.supports) > 1 else ""
-    where = f"[[support]]{several}"
-    if (support.edge is None) == (support.point is None):
-        have = "both" if support.edge is not None else "neither"
-        raise InputError(f"{where}: has {have} of edge and point; give exactly one of them")
-    if support.edge is None:
-        _check_point(scene, support, where)
-        return
-    check_edge(scene, support.edge, f"{where} edge")
-    edge = scene.find_edge(support.edge)
-    if any(scene.find_edge(c.edge) == edge and c.span is None for c in scene.joints):
-        raise InputError(
-            f'{where} edge: "{support.edge}" is a contact edge or tied; use another edge'
-        )
-
-
-def check_acts(load: Load, scene: Scene) -> None:
-    """Refuse a force on an edge that supports hold in its direction: it has no effect."""
-    if load.on_body:
-        return
-    (kind,) = _kinds(load)
     edge, value = scene.find_edge(load.edge), getattr(load, kind)
     on_edge = [s for s in scene.supports if s.edge and scene.find_edge(s.edge) == edge]
     held = {axis for support in on_edge for axis in support.fix}
-    if kind in ("tension", "gap"):
-        return
-    if kind == "pressure":
-        # the normal of an edge of a mesh file is not known before meshing
-        normal = "y" if is_horizontal(scene, load.edge) else "x"
-        acts = {"x", "y"} if edge[0].mesh is not None else {normal}
-    else:
+    if kind != "pressure":
         acts = {axis for axis, part in zip("xy", value, strict=True) if part != 0.0}
-    if kind != "displacement" and acts and acts <= held:
-        raise InputError(
-            f"load '{load.name}' edge: a support holds \"{load.edge}\" in the direction of the "
-            f"{kind}, which has no effect; load or hold another edge"
-        )
+    elif edge[0].mesh is not None:  # its normal is not known before meshing
+        acts = {"x", "y"}
+    else:
+        acts = {"y" if is_horizontal(scene, load.edge) else "x"}
+    if acts and acts <= held:
+        held_by = f'a support holds "{load.edge}" in the direction of the {kind}'
+        yield f"{load.label} edge: {held_by}, which has no effect; load or hold another edge"
 
 
-def _check_body_load(scene: Scene, load: Load, where: str) -> None:
-    """Check a body force or thermal strain: its body, and that its profile is finite, not zero."""
-    kind, *others = [kind for kind in ON_BODY if getattr(load, kind) is not None]
-    on_edges = ("edge", "span", "platen", *(key for key in KINDS if key not in ON_BODY))
-    given = [key for key in on_edges if getattr(load, key)] + others
-    if given:
-        raise InputError(f"{where}: {kind} acts on a whole body; remove {given[0]}")
-    if load.mode is not None:
-        check_modes(scene, where)
+def of_bolt(scene: Scene, bolt: Bolt) -> Rules:
+    """The direction, preload and patches of a bolt."""
+    at = f"bolt '{bolt.name}'"
+    if not hypot(*bolt.axis) > 0.0:
+        yield f"{at} axis: has no direction; give [x, y] from head to nut"
+    if scene.axisymmetric and bolt.axis[0] != 0.0:
+        yield f"{at} axis: of a ring of bolts it is [0, 1] or [0, -1]"
+    if not bolt.tightening:
+        yield from one_of(bolt, at, ("preload", "shortening"))
+    elif None in (bolt.preload, bolt.shortening) or len(bolt.tightening) != len(scene.preloads):
+        yield f"{at} tightening: is found from the preload; remove it"
+    if bolt.shortening is not None and not bolt.tightening:
+        check_positive(bolt.shortening, f"{at} shortening")
+    for patch, key in zip(bolt.patches, ("head", "nut"), strict=True):
+        yield from of_edge(scene, patch.edge, f"{at} {key}", ())
+        yield from of_span(scene, patch.edge, patch.span, f"{at} {key}_span")
+        yield from _off_contact(scene, patch, f"{at} {key}")
+
+
+def of_support(scene: Scene, support: Support) -> Rules:
+    """A support holds an edge off the contact, or a point of a body."""
+    several = f" number {scene.supports.index(support) + 1}" if len(scene.supports) > 1 else ""
+    at = f"[[support]]{several}"
+    yield from one_of(support, at, ("edge", "point"))
+    if support.edge is None:
+        yield from _of_point(scene, support, at)
         return
-    body = body_named(scene, load.body, where, "load")
+    yield from of_edge(scene, support.edge, f"{at} edge")
+    edge = scene.find_edge(support.edge)
+    if any(scene.find_edge(c.edge) == edge and c.span is None for c in scene.joints):
+        yield f'{at} edge: "{support.edge}" is a contact edge or tied; use another edge'
+
+
+def of_spring(scene: Scene, spring: Spring) -> Rules:
+    """Where a spring acts, and that its stiffness is positive."""
+    several = f" number {scene.springs.index(spring) + 1}" if len(scene.springs) > 1 else ""
+    at, keys, of_point = f"{spring.label}{several}", ("normal", "tangential"), ("x", "y")
+    yield from one_of(spring, at, ("edge", "point"))
+    if spring.edge:
+        yield from unused(spring, at, [(True, ("body", *of_point), "is not for an edge")])
+        yield from of_edge(scene, spring.edge, f"{at} edge", ())
+        yield from of_span(scene, spring.edge, spring.span, f"{at} span")
+    else:
+        yield from unused(spring, at, [(True, ("span", "against", *keys), "is not for a point")])
+        yield from _of_point(scene, spring, at)
+        keys = of_point
+    if spring.against is not None:
+        yield from of_edge(scene, spring.against, f"{at} against", ())
+        if scene.find_edge(spring.edge)[0] == scene.find_edge(spring.against)[0]:
+            yield f"{at} against: must be an edge of another body"
+    if max(getattr(spring, key) for key in keys) < SMALLEST:
+        yield f"{at}: has no stiffness; give {keys[0]}, {keys[1]} or both"
+
+
+def _of_point(scene: Scene, part: Support | Spring, at: str) -> Rules:
+    """The point of a support or spring lies on its body."""
+    body = body_named(scene, part.body, at)
     if body.is_half_plane:
-        raise InputError(f"{where} {kind}: a half-plane has no mesh to act on; give it a shape")
-    value = getattr(load, kind)
-    parts = value if isinstance(value, tuple) else (value,)
-    if any(isinstance(part, dict) for part in parts):
-        raise InputError(f"{where} {kind}: a table runs along an edge; write an expression in x, y")
-    if body.mesh is not None:
-        # its points are known when it is meshed
-        return
-    x, y = body_points(scene, body)
-    values = [evaluate_checked(part, x, y, f"{where} {kind}") for part in parts]
-    if np.abs(values).max() < SMALLEST:
-        raise InputError(f"{where} {kind}: is zero everywhere; give it a value or remove the load")
-
-
-def check_modes(scene: Scene, where: str) -> None:
-    """Check that the bodies of a scene have vibration modes."""
-    if any(body.is_half_plane for body in scene.bodies):
-        raise InputError(f"{where}: half-planes have no vibration modes; use bodies with a mesh")
-    if any(bolt.stiffness is None for bolt in scene.bolts):
-        raise InputError(f"{where}: vibration modes need elastic bolts; give them a stiffness")
-    materials = [
-        m for b in scene.bodies for m in (scene.material_of(b), *scene.surface_materials(b))
-    ]
-    if any(material.density <= 0.0 for material in materials):
-        raise InputError("[material] density: vibration modes need one of every body; give it")
+        yield f'{at} point: hold the edge "far" of a half-plane instead'
+    if body.mesh is None:
+        if not isinstance(part.point, tuple):
+            yield f"{at} point: a rectangle has no named points; write [x, y]"
+        else:
+            yield from of_place(scene, body, part.point, f"{at} point")
 
 
 def body_named(scene: Scene, name: str | None, where: str, what: str = "point") -> Body:
@@ -345,58 +312,15 @@ def body_named(scene: Scene, name: str | None, where: str, what: str = "point") 
     return scene.bodies[names.index(name) if name is not None else 0]
 
 
-def check_spring(spring: Spring, scene: Scene) -> None:
-    """Check where a spring acts, and that its stiffness is positive."""
-    several = f" number {scene.springs.index(spring) + 1}" if len(scene.springs) > 1 else ""
-    where = f"{spring.label}{several}"
-    if bool(spring.edge) == (spring.point is not None):
-        have = "both" if spring.edge else "neither"
-        raise InputError(f"{where}: has {have} of edge and point; give exactly one of them")
-    keys, excluded = ["normal", "tangential"], ["body", "x", "y"]
-    if spring.point is not None:
-        keys, excluded = ["x", "y"], ["span", "against", "normal", "tangential"]
-    for key in excluded:
-        if getattr(spring, key):
-            what = "an edge" if spring.edge else "a point"
-            raise InputError(f"{where} {key}: is not for {what}; give {' and '.join(keys)}")
-    if spring.point is not None:
-        _check_point(scene, spring, where)
-    else:
-        check_edge(scene, spring.edge, f"{where} edge", ())
-        check_span(scene, spring.edge, spring.span, f"{where} span")
-    if spring.against is not None:
-        check_edge(scene, spring.against, f"{where} against", ())
-        if scene.find_edge(spring.edge)[0] == scene.find_edge(spring.against)[0]:
-            raise InputError(f"{where} against: must be an edge of another body")
-    if max(getattr(spring, key) for key in keys) < SMALLEST:
-        raise InputError(f"{where}: has no stiffness; give {keys[0]}, {keys[1]} or both")
-
-
-def _check_point(scene: Scene, support: Support | Spring, where: str) -> None:
-    """Check that the point of a support or spring lies on its body."""
-    body = body_named(scene, support.body, where)
-    if body.is_half_plane:
-        raise InputError(f'{where} point: hold the edge "far" of a half-plane instead')
-    if body.mesh is not None:
+def of_place(scene: Scene, body: Body, point: tuple[float, ...], at: str) -> Rules:
+    """A point lies on a rectangle; its side of a half-plane is checked where nodes are known."""
+    if not body.is_rectangle:
         return
-    if not isinstance(support.point, tuple):
-        raise InputError(f"{where} point: a rectangle has no named points; write [x, y]")
-    check_inside(scene, body, support.point, f"{where} point")
-
-
-def check_inside(scene: Scene, body: Body, point: tuple[float, ...], where: str) -> None:
-    """Check that a point lies on a rectangle."""
     x, y = point
-    if body.is_half_plane:
-        # the side is checked where the nodes are known
-        return
     left, right = (body.position[0] + side * body.width for side in (-0.5, 0.5))
     low, high = (body.position[1] + part for part in (0.0, body.height))
-    if is_cylinder(scene, body):
-        left = 0.0
+    left = 0.0 if is_cylinder(scene, body) else left
     slack = LENGTH_TOLERANCE * max(body.width, body.height)
     if not (left - slack <= x <= right + slack and low - slack <= y <= high + slack):
-        raise InputError(
-            f"{where}: ({x:g}, {y:g}) lies outside the body, {left:g} <= x <= {right:g}, "
-            f"{low:g} <= y <= {high:g}; move it"
-        )
+        body_is = f"{left:g} <= x <= {right:g}, {low:g} <= y <= {high:g}"
+        yield f"{at}: ({x:g}, {y:g}) lies outside the body, {body_is}; move it"

@@ -156,7 +156,7 @@ def test_springs_between_bodies_balance_whichever_edge_names_them() -> None:
         ({"against": "c.top"}, "names none of the bodies a, b"),
         ({"edge": "a.top", "against": "b.top"}, "no node straight across"),
         ({"against": "b.bottom", "edge": "a.top"}, "no node straight across"),
-        ({"point": (0.0, 0.0)}, "has both of edge and point"),
+        ({"point": (0.0, 0.0)}, "has edge and point of"),
     ],
 )
 def test_bad_springs_between_bodies_are_refused(parts: dict[str, Any], words: str) -> None:

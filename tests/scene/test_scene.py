@@ -137,7 +137,7 @@ def test_override_reaches_a_load_whose_name_holds_a_dot() -> None:
         (['body.name="a\nb"'], ["[[body]] name", "cannot be printed"]),
         (["history.initial_slip=log(x)"], ["[history] initial_slip", "finite"]),
         # not available yet
-        (["body.mesh=my.msh", "body.width=3"], ["[body] width", "remove width or mesh"]),
+        (["body.mesh=my.msh", "body.width=3"], ["[body] width", "remove width"]),
         (["body.surface=core"], ["[body] surface", "needs a mesh file"]),
         (["body.parameters={a = 1}"], ["[body] parameters", "needs a mesh file"]),
         (["body.name=a.b"], ["name", "dot"]),
@@ -155,8 +155,8 @@ def test_bad_value_is_refused_in_one_line(overrides: list[str], words: list[str]
     ("extra", "words"),
     [
         ('[support]\nfix = "z"\nedge = "left"', ["fix", '"z" is unknown; use "x", "y"']),
-        ('[support]\nfix = "x"', ["neither of edge and point"]),
-        ('[support]\nfix = "x"\nedge = "left"\npoint = [0, 0]', ["both of edge and point"]),
+        ('[support]\nfix = "x"', ["none of edge, point"]),
+        ('[support]\nfix = "x"\nedge = "left"\npoint = [0, 0]', ["edge and point of edge, point"]),
         ('[support]\nfix = "x"\nedge = "bottom"', ["contact edge"]),
         ('[support]\nedge = "left"', ["'fix' is missing"]),
         (
