@@ -95,6 +95,7 @@ from .interface.measures.tractions import traction_at as traction_at
 from .measures.fatigue import (
     fatigue as fatigue,
     fatigue_at as fatigue_at,
+    life_by_pylife as life_by_pylife,
     short_cracks as short_cracks,
 )
 from .measures.cracks import EdgeCrack as EdgeCrack, edge_crack as edge_crack

@@ -36,12 +36,14 @@ class EdgeCrack:
         k_ii: (n, m) stress intensity of sliding.
         arrest: the least depth from which a crack does not grow: 0 if it does not begin to,
             infinite if it grows along all points, NaN without a threshold.
+        threshold: (m,) range of K_I from which cracks grow, NaN without one.
     """
 
     depth: Array
     k_i: Array
     k_ii: Array
     arrest: float
+    threshold: Array
 
     @property
     def delta_k(self) -> Array:
@@ -72,21 +74,19 @@ def edge_crack(stress: Array, points: Array, options: FatigueOptions) -> EdgeCra
     weights = _weights(depth)
     k_i = (s_xx * c**2 + s_yy * s**2 + 2.0 * s_xy * s * c) @ weights.T
     k_ii = ((s_xx - s_yy) * c * t[0] + s_xy * (c * t[1] + s * t[0])) @ weights.T
-    found = EdgeCrack(depth, k_i, k_ii, np.nan)
+    found = EdgeCrack(depth, k_i, k_ii, np.nan, np.full(len(depth), np.nan))
     if options.threshold is None or options.fatigue_limit is None:
         return found
     short = (options.threshold / (1.1215 * options.fatigue_limit)) ** 2 / np.pi
-    # over the root of the depth, which is positive at none too
-    lack = options.threshold * np.sqrt(depth[1:] / (depth[1:] + short)) - found.delta_k[1:]
-    stops = np.flatnonzero(lack > 0.0)
-    if not len(stops):
-        return EdgeCrack(depth, k_i, k_ii, np.inf)
-    k = int(stops[0])
-    arrest = 0.0
-    if k > 0:
-        part = -lack[k - 1] / (lack[k] - lack[k - 1])
-        arrest = float(depth[k] + part * (depth[k + 1] - depth[k]))
-    return EdgeCrack(depth, k_i, k_ii, arrest)
+    threshold = options.threshold * np.sqrt(depth / (depth + short))
+    lack = (threshold - found.delta_k)[1:]
+    stops, arrest = np.flatnonzero(lack > 0.0), np.inf
+    if len(stops):
+        k, arrest = int(stops[0]), 0.0
+        if k > 0:
+            part = -lack[k - 1] / (lack[k] - lack[k - 1])
+            arrest = float(depth[k] + part * (depth[k + 1] - depth[k]))
+    return EdgeCrack(depth, k_i, k_ii, arrest, threshold)
 
 
 def _weights(depth: Array) -> Array:

@@ -16,16 +16,20 @@ in the modelled plane; strains follow from Hooke's law.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import combinations
 from typing import Any
 
 import numpy as np
+from scipy.optimize import brentq
 
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.evolution.probes import ProbeHistory, probe_names
 from receding_fenicsx.evolution.record import Record
+from receding_fenicsx.evolution.tables import optional
 from receding_fenicsx.measures.cracks import EdgeCrack, edge_crack
+from receding_fenicsx.mpi import given
 from receding_fenicsx.scene.model import FatigueOptions, Material, Scene
 
 
@@ -67,19 +71,23 @@ def fatigue_at(stress: Array, material: Material, options: FatigueOptions) -> di
         strain = np.ptp(shear, axis=0) * (1.0 + nu) / young
         return np.asarray(strain * (1.0 + options.fatemi_socie * opening))
 
-    found = {"swt": _critical_plane(swt, stress.shape[1])}
+    m, pressure = stress.shape[1], trace / 3.0
+    found = {"swt": _critical_plane(swt, m)}
     if options.yield_stress is not None:
-        found["fatemi_socie"] = _critical_plane(fatemi_socie, stress.shape[1])
-    pressure = trace / 3.0
-    deviator = _deviators(stress)
-    spheres = [smallest_sphere(deviator[:, k]) for k in range(stress.shape[1])]
-    centre, radius = np.array([c for c, _ in spheres]), np.array([r for _, r in spheres])
-    tresca = _half_tresca(deviator - centre)
-    none = np.full(stress.shape[1], np.nan)
-    dang_van = (tresca + options.dang_van * pressure).max(axis=0)
-    found["dang_van"] = Parameter(dang_van, none)
-    crossland = radius / np.sqrt(2.0) + options.crossland * pressure.max(axis=0)
-    return found | {"crossland": Parameter(crossland, none)}
+        found["fatemi_socie"] = _critical_plane(fatemi_socie, m)
+    # coordinates of the deviators whose length is the norm of tensors
+    axes = np.array([[1, -1, 0, 0], [-1, -1, 2, 0], [0, 0, 0, 2]]) / np.sqrt([[2.0], [6.0], [2.0]])
+    deviator = stress @ axes.T
+    spheres = [smallest_sphere(deviator[:, k]) for k in range(m)]
+    a, b, c = np.moveaxis(deviator - np.array([centre for centre, _ in spheres]), -1, 0)
+    mean, radius = -b / np.sqrt(6.0), np.hypot(a, c) / np.sqrt(2.0)
+    tresca = 0.5 * np.ptp([mean - radius, mean + radius, -2.0 * mean], axis=0)
+    j2 = np.array([radius for _, radius in spheres]) / np.sqrt(2.0)
+    values = {
+        "dang_van": (tresca + options.dang_van * pressure).max(axis=0),
+        "crossland": j2 + options.crossland * pressure.max(axis=0),
+    }
+    return found | {name: Parameter(value, np.full(m, np.nan)) for name, value in values.items()}
 
 
 def _critical_plane(of_planes: Any, m: int) -> Parameter:
@@ -94,24 +102,6 @@ def _critical_plane(of_planes: Any, m: int) -> Parameter:
         theta, value = (np.take_along_axis(a, best, axis=1)[:, 0] for a in (angles, values))
         width *= 2.0 / (count - 1)
     return Parameter(value, np.degrees(theta) % 180.0)
-
-
-_AXES = np.array([[1, -1, 0, 0], [-1, -1, 2, 0], [0, 0, 0, 2]])
-_AXES = _AXES / np.sqrt([[2.0], [6.0], [2.0]])
-"""Coordinates of the deviator of [s_xx, s_yy, s_zz, s_xy] whose length is the norm of tensors."""
-
-
-def _deviators(stress: Array) -> Array:
-    """Return (..., 3) coordinates of the deviators."""
-    return np.asarray(stress @ _AXES.T)
-
-
-def _half_tresca(deviator: Array) -> Array:
-    """Return half of Tresca's stress of deviators (..., 3)."""
-    a, b, c = np.moveaxis(deviator, -1, 0)
-    mean, radius, out = -b / np.sqrt(6.0), np.hypot(a, c) / np.sqrt(2.0), 2.0 * b / np.sqrt(6.0)
-    principal = np.stack([mean - radius, mean + radius, out])
-    return np.asarray(0.5 * np.ptp(principal, axis=0))
 
 
 def smallest_sphere(points: Array) -> tuple[Array, float]:
@@ -145,32 +135,54 @@ def smallest_sphere(points: Array) -> tuple[Array, float]:
         radius, centre, kept = best
 
 
-def fatigue(record: Record) -> dict[str, dict[str, Parameter]]:
-    """Return the parameters of the record's scene at its probes, by probe and name."""
+def _asked(record: Record) -> tuple[Scene, FatigueOptions] | None:
+    """Return the record's scene and its table [fatigue], None without one or without cycles."""
     scene = record.scene
     if scene is None or scene.fatigue is None or not len(record.cycles.dissipation):
+        return None
+    return scene, scene.fatigue
+
+
+def fatigue(record: Record) -> dict[str, dict[str, Parameter]]:
+    """Return the parameters of the record's scene at its probes, by probe and name."""
+    if (asked := _asked(record)) is None:
         return {}
+    scene, options = asked
     found = {}
     for name in probe_names(record):
         probe = record.probe(name)
         stress = _cycle_stress(record, probe)
-        parameters = fatigue_at(stress, _material_of(scene, name), scene.fatigue)
+        found[name] = fatigue_at(stress, _material_of(scene, name), options)
         if next(p for p in scene.probes if p.name == name).edge is not None:
-            parameters |= _ruiz(record, probe, len(record.cycles.dissipation))
-        found[name] = parameters
+            found[name] |= _ruiz(record, probe, len(record.cycles.dissipation))
+    return found
+
+
+def life_by_pylife(record: Record, curve: Mapping[str, float]) -> dict[str, Array]:
+    """Return the cycles at the points of each probe by a line of pylife, which must be installed.
+
+    Args:
+        record: a record with a table [fatigue] in its scene.
+        curve: the line, as pylife's WoehlerCurve has it: ``k_1``, ``k_2``, ``SD``, ``ND`` and
+            others. Its stress is sqrt(E swt), Smith's, Watson's and Topper's.
+    """
+    optional("pylife.materiallaws")
+    woehler = optional("pandas").Series(dict(curve)).woehler
+    found = {}
+    for name, parameters in fatigue(record).items():
+        young = _material_of(given(record.scene), name).young
+        found[name] = np.asarray(woehler.cycles(np.sqrt(young * parameters["swt"].value)))
     return found
 
 
 def short_cracks(record: Record) -> dict[str, EdgeCrack]:
     """Return the cracks along the segments of the record's probes, each from its first point."""
-    scene = record.scene
-    if scene is None or scene.fatigue is None or not len(record.cycles.dissipation):
+    if (asked := _asked(record)) is None:
         return {}
-    probes = [record.probe(p.name) for p in scene.probes if p.segment and len(p.coordinates) > 2]
-    return {
-        probe.name: edge_crack(_cycle_stress(record, probe), probe.points, scene.fatigue)
-        for probe in probes
-    }
+    scene, options = asked
+    names = [p.name for p in scene.probes if p.segment and len(p.coordinates) > 2]
+    probes = [record.probe(name) for name in names]
+    return {p.name: edge_crack(_cycle_stress(record, p), p.points, options) for p in probes}
 
 
 def _cycle_stress(record: Record, probe: ProbeHistory) -> Array:
@@ -250,19 +262,16 @@ def life(swt: float, young: float, options: FatigueOptions) -> float | None:
     if options.strength is None:
         return None
 
-    def of_cycles(log: float) -> float:
-        twice = 2.0 * 10.0**log
-        elastic = options.strength**2 / young * twice ** (2.0 * options.strength_exponent)  # type: ignore[operator]
-        power = options.strength_exponent + options.ductility_exponent
-        return float(elastic + options.strength * options.ductility * twice**power)  # type: ignore[operator]
+    a, b, c = options.strength, options.strength_exponent, options.ductility_exponent
 
-    low, high = -1.0, 15.0
-    if swt <= of_cycles(high):
+    def excess(log: float) -> float:
+        twice = 2.0 * 10.0**log
+        line = a**2 / young * twice ** (2.0 * b) + a * options.ductility * twice ** (b + c)
+        return float(line - swt)
+
+    if excess(15.0) >= 0.0:
         return float("inf")
-    for _ in range(60):
-        middle = 0.5 * (low + high)
-        low, high = (middle, high) if of_cycles(middle) > swt else (low, middle)
-    return float(10.0**low)
+    return 10.0 ** float(brentq(excess, -1.0, 15.0)) if excess(-1.0) > 0.0 else 0.1
 
 
 def fatigue_summary(record: Record, coarse: Record | None = None) -> dict[str, Any]:
@@ -274,9 +283,10 @@ def fatigue_summary(record: Record, coarse: Record | None = None) -> dict[str, A
             with the square root of the element size, so that the difference over sqrt(2) - 1 is the
             estimate.
     """
-    every, scene = fatigue(record), record.scene
-    if not every or scene is None or scene.fatigue is None:
+    every, asked = fatigue(record), _asked(record)
+    if not every or asked is None:
         return {}
+    scene, options = asked
     names = dict.fromkeys(name for parameters in every.values() for name in parameters)
     other = {} if coarse is None else fatigue_summary(coarse)["fatigue"]["parameters"]
     found: dict[str, Any] = {}
@@ -296,14 +306,14 @@ def fatigue_summary(record: Record, coarse: Record | None = None) -> dict[str, A
         }
         if name in other:
             row["estimate"] = abs(row["max"] - other[name]["max"]) / (np.sqrt(2.0) - 1.0)
-        if scene.fatigue.average is not None and len(points) > 1:
-            row["averaged"] = float(averaged(value, points, scene.fatigue.average).max())
+        if options.average is not None and len(points) > 1:
+            row["averaged"] = float(averaged(value, points, options.average).max())
         if name == "swt":
             young = _material_of(scene, probe).young
-            row["life"] = life(row.get("averaged", row["max"]), young, scene.fatigue)
+            row["life"] = life(row.get("averaged", row["max"]), young, options)
         found[name] = row
     summary = {"parameters": found}
-    if scene.fatigue.threshold is not None:
+    if options.threshold is not None:
         summary["cracks"] = {
             name: {
                 "arrest": crack.arrest,

@@ -11,6 +11,7 @@ from scipy.optimize import brentq, minimize
 
 import receding_fenicsx as rf
 from receding_fenicsx.measures.fatigue import averaged, fatigue_summary, life, smallest_sphere
+from receding_fenicsx.mpi import given
 
 CYLINDERS = Path(__file__).parents[2] / "demos" / "half_planes.toml"
 PROBES = """
@@ -48,6 +49,13 @@ def cylinders(size: float | None = None, elements: int = 80, bulk: float = 0.0) 
         places = tuple(rf.Refinement(size, (s * A - 2 * size, s * A + 2 * size)) for s in (-1, 1))
         scene = replace(scene, mesh=replace(scene.mesh, refine=places))
     return rf.run(scene)
+
+
+@pytest.fixture(scope="module")
+def record_with_a_crack() -> rf.Record:
+    text = PROBES.replace("point = [0.3, -0.4]", "segment = [[1.07, 0], [1.07, -0.6]]\ncount = 30")
+    text = text.replace('"inside"', '"crack"') + "threshold = 0.1\nfatigue_limit = 0.2\n"
+    return given(rf.run(rf.from_toml(CYLINDERS.read_text() + text, ["mesh.contact_elements=30"])))
 
 
 def slip_amplitude(x: np.ndarray) -> np.ndarray:
@@ -178,6 +186,35 @@ def test_means_and_lives_are_those_of_known_functions() -> None:
     swt = 900.0**2 / 2e5 * twice**-0.18 + 900.0 * 0.3 * twice**-0.69
     assert life(swt, 2e5, options) == pytest.approx(cycles, rel=1e-9)
     assert life(0.0, 2e5, options) == np.inf and life(swt, 2e5, rf.FatigueOptions()) is None
+
+
+@pytest.mark.one_rank
+def test_pylife_has_the_lives_of_the_same_line(record_with_a_crack: rf.Record) -> None:
+    pytest.importorskip("pylife")
+    record, b = record_with_a_crack, -0.09
+    line = {"k_1": -1.0 / b, "k_2": -1.0 / b, "ND": 1e6, "SD": 4.0 * 2e6**b}
+    found = rf.life_by_pylife(record, line)
+    for name, parameters in rf.fatigue(record).items():
+        swt, options = parameters["swt"].value, rf.FatigueOptions(strength=4.0)
+        known = np.array([life(value, E, options) for value in swt], dtype=float)
+        finite = np.isfinite(known)
+        assert found[name][finite] == pytest.approx(known[finite], rel=1e-6)
+        assert np.all(found[name][~finite] >= 1e15)
+
+
+@pytest.mark.one_rank
+def test_the_figure_of_a_crack_shows_its_ranges_and_its_arrest(
+    record_with_a_crack: rf.Record,
+) -> None:
+    record = record_with_a_crack
+    crack = rf.short_cracks(record)["crack"]
+    assert list(rf.figures.FIGURES["crack"].needs(record)) == ["crack"]
+    lines = rf.figures.crack_along(record, "crack").axes[0].get_lines()
+    known = [k(axis=0) for values in (crack.k_i, crack.k_ii) for k in (values.max, values.min)]
+    for line, values in zip(lines, [*known, crack.threshold], strict=False):
+        assert np.asarray(line.get_ydata()) == pytest.approx(values, nan_ok=True)
+    assert 0.0 < crack.arrest < crack.depth[-1]
+    assert list(lines[5].get_xdata()) == [crack.arrest] * 2  # type: ignore[arg-type]
 
 
 @pytest.mark.one_rank

@@ -17,6 +17,7 @@ from receding_fenicsx import cli
 from receding_fenicsx.evolution.problem import problem_of_scene
 from receding_fenicsx.studies.runner import StudyOptions
 from receding_fenicsx.studies.wear.convected import Convected
+from receding_fenicsx.studies.wear.figure import fatigue_figure
 from receding_fenicsx.studies.wear.steps import NodePairs, advance
 
 ROOT = Path(__file__).parents[2]
@@ -317,6 +318,10 @@ def test_a_worn_contact_has_the_record_and_the_fatigue_of_a_run() -> None:
     assert found[0]["cycles"] == 0.0 and found[-1]["cycles"] == 8000.0
     for name, row in known.items():
         assert found[0]["parameters"][name]["max"] == pytest.approx(row["max"], rel=1e-6), name
+    lines = fatigue_figure(study).axes[0].get_lines()
+    for line, name in zip(lines, found[0]["parameters"], strict=True):
+        first, last = (one["parameters"][name]["max"] for one in (found[0], found[-1]))
+        assert np.asarray(line.get_ydata())[-1] == pytest.approx(last / first)
     # wear moves the worst point from the edge of the contact to that of the stick zone
     places = [abs(one["parameters"]["swt"]["x"]) for one in found]
     assert places[0] > 0.95 * A and places[-1] < study.stick_half_width[-1] + 0.1

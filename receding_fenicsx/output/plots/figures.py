@@ -23,7 +23,7 @@ from receding_fenicsx.evolution.moment import Moment, moment_of
 from receding_fenicsx.evolution.probes import probe_names
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.evolution.record_data import States
-from receding_fenicsx.measures.fatigue import fatigue
+from receding_fenicsx.measures.fatigue import fatigue, short_cracks
 from receding_fenicsx.output.plots.cycle_plots import (
     dissipation_density,
     dissipation_per_cycle,
@@ -43,13 +43,19 @@ from receding_fenicsx.output.plots.series import (
 )
 from receding_fenicsx.output.plots.study_plots import branches, slip_mode
 from receding_fenicsx.output.plots.style import save
-from receding_fenicsx.output.plots.traction_plots import fatigue_along, probe_stresses, tractions
+from receding_fenicsx.output.plots.traction_plots import (
+    crack_along,
+    fatigue_along,
+    probe_stresses,
+    tractions,
+)
 from receding_fenicsx.output.plots.zone_plots import MAX_PANELS, cycle_maps, zone_maps
 from receding_fenicsx.timing import Say
 
 __all__ = [
     "FIGURES",
     "branches",
+    "crack_along",
     "cycle_maps",
     "dissipation_density",
     "dissipation_per_cycle",
@@ -354,3 +360,10 @@ figure(
     all_edges=True,
     each=True,
 )(fatigue_along)
+figure(
+    "crack",
+    needs=lambda record: list(short_cracks(record)),
+    caption="Stress intensities over the depth of a crack along a probe, over the last cycle.",
+    all_edges=True,
+    each=True,
+)(crack_along)

@@ -21,7 +21,7 @@ from receding_fenicsx.evolution.moment import Moment, recovered_tractions
 from receding_fenicsx.evolution.probes import ProbeHistory
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.interface.measures.zones import zones
-from receding_fenicsx.measures.fatigue import fatigue
+from receding_fenicsx.measures.fatigue import fatigue, short_cracks
 from receding_fenicsx.measures.limit_nodes import shown_states
 from receding_fenicsx.output.plots import style
 from receding_fenicsx.output.plots.labels import Scales, load_pieces, scales_of
@@ -177,6 +177,27 @@ def fatigue_along(record: Record, name: str) -> Figure:
     lower.plot(x[tells], found.angle[tells], ".", ms=2.5, color=style.SHEAR_COLOUR)
     lower.set(xlabel="$x$" if level else "distance along the points", ylabel="plane (°)")
     lower.set(ylim=(-5.0, 185.0), yticks=(0, 45, 90, 135, 180), xlim=(x.min(), x.max()))
+    return figure
+
+
+@mpl.rc_context(style.RC)
+def crack_along(record: Record, name: str) -> Figure:
+    """Draw stress intensities of cracks over their depth along a probe: ends of their ranges."""
+    crack = short_cracks(record)[name]
+    figure = style.new_figure(style.COLUMN, 2.8)
+    axes = figure.subplots()
+    both = ((crack.k_i, "$K_I$", "-"), (crack.k_ii, "$K_{II}$", "--"))
+    for (k, label, line), colour in zip(both, style.SERIES_COLOURS, strict=False):
+        axes.fill_between(crack.depth, k.min(axis=0), k.max(axis=0), color=colour, alpha=0.15)
+        axes.plot(crack.depth, k.max(axis=0), line, color=colour, label=label)
+        axes.plot(crack.depth, k.min(axis=0), line, color=colour)
+    if np.any(np.isfinite(crack.threshold)):
+        axes.plot(crack.depth, crack.threshold, ":k", label=r"threshold of $\Delta K_I$")
+    if 0.0 < crack.arrest < np.inf:
+        axes.axvline(crack.arrest, label="arrest", **style.GUIDE)
+    axes.axhline(0.0, color=style.GUIDE_COLOUR, lw=0.5)
+    axes.set(xlabel="depth of the crack", ylabel="stress intensity", xlim=(0.0, crack.depth[-1]))
+    figure.legend(loc="outside upper center", ncols=4)
     return figure
 
 

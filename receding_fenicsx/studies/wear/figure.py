@@ -9,6 +9,7 @@ from matplotlib.figure import Figure
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.interface.law import State
 from receding_fenicsx.output.plots import style
+from receding_fenicsx.output.report.checks import CRITERIA
 from receding_fenicsx.studies.wear.result import WearStudy
 
 
@@ -25,6 +26,29 @@ def profiles_figure(study: WearStudy) -> Figure:
         lower.set(xlabel="$x$", ylabel="worn depth, downwards", xlim=_seen(study))
         upper.set_ylim(bottom=0.0)
         figure.legend(loc="outside lower center", ncols=3)
+    return figure
+
+
+def fatigue_figure(study: WearStudy) -> Figure:
+    """Draw the worst fatigue parameters over the wear cycles, each over its value at the start."""
+    found = study.fatigue()
+    with mpl.rc_context(style.RC):
+        figure = style.new_figure(style.COLUMN, 2.8)
+        axes = figure.subplots()
+        cycles = [one["cycles"] for one in found]
+        for k, name in enumerate(found[0]["parameters"]):
+            value = np.array([one["parameters"][name]["max"] for one in found])
+            if value[0] > 0.0:
+                axes.plot(
+                    cycles,
+                    value / value[0],
+                    marker="os^vDx"[k],
+                    mfc="none",
+                    color=style.SERIES_COLOURS[k],
+                    label=CRITERIA[name],
+                )
+        axes.set(xlabel="cycles", ylabel="worst value over that at the start", ylim=(0.0, None))
+        figure.legend(loc="outside upper center", ncols=2)
     return figure
 
 

@@ -27,7 +27,7 @@ from receding_fenicsx.studies import run as study
 from receding_fenicsx.studies.accuracy.meshes import coarser
 from receding_fenicsx.studies.runner import Runner, Study, StudyOptions, run_study
 from receding_fenicsx.studies.wear.convected import Convected
-from receding_fenicsx.studies.wear.figure import profiles_figure, zones_figure
+from receding_fenicsx.studies.wear.figure import fatigue_figure, profiles_figure, zones_figure
 from receding_fenicsx.studies.wear.result import WearStudy, ends_of_edges
 from receding_fenicsx.studies.wear.steps import NodePairs, Row, advance, row_type
 from receding_fenicsx.timing import Countdown, Timer
@@ -41,7 +41,16 @@ NO_MORE = 1e-6
 """Dissipation of a cycle over that of the first one below which nothing more wears."""
 ROWS, COARSE = "steps.bin", "coarser.bin"
 """Files of the rows so far on both meshes, from which a study is continued."""
-RESULTS = (ROWS, COARSE, "wear.csv", "wear.json", "wear.npz", "profiles.png", "zones.png")
+RESULTS = (
+    ROWS,
+    COARSE,
+    "wear.csv",
+    "wear.json",
+    "wear.npz",
+    "profiles.png",
+    "zones.png",
+    "fatigue.png",
+)
 
 
 def wear(
@@ -195,6 +204,8 @@ def _wear(
         write_summary(folder / "wear.json", head | costs, overwrite=True)
         save(profiles_figure(found), folder / "profiles.png")
         save(zones_figure(found), folder / "zones.png")
+        if head["fatigue"]:
+            save(fatigue_figure(found), folder / "fatigue.png")
     if failure is not None:
         raise failure
     return found
