@@ -24,7 +24,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -358,54 +357,52 @@ def _projection(
     scene: Scene, joint: int, slave: ContactSide, master: ContactSide
 ) -> sparse.csr_matrix:
     """Return Pi (n_slave, n_master), integrated over pieces between the vertices of both sides."""
-    at, weight = gauss()
     if min(slave.facets.min(), master.facets.min()) < 0:
         raise InputError(
             f"{scene.joint_labels[joint]}: nodes need to match where the contact begins on the "
             "axis of revolution and elements are of order 2; use degree = 1, or matching meshes"
         )
+    at, weight = gauss()
+    a, b = np.moveaxis(slave.points[slave.facets[:, :2]], 1, 0)
     c, d = np.moveaxis(master.points[master.facets[:, :2]], 1, 0)
-    reach = np.linalg.norm(d - c, axis=1)
-    nodes, rows, columns, values = slave.facets.shape[1], [], [], []
-    for facet in slave.facets:
-        a, b = slave.points[facet[:2]]
-        length = float(np.linalg.norm(b - a))
-        along = (b - a) / length
-        from_c, from_d = (c - a) @ along / length, (d - a) @ along / length
-        off = np.abs((0.5 * (c + d) - a) @ [-along[1], along[0]])
-        close = off <= 0.5 * np.maximum(length, reach)
-        stops = np.concatenate([[0.0, 1.0], from_c[close], from_d[close]])
-        stops = np.unique(stops[(stops >= 0.0) & (stops <= 1.0)])
-        # ends that coincide to round-off
-        stops = stops[np.concatenate([[True], np.diff(stops) > 1e-9])]
-        stops[-1] = 1.0
-
-        def radius(s: Array, a: Array = a, b: Array = b) -> Array:
-            return a[0] + s * (b - a)[0] if scene.axisymmetric else np.ones_like(s)
-
-        N = shape_functions(nodes, at)
-        mass = np.einsum("iq,jq,q->ij", N, N, weight * radius(at))
-        dual = np.diag(mass.sum(axis=1)) @ np.linalg.inv(mass)
-        for low, high in pairwise(stops.tolist()):
-            middle = 0.5 * (low + high)
-            over = close & (np.minimum(from_c, from_d) <= middle)
-            over &= np.maximum(from_c, from_d) >= middle
-            if not over.any():
-                x, y = a + middle * (b - a)
-                raise MeshMisfit(
-                    f"{scene.joint_labels[joint]}: nothing lies opposite of ({x:g}, {y:g}); refine "
-                    "the other side, or restrict the edge by a span"
-                )
-            k = int(np.flatnonzero(over)[np.argmin(off[over])])
-            s = low + (high - low) * at
-            at_master = (s - from_c[k]) / (from_d[k] - from_c[k])
-            on_master = shape_functions(master.facets.shape[1], at_master)
-            psi = dual @ shape_functions(nodes, s)
-            part = np.einsum("iq,jq,q->ij", psi, on_master, weight * radius(s))
-            rows.append(np.repeat(facet, len(on_master)))
-            columns.append(np.tile(master.facets[k], nodes))
-            values.append(length * (high - low) * part.ravel())
-    entries = np.concatenate(values), (np.concatenate(rows), np.concatenate(columns))
+    step, length = b - a, np.linalg.norm(b - a, axis=1)
+    across = np.column_stack([-step[:, 1], step[:, 0]]) / length[:, None]
+    # of each facet of the master its place on each of the slave, from 0 to 1, and the distance
+    from_c, from_d = (
+        np.einsum("smc,sc->sm", end - a[:, None], step / length[:, None] ** 2) for end in (c, d)
+    )
+    off = np.abs(np.einsum("smc,sc->sm", 0.5 * (c + d) - a[:, None], across))
+    close = off <= 0.5 * np.maximum(length[:, None], np.linalg.norm(d - c, axis=1))
+    low, high = np.minimum(from_c, from_d).clip(0, 1), np.maximum(from_c, from_d).clip(0, 1)
+    # shorter pieces are round-off
+    pair = np.nonzero(close & (high - low > 1e-9))
+    (facet, k), low, high, from_c, from_d = pair, low[pair], high[pair], from_c[pair], from_d[pair]
+    covered = np.bincount(facet, high - low, len(a))
+    wrong = int(np.argmax(np.abs(covered - 1.0)))
+    if abs(covered[wrong] - 1.0) > 1e-8:
+        x, y = 0.5 * (a + b)[wrong]
+        raise MeshMisfit(
+            f"{scene.joint_labels[joint]}: of the facet at ({x:g}, {y:g}) {covered[wrong]:.3g} of "
+            "its length lies opposite of the other side; refine that, or restrict the edge by a "
+            "span"
+        )
+    s = low[:, None] + (high - low)[:, None] * at
+    nodes = slave.facets.shape[1]
+    N = shape_functions(nodes, at)
+    if scene.axisymmetric:
+        on_facet = weight * (a[:, :1] + at * step[:, :1])
+        on_piece = weight * (a[facet, :1] + s * step[facet, :1])
+    else:
+        on_facet, on_piece = np.tile(weight, (len(a), 1)), np.tile(weight, (len(s), 1))
+    mass = np.einsum("iq,jq,sq->sij", N, N, on_facet)
+    dual = mass.sum(axis=2)[:, :, None] * np.linalg.inv(mass)
+    psi = np.einsum("pij,jpq->ipq", dual[facet], shape_functions(nodes, s))
+    at_master = (s - from_c[:, None]) / (from_d - from_c)[:, None]
+    on_master = shape_functions(master.facets.shape[1], at_master)
+    values = np.einsum("ipq,jpq,pq->pij", psi, on_master, on_piece)
+    values *= (length[facet] * (high - low))[:, None, None]
+    rows, columns = np.broadcast_arrays(slave.facets[facet][:, :, None], master.facets[k][:, None])
+    entries = values.ravel(), (rows.ravel(), columns.ravel())
     pi = sparse.csr_matrix(entries, shape=(len(slave.x), len(master.x)))
     pi.data[np.abs(pi.data) < 1e-14 * np.abs(pi.data).max()] = 0.0
     pi.eliminate_zeros()
