@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
+
+from mpi4py import MPI
 
 import numpy as np
 from numpy.typing import NDArray
@@ -74,3 +77,37 @@ def write_msh(
     lines += ["$EndNodes", "$Elements", str(len(rows)), *rows, "$EndElements", ""]
     path.write_text("\n".join(lines))
     return path
+
+
+def grid(
+    path: Path, at: Callable[[Array, Array], tuple[Array, Array]], across: int, up: int
+) -> str:
+    """Write the mesh of the unit square mapped by a function; return its path."""
+    s, t = np.meshgrid(np.arange(across + 1.0) / across, np.arange(up + 1.0) / up)
+    points = np.column_stack(at(s.ravel(), t.ravel()))
+    k = np.arange(len(points)).reshape(s.shape)
+    cells = np.stack([k[:-1, :-1], k[:-1, 1:], k[1:, 1:], k[1:, :-1]], axis=-1).reshape(-1, 4)
+    edges = {"bottom": k[0], "top": k[-1], "left": k[:, 0], "right": k[:, -1]}
+    facets = {name: np.column_stack([e[:-1], e[1:]]) for name, e in edges.items()}
+    if MPI.COMM_WORLD.rank == 0:
+        # nodes that coincide, as those of a closed ring, are one
+        _, first, same = np.unique(
+            np.round(points, 9), axis=0, return_index=True, return_inverse=True
+        )
+        same = same.ravel()
+        facets = {name: same[f] for name, f in facets.items() if len(f)}
+        write_msh(path, points[first], [same[cells]], facets)
+    MPI.COMM_WORLD.barrier()
+    return str(path)
+
+
+def ring(
+    low: float, high: float, turn: float = 0.0
+) -> Callable[[Array, Array], tuple[Array, Array]]:
+    """A closed ring between two radii."""
+
+    def at(s: Array, t: Array) -> tuple[Array, Array]:
+        r, angle = low + (high - low) * t, turn + 2.0 * np.pi * s
+        return r * np.cos(angle), r * np.sin(angle)
+
+    return at

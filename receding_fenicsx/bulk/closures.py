@@ -37,7 +37,7 @@ from scipy.optimize import linprog
 from receding_fenicsx.arrays import Array, Ints
 from receding_fenicsx.bulk.contact_operator import ContactPoints
 from receding_fenicsx.bulk.join_bodies import JoinedBodies
-from receding_fenicsx.bulk.rigid_motions import scaled
+from receding_fenicsx.bulk.rigid_motions import free_motions, scaled
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.scene.model import INTERFERENCE, Scene
 from receding_fenicsx.scene.profiles import evaluate_checked
@@ -107,8 +107,7 @@ def _without_lengthening(rigid: Array, r_star: Array) -> Array:
     # a force of 1e-9 of the sum of its parts is none
     held = np.where(np.abs(pull) > 1e-9 * size, pull, 0.0)
     held = held / size.max(axis=1, keepdims=True, initial=np.finfo(float).tiny)
-    _, values, motions = np.linalg.svd(held)
-    return scaled(rigid @ motions[int(np.sum(values > 1e-9)) :].T)
+    return scaled(rigid @ free_motions(held, 1e-9))
 
 
 def shifted(joined: JoinedBodies, S: Array) -> JoinedBodies:

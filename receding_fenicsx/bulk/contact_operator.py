@@ -305,21 +305,26 @@ def _points(
     shift = np.bincount(coo.row, coo.data * step, len(keep))
     # beside the seam of a closed edge the node's own
     shift[coo.row[np.abs(step) > 0.5 * np.ptp(slave.x)]] = 0.0
-    x = slave.x[keep] + shift
+    without = np.zeros((len(keep), 2), dtype=bool)
+    if len(sides) == 1 and not slave.carries.all():
+        without = contacts[body].held.reshape(2, -1)[:, slave.node[keep]].T
+    elif len(sides) > 1 and not (same and slave.carries.all()):
+        without = _held_together(contacts, (body, slave), sides[1][1:], keep)
+    # the images of what is beside a plane of symmetry keep the point on it, and turn nothing
+    tangent = np.column_stack([normal[:, 1], -normal[:, 0]])
+    aside = without[:, 0] * np.einsum("pc,pc->p", slave.points[keep] - places, tangent)
+    places, shift = places + aside[:, None] * tangent, np.where(without[:, 0], 0.0, shift)
     eye = np.eye(2)
     parts = [(body, coo.row, slave.node[coo.col], sign * coo.data[:, None, None] * eye)]
-    without = np.zeros((len(keep), 2), dtype=bool)
     if len(sides) > 1:
         _, other, master = sides[1]
         pi = W @ (sparse.eye(len(slave.x)) if same else _projection(scene, joint, slave, master))
         coo = pi.tocoo()
         parts.append((other, coo.row, master.node[coo.col], -sign * coo.data[:, None, None] * eye))
         if not same:
-            parts.append((other, *_turning(pi.tocsr(), places, master, -sign)))
-        if not (same and slave.carries.all()):
-            without = _held_together(contacts, (body, slave), (other, master), keep)
-    elif not slave.carries.all():
-        without = contacts[body].held.reshape(2, -1)[:, slave.node[keep]].T
+            arm = np.where(without.any(axis=1)[:, None], 0.0, places - pi @ master.points)
+            parts.append((other, *_turning(pi.tocsr(), arm, master, -sign)))
+    x = slave.x[keep] + shift
     return _Points(x, places, normal, weight, tuple(parts), slave.node[keep], without)
 
 
@@ -418,10 +423,9 @@ def _projection(
 
 
 def _turning(
-    pi: sparse.csr_matrix, places: Array, master: ContactSide, sign: int
+    pi: sparse.csr_matrix, arm: Array, master: ContactSide, sign: int
 ) -> tuple[Ints, Ints, Array]:
     """Return the parts of points that turn with the master, for ``_Points.parts``."""
-    arm = places - pi @ master.points
     rows, nodes, matrices = [], [], []
     for point, d in enumerate(arm):
         used = pi.indices[pi.indptr[point] : pi.indptr[point + 1]]

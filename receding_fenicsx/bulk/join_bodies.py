@@ -211,8 +211,7 @@ def join(
     own = np.hstack([scaled(G @ (b.modes @ free_motions(b.constraints))) for G, b in parts])
     if relative.rows > size:
         # the motions that part no tie
-        _, values, right = np.linalg.svd(own[size:])
-        own = own[:size] @ right[int(np.sum(values > 1e-9)) :].T
+        own = own[:size] @ free_motions(own[size:], 1e-9)
     # one less for each common motion
     rigid = scaled(independent(own, sum(found.shape[1] for _, found in common)))
     error = np.abs((K @ rigid)[~held]).max(initial=0.0) / norm(K)

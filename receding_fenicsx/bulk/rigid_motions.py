@@ -22,17 +22,18 @@ def motions(points: Array, pivot: Array, size: float) -> Array:
     return moved
 
 
-def free_motions(constraints: Array) -> Array:
-    """Return a basis (3, n) of the rigid motions on which all constraints (m, 3) vanish.
+def free_motions(constraints: Array, tolerance: float = MOTION_TOLERANCE) -> Array:
+    """Return a basis (n, k) of the combinations of n motions on which all rows (m, n) vanish.
 
     The basis is in echelon form: translations come first, without rotation where possible.
     """
+    n = constraints.shape[1]
     _, values, right = np.linalg.svd(
-        np.vstack([constraints, np.zeros((3, 3))]), full_matrices=False
+        np.vstack([constraints, np.zeros((n, n))]), full_matrices=False
     )
-    basis = right[int(np.sum(values > MOTION_TOLERANCE * max(1.0, values[0]))) :]
+    basis = right[int(np.sum(values > tolerance * values.max(initial=1.0))) :]
     row = 0
-    for column in range(3):
+    for column in range(n):
         if row == len(basis):
             break
         best = row + int(np.argmax(np.abs(basis[row:, column])))

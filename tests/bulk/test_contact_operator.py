@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,7 +10,7 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 from bodies import ONCE
-from msh import write_msh
+from msh import grid, ring
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
@@ -27,28 +26,6 @@ pytestmark = pytest.mark.one_rank  # small bodies are condensed by one rank
 
 comm = MPI.COMM_WORLD
 Array = NDArray[np.float64]
-
-
-def grid(
-    path: Path, at: Callable[[Array, Array], tuple[Array, Array]], across: int, up: int
-) -> str:
-    """Write the mesh of the unit square mapped by a function; return its path."""
-    s, t = np.meshgrid(np.arange(across + 1.0) / across, np.arange(up + 1.0) / up)
-    points = np.column_stack(at(s.ravel(), t.ravel()))
-    k = np.arange(len(points)).reshape(s.shape)
-    cells = np.stack([k[:-1, :-1], k[:-1, 1:], k[1:, 1:], k[1:, :-1]], axis=-1).reshape(-1, 4)
-    edges = {"bottom": k[0], "top": k[-1], "left": k[:, 0], "right": k[:, -1]}
-    facets = {name: np.column_stack([e[:-1], e[1:]]) for name, e in edges.items()}
-    if comm.rank == 0:
-        # nodes that coincide, as those of a closed ring, are one
-        _, first, same = np.unique(
-            np.round(points, 9), axis=0, return_index=True, return_inverse=True
-        )
-        same = same.ravel()
-        facets = {name: same[f] for name, f in facets.items() if len(f)}
-        write_msh(path, points[first], [same[cells]], facets)
-    comm.barrier()
-    return str(path)
 
 
 def blocks(folder: Path, degree: int, counts: tuple[int, int], **parts: object) -> rf.Scene:
@@ -104,18 +81,6 @@ def test_constant_pressure_and_shear_pass_a_joint_that_does_not_match(
         assert end.P[-1] == pytest.approx(system.weight, abs=1e-12)
         assert np.abs(end.Q[-1]) == pytest.approx(0.3 * system.weight, abs=1e-12)
         assert np.abs(system.K @ system.rigid).max() < 1e-12 * np.abs(system.K).max()
-
-
-def ring(
-    low: float, high: float, turn: float = 0.0
-) -> Callable[[Array, Array], tuple[Array, Array]]:
-    """A closed ring between two radii."""
-
-    def at(s: Array, t: Array) -> tuple[Array, Array]:
-        r, angle = low + (high - low) * t, turn + 2.0 * np.pi * s
-        return r * np.cos(angle), r * np.sin(angle)
-
-    return at
 
 
 def rings(folder: Path, counts: tuple[int, int], degree: int, turn: float = 0.0) -> rf.Scene:
