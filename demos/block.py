@@ -80,7 +80,7 @@ def compare(scene: rf.Scene, folder: Path) -> None:
     # 4. The table of the run, the paper's statements beside it, and the paper's figures
     print(rf.run_table(rf.read_summary(folder / "summary.json")))
     for quantity, paper, ours, agrees in comparison(record):
-        print(f"{quantity}\n  paper: {paper}\n  here:  {ours}: {'agrees' if agrees else 'DIFFERS'}")
+        print(f"{quantity}: {ours} (paper: {paper}): {'agrees' if agrees else 'DIFFERS'}")
     exact, steps = record.cycles.dissipation, stepped.cycles.dissipation
     print(
         f"Gauss-Seidel, {STEPS_PER_LEG} steps a leg, against the exact path: dissipation of cycle "
@@ -116,13 +116,13 @@ def comparison(record: rf.Record) -> list[tuple[str, str, str, bool]]:
     return [
         (
             "zones on first loading, from x < 0 to x > 0",
-            "stick, flanked by forward and backward slip, then separation",
+            "Fig. 4",
             ", ".join(loading),
             loading == ["separation", "backward slip", "stick", "forward slip", "separation"],
         ),
         (
             "zones on first unloading to p0/3, from the centre to x > 0",
-            ", ".join(wanted),
+            "Fig. 5",
             ", ".join(right) + ("" if mirrored else " (not mirrored on x < 0)"),
             mirrored and right == wanted,
         ),

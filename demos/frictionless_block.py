@@ -69,12 +69,13 @@ def errors(known: Pressed, record: rf.Record) -> tuple[float, float, float]:
 def main() -> None:
     """Print the tables; assert the errors at 40 elements on h, and the order of convergence."""
     root = MPI.COMM_WORLD.rank == 0
+    if root:
+        print("  nodes  centre pressure  profile  half width   (relative errors)")
     for known in (known_values.BLOCK, *known_values.LAYERS):
         is_block = known is known_values.BLOCK
         if root:
             name = "block 4h by h" if is_block else "infinite layer"
             print(f"{name}, loaded on |x| < {known.load} h: c = {known.half_width} h")
-            print("  nodes  centre pressure  profile  half width   (relative errors)")
         table = []
         for elements, growth in REFINEMENTS:
             record = solve(known, 4.0 if is_block else LAYER_WIDTH, elements, growth)

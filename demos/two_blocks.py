@@ -77,9 +77,6 @@ def main() -> None:
         scene = pressed(load)
         system = rf.condense(scene)
         rf.on_root(comm, partial(compare, load, system, scene))
-    if comm.rank == 0:
-        print("Filon's 1.338 thicknesses (about 1.35 in Coker and Filon) is the zero of a bonded")
-        print("pair; two blocks that lift off touch over clearly less.")
 
 
 if __name__ == "__main__":

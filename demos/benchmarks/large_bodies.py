@@ -54,7 +54,7 @@ def measure(name: str, elements: int, folder: str) -> str:
 def main() -> None:
     """Print a row for each size and option."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--elements", type=int, nargs="+", default=[320, 660])
+    parser.add_argument("--elements", type=int, nargs="+", default=[660])
     elements = parser.parse_args().elements
     print(" freedoms  nodes  factor               MB   CPU s clock s")
     for number in elements:

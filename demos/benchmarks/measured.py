@@ -20,8 +20,8 @@ import receding_fenicsx as rf
 ROOT = Path(__file__).resolve().parents[2]
 NAMES = (
     *("block", "frictionless_block", "two_blocks", "layer", "stack", "punch", "half_planes"),
-    *("cattaneo_mindlin", "fretting", "lap_joint", "wear", "fatigue", "time_error"),
-    *("press_fit", "rolling", "moving_load", "large_bodies"),
+    *("fretting", "lap_joint", "wear", "fatigue", "time_error"),
+    *("press_fit", "rolling", "large_bodies"),
 )
 NO_RESULTS = (" ...", "written to", "are in ")
 """Words in lines of progress, and in those that name files."""
