@@ -252,46 +252,39 @@ def _system(
 ) -> tuple[ContactSystem | None, dict[str, Any]]:
     """Return the scene's system on rank 0, saved or newly condensed, and data for the summary."""
     place = None if folder is None else folder / SYSTEM
+    saved = None if system_file is None else Path(system_file)
 
-    def resumed() -> ContactSystem | None:
-        return read_system(place, scene) if place is not None and place.is_file() else None
+    def known() -> ContactSystem | None:
+        resumed = place is not None and place.is_file()
+        file = place if resumed else saved
+        return None if file is None else read_system(file, scene)
 
-    system = mpi.on_root(comm, resumed)
-    known = comm.bcast(system is not None)
-    if system_file is not None and not known:
-        return _saved_system(scene, comm, timer, place, Path(system_file)), {}
-    if known:
-        return system, {}
-    bare, dofs = condensed(scene, comm, timer)
-
-    def keep() -> ContactSystem:
-        whole = with_profiles(scene, mpi.given(bare))
-        if place is not None:
-            write_system(place, whole)
-        return system_for(scene, whole)
-
-    return mpi.on_root(comm, keep), {"bulk_dofs": dofs}
-
-
-def _saved_system(
-    scene: Scene, comm: MPI.Comm, timer: Timer, place: Path | None, file: Path
-) -> ContactSystem | None:
-    """Return a saved system on rank 0, meshed only for probes that it lacks; collective."""
-    system = mpi.on_root(comm, lambda: read_system(file, scene))
-    if comm.bcast(system is not None and system.probes is None and bool(scene.probes)):
+    system = mpi.on_root(comm, known)
+    found, lacks_probes = comm.bcast(
+        (system is not None, system is not None and system.probes is None and bool(scene.probes))
+    )
+    more, bare = {}, None
+    if not found:
+        bare, dofs = condensed(scene, comm, timer)
+        more = {"bulk_dofs": dofs}
+    elif lacks_probes:  # meshed for them alone
         probes = probes_of(scene, comm, timer)
         system = None if system is None else replace(system, probes=probes)
 
-    def keep() -> None:
-        if place is None:
-            return
-        own, whole = mpi.given(system), read_system(file)
-        law = ("f", "f_backward", "cohesion", "shear_limit")
-        scenes_own = (*law, "g0", "scene_toml", "probes")
-        write_system(place, replace(whole, **{k: getattr(own, k) for k in scenes_own}))
+    def kept() -> ContactSystem:
+        own, new = system, place is not None and not place.is_file()
+        if own is None:
+            whole = with_profiles(scene, mpi.given(bare))
+            own = system_for(scene, whole)
+        elif new:
+            law = ("f", "f_backward", "cohesion", "shear_limit", "g0")
+            scenes_own = {k: getattr(own, k) for k in (*law, "scene_toml", "probes")}
+            whole = replace(read_system(mpi.given(saved)), **scenes_own)
+        if new:
+            write_system(mpi.given(place), whole)
+        return own
 
-    mpi.on_root(comm, keep)
-    return system
+    return mpi.on_root(comm, kept), more
 
 
 def condense(

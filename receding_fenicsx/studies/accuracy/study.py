@@ -14,6 +14,7 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import asdict, dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -107,12 +108,8 @@ class Search:
             "seconds": sum(level.seconds for level in self.levels),
             "failures": [list(failure) for failure in self.failures],
             "way": [
-                {
-                    "elements": level.elements,
-                    "nodes": level.nodes,
-                    "seconds": level.seconds,
-                    "numbers": shown(found),
-                }
+                {key: getattr(level, key) for key in ("elements", "nodes", "seconds")}
+                | {"numbers": shown(found)}
                 for level, found in zip(self.levels, self.way, strict=True)
             ],
         }
@@ -135,20 +132,17 @@ def search(
     """
     tolerance = scene.accuracy.tolerance or 0.0
     scene, own = to_limit(scene), scene.mesh.contact_elements
-    found = Search(scene)
+    found, last = Search(scene), 0
     while True:
         wanted = next_elements(scene, found.levels, found.failures)
         found.reason = _too_much(scene, found.levels, wanted)
         if found.reason:
             # the numbers that keep it from its tolerance, with the meshes that they need
-            elements = found.levels[-1].elements
             for name, e in found.way[-1].items():
                 if tolerance < 2.0 * e.relative < math.inf and not math.isnan(e.order):
-                    least = float(f"{elements * _needed(e, tolerance):.2g}")
-                    found.reason += (
-                        f"; {name} needs about {least:g} elements, it converges with order "
-                        f"{e.order:.1f}"
-                    )
+                    least = f"{float(f'{last * _needed(e, tolerance):.2g}'):g} elements"
+                    order = f"it converges with order {e.order:.1f}"
+                    found.reason += f"; {name} needs about {least}, {order}"
             return found
         try:
             level = _solved(scene, wanted, solve)
@@ -165,13 +159,14 @@ def search(
             log.info("sharp corners in contact: meshes are graded")
             scene = finer
             continue
+        last = level.elements
         found.levels.append(level)
         found.way.append(asked_numbers(scene, found.levels))
         for name, e in found.way[-1].items():
             log.info("%d elements: %s %.6g, error %.1e", level.elements, name, e.value, e.relative)
-        last = found.way[-1].values()
-        enough = len(found.levels) >= MIN_LEVELS and len(last) > 0
-        found.met = enough and all(2.0 * e.relative <= tolerance for e in last)
+        errors = [e.relative for e in found.way[-1].values()]
+        enough = len(found.levels) >= MIN_LEVELS and len(errors) > 0
+        found.met = enough and all(2.0 * error <= tolerance for error in errors)
         found.reason = "" if found.met else nonconvergence(found.way)
         if found.met or found.reason:
             return found
@@ -221,25 +216,20 @@ def _too_much(scene: Scene, levels: Sequence[Level], wanted: int) -> str:
     if not levels:
         return ""
     last, budget = levels[-1], scene.accuracy.budget_seconds
-    spent = sum(level.seconds for level in levels)
     ratio = wanted / last.elements
+    if is_refined(scene) and wanted > doublings(scene)[-1]:
+        return "the tolerance needs more refinements of the mesh file than there are"
     if ratio * last.nodes > MOST_NODES or wanted > _finest(scene):
-        return (
-            f"the tolerance needs a mesh finer than the finest of {MOST_NODES} contact nodes"
-            if not is_refined(scene)
-            else "the tolerance needs more refinements of the mesh file than there are"
-        )
+        return f"the tolerance needs a mesh finer than the finest of {MOST_NODES} contact nodes"
     power = 2.0  # of the elements, with which the time of a run grows
     if len(levels) > 1 and levels[-2].seconds > 0.0 and last.seconds > levels[-2].seconds:
         seen = math.log(last.seconds / levels[-2].seconds)
         power = min(seen / math.log(last.elements / levels[-2].elements), 3.0)
-    next_seconds = last.seconds * ratio**power
-    if spent + next_seconds > budget:
-        return (
-            f"the budget of {budget:g} s ends first: {spent:.3g} s are spent, and a mesh of "
-            f"{wanted} elements needs about {next_seconds:.2g} s"
-        )
-    return ""
+    spent, more = sum(level.seconds for level in levels), last.seconds * ratio**power
+    if spent + more <= budget:
+        return ""
+    needs = f"a mesh of {wanted} elements needs about {more:.2g} s"
+    return f"the budget of {budget:g} s ends first: {spent:.3g} s are spent, and {needs}"
 
 
 def _finest(scene: Scene) -> int:
@@ -253,10 +243,10 @@ def _solved(scene: Scene, wanted: int, solve: Callable[[Scene, int], Level]) -> 
         numbers = elements_near(scene, wanted, (wanted / near, wanted * near))
         try:
             found = first_that_fits(scene, numbers, solve)
+            if found is not None:
+                return found[1]
         except MeshMisfit as error:
-            found, reason = None, str(error)
-        if found is not None:
-            return found[1]
+            reason = str(error)
         wanted *= 2
     raise InputError(f"[mesh]: no mesh that was tried fits the scene; on the last one: {reason}")
 
@@ -286,10 +276,10 @@ class Solved:
 
 
 class Meshes:
-    """Finished meshes of a study in a run's folder."""
+    """Finished meshes of a study in a run's folder, none of which is solved again; collective."""
 
     def __init__(self, comm: MPI.Comm, folder: Path | None) -> None:
-        """Read the finished meshes on rank 0; collective."""
+        """Read the finished meshes on rank 0."""
 
         def read() -> tuple[CaseFile | None, Mapping[str, Outcome]]:
             file = None if folder is None else CaseFile(folder)
@@ -298,29 +288,29 @@ class Meshes:
         self.comm = comm
         self.file, finished = mpi.on_root(comm, read) or (None, {})
         self.finished: Mapping[str, Outcome] = comm.bcast(finished)
+        self.unwritten: tuple[Case, Level] | None = None
 
-    def case_of(self, scene: Scene, elements: int) -> Case:
-        """Return the case of a mesh; keys that change none of its numbers are left out."""
-        plain = {
-            name: getattr(Scene(), name) for name in ("accuracy", "shakedown", "mode", "units")
-        }
+    def level(self, scene: Scene, elements: int, solve: Callable[[Scene, int], Level]) -> Level:
+        """Return what is found on a mesh; the one before it is written before it is solved."""
+        # without keys that change none of its numbers
+        plain = {key: getattr(Scene(), key) for key in ("accuracy", "shakedown", "mode", "units")}
         bare = replace(scene, output=replace(scene.output, cycles=None), **plain)
         name = self.comm.bcast(mpi.on_root(self.comm, lambda: identity_of(bare)))
-        return Case(name, labels=(elements,))
+        if name in self.finished:
+            row = self.finished[name].cells
+            return Level(**{**row, "numbers": {k: Number(**v) for k, v in row["numbers"].items()}})
+        self.write()
+        found = solve(scene, elements)
+        self.unwritten = Case(name, labels=(elements,)), found
+        return found
 
-    def known(self, case: Case) -> Level | None:
-        """Return what was found on a mesh, if it is finished."""
-        if case.identity not in self.finished:
-            return None
-        row = self.finished[case.identity].cells
-        return Level(**{**row, "numbers": {k: Number(**v) for k, v in row["numbers"].items()}})
-
-    def keep(self, case: Case, level: Level) -> None:
-        """Write what was found on a mesh; collective."""
-        file = self.file
-        mpi.on_root(
-            self.comm, lambda: None if file is None else file.add(case, Outcome(asdict(level)))
-        )
+    def write(self) -> None:
+        """Write the last mesh."""
+        if self.unwritten is not None:
+            (case, level), self.unwritten = self.unwritten, None
+            file = self.file
+            add = None if file is None else partial(file.add, case, Outcome(asdict(level)))
+            mpi.on_root(self.comm, lambda: add and add())
 
 
 # -- a run on the scene's mesh -------------------------------------------------------------------
@@ -366,16 +356,12 @@ def space_errors(
         RecedingError: the scene has no solution on the first coarser mesh.
     """
 
+    def coarse(coarser: Scene, elements: int) -> Level:
+        return level_of(solve(coarser), elements)
+
     def level(coarser: Scene, elements: int) -> Level:
-        coarser = to_limit(coarser)
-        case = None if meshes is None else meshes.case_of(coarser, elements)
-        known = None if meshes is None or case is None else meshes.known(case)
-        if known is not None:
-            return known
-        found = level_of(solve(coarser), elements)
-        if meshes is not None and case is not None:
-            meshes.keep(case, found)
-        return found
+        once = coarse if meshes is None else partial(meshes.level, solve=coarse)
+        return once(to_limit(coarser), elements)
 
     most = scene.mesh.contact_elements
     levels = [level_of(record, most)]
@@ -393,6 +379,8 @@ def space_errors(
         if found is None:
             break
         levels.append(found[1])
+    if meshes is not None:
+        meshes.write()
     return {} if record is None else estimates_of(levels)
 
 
@@ -431,7 +419,6 @@ def within_tolerance(
     """
     meshes = Meshes(comm, folder)
     last: Solved | None = None
-    unwritten: tuple[Case, Level] | None = None
     reached: Scene | None = None
 
     def forget_another_mesh(meshed: Scene) -> None:
@@ -441,31 +428,22 @@ def within_tolerance(
             except InputError:
                 forget_system(folder)
 
-    def solved(meshed: Scene) -> Solved:
+    def solved(meshed: Scene, elements: int = 0) -> Level:
         nonlocal last
+        if say is not None and elements:
+            say(f"accuracy: mesh of {elements} contact elements")
+        begin = time.perf_counter()
         mpi.on_root(comm, lambda: forget_another_mesh(meshed))
         last = run(meshed)
         if last.failure is not None:
             raise last.failure
-        return last
+        seconds, record = time.perf_counter() - begin, last.record
+        return comm.bcast(mpi.on_root(comm, lambda: level_of(record, elements, seconds)))
 
     def level(meshed: Scene, elements: int) -> Level:
-        nonlocal unwritten, reached
-        case, reached = meshes.case_of(meshed, elements), meshed
-        known = meshes.known(case)
-        if known is not None:
-            return known
-        if unwritten is not None:  # only now another mesh takes its place in the folder
-            meshes.keep(*unwritten)
-            unwritten = None
-        if say is not None:
-            say(f"accuracy: mesh of {elements} contact elements")
-        begin = time.perf_counter()
-        record = solved(meshed).record
-        seconds = time.perf_counter() - begin
-        found: Level = comm.bcast(mpi.on_root(comm, lambda: level_of(record, elements, seconds)))
-        unwritten = case, found
-        return found
+        nonlocal reached
+        reached = meshed
+        return meshes.level(meshed, elements, solved)
 
     def on_graded_meshes(coarse: Scene) -> Scene | None:
         from receding_fenicsx.bulk.mesh.meshing import contact_nodes_of, contact_sizes_of
@@ -490,7 +468,7 @@ def within_tolerance(
     except InputError:
         mpi.on_root(comm, lambda: None if folder is None else forget_system(folder))
         raise
-    if unwritten is None and reached is not None:  # the last mesh was finished before
+    if meshes.unwritten is None and reached is not None:  # the last mesh was finished before
         solved(reached)
     assert last is not None
     last.extra["errors"] = shown(estimates_of(found.levels))
