@@ -92,25 +92,6 @@ def everything(body: BodyMesh) -> tuple[Array, NDArray[np.int64]]:
     return np.vstack([p[0] for p in parts]), np.vstack([p[1] for p in parts]).astype(np.int64)
 
 
-def facet_ends(body: BodyMesh, edge: str) -> Array:
-    """End points (n, 2, 2) of an edge's facets, alike on every rank, each once."""
-    topology = body.mesh.topology
-    topology.create_connectivity(1, 0)
-    topology.create_connectivity(0, 2)
-    topology.create_connectivity(2, 0)
-    points: list[Array] = []
-    geometry = body.mesh.geometry
-    for facet in (facet for tag in body.groups[edge] for facet in body.facet_tags.find(tag)):
-        ends = []
-        for vertex in topology.connectivity(1, 0).links(facet):
-            cell = topology.connectivity(0, 2).links(vertex)[0]
-            place = list(topology.connectivity(2, 0).links(cell)).index(vertex)
-            ends.append(geometry.x[_dolfinx.cell_nodes(body.mesh)[cell, place], :2])
-        points.append(np.array(sorted(map(tuple, ends))))
-    every = [tuple(p.ravel()) for part in body.mesh.comm.allgather(points) for p in part]
-    return np.array(sorted(set(every))).reshape(-1, 2, 2)
-
-
 def displacements(
     bulk: Stack, load: Array | None, u: Array | None
 ) -> list[tuple[Bulk, fem.Function]]:

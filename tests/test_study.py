@@ -74,8 +74,6 @@ HELD = (rf.Support("x", "a.left"),)
     [
         (ALONG_A_PLANE, "load 'd': prescribes how"),
         ({"loads": (replace(PUSH, edge="a.top"),), "supports": HELD}, "load 'd': its displ"),
-        ({"supports": ()}, "load 'p0' moves both bodies together"),
-        ({"bolts": (BOLT, replace(BOLT, name="two"))}, "their forces are not determined"),
         ({"mesh": replace(PAIR.mesh, contact_elements=640)}, ""),
         (
             {"contacts": (replace(PAIR.contacts[0], interference=0.1),), "loads": ()},

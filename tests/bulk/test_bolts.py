@@ -196,7 +196,6 @@ TIE = rf.Bolt("a", "left", "right", 0.1, axis=(1.0, 0.0))
 @pytest.mark.parametrize(
     ("parts", "words"),
     [
-        ({"bolts": (TIE, replace(TIE, head="top"))}, "bolt 'a': a load or another bolt has"),
         (
             {"bolts": (TIE, replace(TIE, name="b"))},
             "bolt 'a', bolt 'b': their forces are not determined",

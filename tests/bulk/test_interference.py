@@ -113,13 +113,8 @@ def test_conjugate_of_a_pressure_is_its_integral_over_the_true_displacement() ->
 @pytest.mark.parametrize(
     ("parts", "words"),
     [
-        ({"loads": (rf.Load("P", "top", gap=0.1),)}, "load 'P' edge: unknown edge of a"),
         ({"loads": (rf.Load("P", "bottom", gap=0.0),)}, "load 'P' gap: is zero everywhere"),
         ({"loads": (rf.Load("P", "bottom", gap="1/x"),)}, "load 'P' gap: .* not a finite number"),
-        (
-            {"loads": (rf.Load("P", "bottom", gap=0.1, platen=True),)},
-            "platen: needs force or displ",
-        ),
     ],
 )
 def test_bad_interference_is_refused(parts: dict[str, Any], words: str) -> None:

@@ -130,7 +130,6 @@ MOVED = rf.Load("L", "top", displacement=("free", -0.1))
     [
         ((SIDES[0], MOVED), 'load \'L\': is a force on "left" and a displacement on "top"'),
         ((SIDES[0], replace(SIDES[0], span=(0.0, 0.5))), "two of its parts are a pressure on the"),
-        ((MOVED, replace(MOVED, span=(0.0, 1.0))), "two of its parts are a displacement on the"),
         (
             (MOVED, rf.Load("L", "right", (0.0, 0.5), displacement=("free", -0.2))),
             "load 'L' displacement: has two values at (2, 1)",

@@ -244,8 +244,6 @@ def test_a_beam_on_two_blocks_on_a_base_is_mirror_symmetric() -> None:
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        ({"contacts": (rf.Contact("b0.bottom"),)}, "body 'b1': touches nothing"),
-        ({"contacts": (rf.Contact("b1.bottom", against="b1.top"),)}, "an edge of another body"),
         (
             {"others": (rf.Body("b1", shape="half-plane"),)},
             "body 'b1' shape: a half-plane touches one body or one plane only",

@@ -22,9 +22,8 @@ import receding_fenicsx as rf
 from receding_fenicsx.measures.limit_nodes import limit_nodes
 from receding_fenicsx.output.plots import series
 from receding_fenicsx.output.plots.labels import describe_factors, load_symbol
-from receding_fenicsx.output.plots.series import first_unloading, slip_lines
+from receding_fenicsx.output.plots.series import slip_lines
 from receding_fenicsx.output.plots.zone_map import (
-    FLICKER,
     zone_map,
 )
 from receding_fenicsx.output.report.html import report_html
@@ -83,47 +82,6 @@ def test_zone_map_from_events_agrees_with_every_sample(
         assert np.array_equal(drawn.states(s)[settled], table.state[row][settled])
 
 
-@pytest.mark.parametrize(("kind", "cycle", "leg"), LEGS)
-def test_zone_map_covers_the_leg_once(kind: str, cycle: int, leg: int) -> None:
-    found = record(kind)
-    drawn = zone_map(found, cycle, leg)
-    total = sum(area(polygon) for _, polygon in drawn.pieces)
-    islands = sum(area(polygon) for _, polygon in drawn.pieces if len(polygon) == 3)
-    # islands lie on top of the zone around them
-    assert total - islands == pytest.approx(np.ptp(found.x), rel=1e-12)
-    corners = np.vstack([polygon for _, polygon in drawn.pieces])
-    assert corners[:, 1].min() == 0.0
-    assert corners[:, 1].max() == 1.0
-
-
-def test_drawn_zones_differ_from_the_events_nowhere_for_longer_than_a_flicker() -> None:
-    found = record("cyclic", half=False)
-    for cycle, leg in ((1, 0), (1, 1), (9, 0), (10, 1)):
-        exact = zone_map(found, cycle, leg)
-        drawn = zone_map(found, cycle, leg, flicker=FLICKER)
-        for a, b in zip(exact.timelines, drawn.timelines, strict=True):
-            assert b.at(0.0) == a.at(0.0)
-            assert b.at(1.0) == a.at(1.0)
-            cuts = np.union1d(a.s, b.s)
-            middle = 0.5 * (cuts[1:] + cuts[:-1])
-            different = a.at(middle) != b.at(middle)
-            assert np.all(np.diff(cuts)[different] <= FLICKER)
-
-
-def test_boundaries_of_zones_pass_through_the_events() -> None:
-    found = record("unloading")
-    drawn = zone_map(found, 0, 1)
-    ends = drawn.boundaries.reshape(-1, 2)
-    events, checked = found.events, 0
-    for i, line in enumerate(drawn.timelines):
-        here = (events.cycle == 0) & (events.leg == 1) & (events.node == i)
-        for s in line.s[1:-1]:
-            assert np.abs(events.s[here] - s).min() == 0.0
-            assert np.hypot(*(ends - [found.x[i], s]).T).min() == 0.0
-            checked += 1
-    assert checked > 100
-
-
 def test_slip_lines_find_the_power_that_the_slip_follows() -> None:
     found = record()
     N = np.arange(1.0, 31.0)
@@ -156,17 +114,6 @@ def test_node_at_the_limit_that_never_moves_is_found_where_it_reaches_it() -> No
     assert still.s.tolist() == [table.s[when]]
     assert still.strict
     assert not still.stuck[0]
-
-
-def test_first_unloading_is_the_first_leg_along_which_the_load_falls() -> None:
-    assert first_unloading(record("monotonic")) is None
-    assert first_unloading(record("unloading")) == (0, 1)
-    assert first_unloading(record()) == (1, 0)
-    # a leg of a polygon of many corners is no unloading
-    table = record().turning_points
-    cycle, leg, load = (np.repeat(a, 13, axis=0) for a in (table.cycle, table.leg, table.load))
-    many = replace(table, cycle=cycle.astype(int), leg=leg.astype(int), load=load.astype(float))
-    assert first_unloading(replace(record(), turning_points=many)) is None
 
 
 def test_colours_of_the_states_differ_in_lightness_too() -> None:
@@ -415,16 +362,11 @@ def test_figures_are_drawn_of_what_is_asked_by_names_and_show_in_a_notebook() ->
     ("name", "asked", "said"),
     [
         ("zone_maps", "nine", "cycle 'nine': must be a whole number"),
-        ("zone_maps", (1, 0), "list of (cycle, leg), legs from 0"),
         ("zone_maps", [(1, 7)], "cycle 1, leg 7: has no such leg, only [0, 1]"),
         ("zone_maps", [(5, 0)], "cycle 5: the record has no samples of it"),
-        ("zone_maps", [], "none is asked for"),
         ("tractions", 9, "give an instant, as record.at() returns it"),
-        ("tractions", [], "give an instant, as record.at() returns it"),
         ("hysteresis", 5, "cycle 5: the record has no samples of it"),
-        ("hysteresis", [], "cycles: name some of [0, 1"),
         ("trajectories", [-1], "nodes [-1]: name some of 0 to"),
-        ("trajectories", 0.5, "node 0.5: must be a whole number"),
     ],
 )
 def test_what_cannot_be_drawn_is_refused_in_one_line(name: str, asked: Any, said: str) -> None:
@@ -499,16 +441,6 @@ def around(legs: int, cycles: int = 2) -> rf.Record:
     system = two_nodes()
     history = table(system, [[0.0, 0.0], loop[0]], loop, cycles)
     return rf.evolve(system, history, output=rf.OutputOptions(samples_per_leg=2, cycles="all"))
-
-
-def test_the_first_loading_has_a_panel_for_each_of_its_own_legs() -> None:
-    system, loop = two_nodes(), [[1.0, 0.5], [1.0, 0.2], [0.5, 0.2], [1.0, 0.5]]
-    for path in ([loop[0]], [[0.5, 0.1], loop[0]]):
-        history = table(system, [[0.0, 0.0], *path], loop, 2)
-        found = rf.evolve(system, history, output=rf.OutputOptions(4, "all"))
-        for cycle, legs in ((0, len(path)), (1, 3), (2, 3)):
-            panels = [axes for axes in rf.figures.zone_maps(found, cycle).axes if axes.get_title()]
-            assert len(panels) == legs
 
 
 @pytest.mark.parametrize("legs", [2, 4, 5])

@@ -10,7 +10,7 @@ from matplotlib.colors import to_rgb
 from small import cyclic, small_system, table
 
 import receding_fenicsx as rf
-from receding_fenicsx.output.plots.series import representative_nodes, shown_cycles
+from receding_fenicsx.output.plots.series import representative_nodes
 
 pytestmark = pytest.mark.one_rank
 
@@ -63,17 +63,6 @@ def test_chosen_nodes_have_different_fates() -> None:
     assert np.any(state == rf.State.SEPARATION, axis=0).sum() >= 1
     assert np.any(np.all(state == rf.State.STICK, axis=0))
     assert int(np.argmax(np.where(found.x > 0.0, density, 0.0))) in nodes
-
-
-def test_hysteresis_shows_the_loops_of_the_record() -> None:
-    found = record()
-    axes = rf.figures.hysteresis(found).axes[0]
-    loops = [rf.loop_of(found, cycle) for cycle in shown_cycles(found)]
-    drawn = [line for line in axes.lines if line.get_linestyle() != "None"]
-    assert len(drawn) == len(loops) == 3
-    for line, loop in zip(drawn, loops, strict=True):
-        assert np.array_equal(line.get_ydata(), loop.load[:, 0])
-        assert np.array_equal(line.get_xdata(), loop.displacement[:, 0])
 
 
 @pytest.mark.parametrize("mu", [0.0, 50.0])
