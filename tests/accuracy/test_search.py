@@ -7,7 +7,6 @@ import re
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -76,28 +75,6 @@ def test_the_tolerance_is_met_on_a_mesh_hardly_finer_than_needed(
     assert all(1.55 <= ratio <= 2.9 for ratio in ratios)
 
 
-def test_the_finest_mesh_is_tried_where_it_is_predicted_to_do(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    tolerance = 1e-3
-    # sizes 24, 60, 150, then about 2.6 times each; 2 * error = 1e-3 at 936 elements
-    solve = made_up(centre_pressure=lambda n: 0.5e-3 * (936.0 / n) ** 1.5)
-    free = search(scene_of(tolerance), solve)
-    assert free.met and sizes(free)[-1] > 1000
-    for finest, met in ((1000, True), (900, False)):
-        monkeypatch.setattr(module, "MOST_NODES", 2 * finest + 1)
-        found = search(scene_of(tolerance), solve)
-        assert found.met == met and sizes(found)[-1] <= finest
-        assert met == (sizes(found)[-1] > 990)
-        words = "; centre_pressure needs about 930 elements, it converges with order 1.5"
-        assert met or found.reason.endswith(words)
-    # two meshes more are predicted, and none could follow the first of them
-    monkeypatch.setattr(module, "MOST_NODES", 2201)
-    slow = made_up(centre_pressure=lambda n: 0.5e-3 * (2000.0 / n) ** 1.5)
-    before, last = sizes(search(scene_of(tolerance), slow))[-2:]
-    assert 1090 < last <= 1100 and before < last / module.MIN_RATIO**2
-
-
 def test_the_worst_of_the_asked_numbers_decides() -> None:
     fast, slow = (lambda n: 0.1 * (16.0 / n) ** 2), (lambda n: 0.1 * 16.0 / n)
     solve = made_up(centre_pressure=fast, dissipation_ratio=slow, stick_half_width=slow)
@@ -106,20 +83,6 @@ def test_the_worst_of_the_asked_numbers_decides() -> None:
     one = search(scene_of(1e-2, "centre_pressure"), solve)
     assert set(one.way[-1]) == {"centre_pressure"}
     assert sizes(one)[-1] < sizes(both)[-1]
-
-
-def test_numbers_of_all_edges_are_meant_by_a_name_without_brackets() -> None:
-    errors: Any = {f"centre_pressure[{edge}]": lambda n: 1.0 / n for edge in ("left", "right")}
-    for name, count in (("centre_pressure", 2), ("centre_pressure[left]", 1)):
-        assert len(search(scene_of(0.1, name), made_up(**errors)).way[-1]) == count
-
-
-def test_a_singular_number_ends_the_search_in_plain_words() -> None:
-    found = search(
-        scene_of(1e-3, "largest_pressure"), made_up(largest_pressure=lambda n: (n / 16.0) ** 0.4)
-    )
-    assert not found.met and len(found.levels) == 4
-    assert "largest_pressure does not converge in order (singular" in found.reason
 
 
 def test_an_infinite_number_ends_the_search_on_its_second_mesh() -> None:
@@ -153,17 +116,6 @@ def test_the_next_mesh_is_expected_to_cost_what_the_meshes_before_show(
     told = re.search(r"a mesh of (\d+) elements needs about (\S+) s", found.reason)
     assert told is not None, found.reason
     assert float(told[2]) == pytest.approx(4.0 * (int(told[1]) / 64) ** power, rel=0.05)
-
-
-def test_a_zone_that_only_finer_meshes_show_is_waited_for() -> None:
-    plain = made_up(stick_half_width=lambda n: 1.0 / n)
-
-    def solve(scene: Scene, elements: int) -> Level:
-        level = plain(scene, elements)
-        return replace(level, numbers={}) if elements < 48 else level
-
-    found = search(scene_of(1e-2, "stick_half_width"), solve)
-    assert found.met and math.isnan(found.way[0]["stick_half_width"].value)
 
 
 def test_meshes_that_do_not_fit_or_have_no_answer_are_passed_over() -> None:

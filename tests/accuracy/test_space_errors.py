@@ -62,23 +62,6 @@ def test_where_a_zone_is_not_resolved_no_order_above_one_is_assumed() -> None:
     assert rf.estimates_of(levels)["a"].error == pytest.approx(0.01 * (4.0**1.5 - 2.0**1.5) / 2.0)
 
 
-def test_an_error_that_vanishes_by_chance_is_seen_on_coarser_pairs() -> None:
-    # the run and the next mesh agree by chance: the order is limited
-    values = [(1.0, 1.0), (2.0, 1.0), (4.0, 1.2)]
-    assert estimated_error(values, observed_order(values)) == pytest.approx(
-        0.2 / (4.0**1.6 - 2.0**1.6)
-    )
-
-
-def test_noise_between_meshes_of_nearly_the_same_size_is_not_enlarged() -> None:
-    # not 0.04, their difference over that of their sizes
-    assert estimated_error([(1.0, 1.0), (2.0, 1.0), (2.25, 1.01)], 1.0) == pytest.approx(0.008)
-
-
-def test_nothing_is_known_without_a_coarser_mesh() -> None:
-    assert np.isnan(estimated_error([(1.0, 1.0)], np.nan))
-
-
 @pytest.mark.parametrize(("order", "singular"), [(-0.5, True), (0.0, True), (0.5, False)])
 def test_a_number_that_moves_on_without_end_is_called_singular(
     order: float, singular: bool
@@ -256,33 +239,6 @@ def test_a_zone_of_few_nodes_is_named_as_a_reason_for_stairs(
         assert ("errors_warning" in found) == bool(words)
         printed = rf.run_table({**rf.summarise(record), **found}, everything=True)
         assert words in printed and ("do not converge in order" in printed) == bool(words)
-
-
-def test_stuck_nodes_at_their_friction_limit_are_no_zone() -> None:
-    record = solve(scene_of(32))
-    table = record.turning_points
-    state, P, Q = np.full_like(table.state, rf.State.FORWARD_SLIP), table.P + 1.0, table.Q.copy()
-    state[-1, 10] = rf.State.STICK
-    limit = record.friction.forward * P
-    for part, width in ((1.0 - 1e-13, len(record.x) - 1), (0.99, 1)):
-        Q[:] = -limit
-        Q[-1, 10] *= part
-        own = replace(table, state=state, P=P, Q=Q)
-        assert estimate.narrowest_zone(replace(record, turning_points=own)) == width
-
-
-@pytest.mark.parametrize("end", [0, -1])
-def test_one_sharp_corner_of_several_edges_is_enough(end: int) -> None:
-    record = solve(scene_of(16, "history.cycles=1"))
-    table, n = record.turning_points, len(record.x)
-    p = np.ones_like(table.p)
-    edges = np.repeat([0, 1], [n // 2, n - n // 2])
-    for largest, sharp in ((1.0, False), (3.0, True)):
-        p[:, end] = largest
-        pressed = replace(table, p=p, P=p * record.weight)
-        named = replace(record, scene_toml="", edge=edges, edge_names=("a", "b"))
-        two = replace(named, turning_points=pressed)
-        assert estimate.level_of(two, 16).sharp == sharp
 
 
 def test_cycles_played_until_steady_are_left_for_their_limit() -> None:

@@ -65,25 +65,6 @@ def test_joint_diagram_of_two_springs(k: float, degree: int) -> None:
     assert record.energy_error_max < 1e-10
 
 
-def test_pull_on_the_head_of_a_rigid_bolt_whose_nut_is_held_is_carried_by_the_bolt() -> None:
-    """F = F0 + X: nothing of X reaches the contact, on this mesh to the last bit."""
-    scene = clamped(None, degree=2)
-    scene = replace(
-        scene,
-        body=replace(scene.body, width=2.0, height=0.6, position=(0.0, 1.1)),
-        others=(replace(scene.others[0], width=2.0, height=1.1),),
-        material=rf.Material(1.0, 0.0, "plane stress"),
-        mesh=replace(scene.mesh, contact_elements=8, growth=1.25),
-        supports=(rf.Support("y", edge="b.bottom"), rf.Support("x", point=(0.0, 0.0), body="b")),
-        contacts=(rf.Contact("a.bottom", friction=0.3, against="b.top"),),
-        loads=(rf.Load("pull", "a.top", traction=(0.0, 0.5)),),
-        history=rf.HistoryOptions("table", columns=("pull",), rows=((0.04,),)),
-    )
-    table, preload = played(scene).turning_points, 0.04 * 2.0 / 1.7
-    np.testing.assert_allclose(table.load_displacement[:, 1], [preload, preload + 0.04], rtol=1e-9)
-    np.testing.assert_allclose(table.P.sum(axis=1), preload, rtol=1e-9)
-
-
 def with_preloads(scene: rf.Scene, *forces: float) -> rf.Scene:
     """The scene with preloads in the place of shortenings."""
     pairs = zip(scene.bolts, forces, strict=False)

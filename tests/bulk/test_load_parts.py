@@ -22,14 +22,6 @@ PARTS = {
         rf.Load("L", "top", traction=(0.3, "0.1*x")),
         rf.Load("L", "right", (0.0, 0.5), pressure=0.5),
     ),
-    "two spans of one edge": (
-        rf.Load("L", "top", (-1.5, -0.5), traction=(0.4, 0.0)),
-        rf.Load("L", "top", (0.5, 1.5), traction=(0.2, -0.1)),
-    ),
-    "pressure and traction on one span": (
-        rf.Load("L", "top", (-1.0, 1.0), pressure=0.5),
-        rf.Load("L", "top", (-1.0, 1.0), traction=(0.3, 0.0)),
-    ),
     "two platens": (
         rf.Load("L", "left", (0.0, 0.5), platen=True, force=(0.2, 0.1)),
         rf.Load("L", "right", (0.0, 0.5), platen=True, force=(0.3, -0.2)),

@@ -4,18 +4,24 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 from mpi4py import MPI
 
 import numpy as np
 import pytest
+from bodies import block, played
 
+import receding_fenicsx as rf
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.bulk.body import Bulk
 from receding_fenicsx.bulk.from_scene import bulk_of
 from receding_fenicsx.bulk.mesh.gmsh_model import gmsh_model
 from receding_fenicsx.mpi import on_root
+from receding_fenicsx.scene.history import history_from_scene
 from receding_fenicsx.scene.model import Body, Contact, Load, Material, MeshOptions, Scene
+from receding_fenicsx.scene.toml_file import from_toml, to_toml
+from receding_fenicsx.studies.run import condense
 from receding_fenicsx.timing import Timer
 
 comm = MPI.COMM_WORLD
@@ -33,13 +39,7 @@ ROOFS = {
     "circle": "Circle(2) = {3, 5, 4}; roof() = {2};",
     "ellipse": "Point(7) = {0, 3, 0}; Ellipse(2) = {3, 5, 3, 7}; Ellipse(5) = {7, 5, 3, 4};"
     "roof() = {2, 5};",
-    "spline": "Point(7) = {1, 2.8, 0}; Point(8) = {-0.7, 2.4, 0}; Spline(2) = {3, 7, 8, 4};"
-    "roof() = {2};",
-    "nurbs": "Point(7) = {1, 3.2, 0}; Point(8) = {-1, 2.2, 0}; BSpline(2) = {3, 7, 8, 4};"
-    "roof() = {2};",
 }
-NEAR = {"spline": 1e-8}
-"""Gauss's rule across the knots of a spline."""
 
 
 def arch(path: Path, text: str, load: Load, kinematics: str = "plane strain") -> Scene:
@@ -77,34 +77,9 @@ def test_pressure_x_on_any_curve_has_the_resultant_of_gauss_theorem(
     """
     scene = arch(shared_tmp_path / "arch.geo", ARCH % ROOFS[kind], Load("p", "roof", pressure="x"))
     found = forces(replace(scene, mesh=replace(scene.mesh, degree=degree)))
-    near = NEAR.get(kind, 1e-11)
-    assert found[:, 1].sum() == pytest.approx(0.0, abs=near)
-    assert found[:, 0].sum() == pytest.approx(-area_above(kind), rel=10.0 * near)
-
-
-def area_above(kind: str) -> float:
-    """Area between the roof and y = 2: closed, or from many points of gmsh's curve (order 4)."""
-    closed = {"circle": 2.0 * np.pi, "ellipse": np.pi}
-    if kind in closed:
-        return closed[kind]
-    with gmsh_model() as gmsh:
-        for i, (x, y) in enumerate([(2.0, 2.0), (-2.0, 2.0)], start=3):
-            gmsh.model.geo.addPoint(x, y, 0.0, tag=i)
-        inner = {"spline": [(1.0, 2.8), (-0.7, 2.4)], "nurbs": [(1.0, 3.2), (-1.0, 2.2)]}[kind]
-        for i, (x, y) in enumerate(inner, start=7):
-            gmsh.model.geo.addPoint(x, y, 0.0, tag=i)
-        add = gmsh.model.geo.addSpline if kind == "spline" else gmsh.model.geo.addBSpline
-        add([3, 7, 8, 4], 2)
-        gmsh.model.geo.synchronize()
-        low, high = (float(bound[0]) for bound in gmsh.model.getParametrizationBounds(1, 2))
-
-        def area(n: int) -> float:
-            u = np.linspace(low, high, n + 1)
-            x, y, _ = np.array(gmsh.model.getValue(1, 2, u.tolist())).reshape(-1, 3).T
-            return float(-np.sum(0.5 * (y[1:] + y[:-1] - 4.0) * np.diff(x)))
-
-        coarse, fine = area(3000), area(6000)
-    return fine + (fine - coarse) / 3.0
+    assert found[:, 1].sum() == pytest.approx(0.0, abs=1e-11)
+    area = {"circle": 2.0 * np.pi, "ellipse": np.pi}[kind]
+    assert found[:, 0].sum() == pytest.approx(-area, rel=1e-10)
 
 
 @pytest.mark.parametrize("kinematics", ["plane strain", "axisymmetric"])
@@ -183,3 +158,110 @@ Mesh.MeshSizeMax = 0.5; Mesh.ScalingFactor = {scale};
     ):
         scene = arch(shared_tmp_path / "bore.geo", text, load)
         assert forces(scene)[:, :2].sum(axis=0) == pytest.approx(expected, abs=1e-10)
+
+
+WHEEL = rf.Load("wheel", "top", (-0.5, 0.5), pressure=1.0, travel=(-1.0, 1.0), steps=4)
+TRAVEL = rf.HistoryOptions(kind="travel", cycles=2, constant={"weight": 1.0})
+
+
+def strip(*wheels: rf.Load, **parts: Any) -> rf.Scene:
+    scene = block(
+        degree=2,
+        contacts=(rf.Contact(friction=0.2),),
+        loads=(rf.Load("weight", body_force=(0.0, -0.05)), *wheels),
+        history=TRAVEL,
+    )
+    return replace(scene, **parts)
+
+
+TABLE = {"x": [-0.5, 0.1, 0.5], "value": [1.0, 2.0, 0.0]}
+
+
+@pytest.mark.parametrize(
+    ("pressure", "size", "middle"),
+    [
+        (1.0, 1.0, 0.0),
+        ("1 + 0.4*x", 1.0, 0.4 / 12.0),
+        (TABLE, 1.3, (0.9 * (-0.5 + 0.6 * 5.0 / 9.0) + 0.4 * (0.1 + 0.4 / 3.0)) / 1.3),
+    ],
+)
+def test_unit_loads_have_resultant_and_moment_of_the_load_at_their_positions(
+    pressure: Any, size: float, middle: float
+) -> None:
+    """Wherever their ends and the kinks of a table lie between the vertices."""
+    wheel = replace(WHEEL, pressure=pressure, travel=(-1.0, 1.13), steps=7)
+    system = condense(strip(wheel), comm)
+    if system is None:
+        return
+    assert system.load_names == ("weight", *(f"wheel {k}" for k in range(8)))
+    for k, s in enumerate(np.linspace(-1.0, 1.13, 8)):
+        tangential, normal = np.split(system.r_star[1 + k], 2)
+        assert normal.sum() == pytest.approx(size, rel=1e-12)
+        assert tangential.sum() == pytest.approx(0.0, abs=1e-12)
+        assert normal @ system.x == pytest.approx(size * (s + middle), abs=1e-12)
+
+
+@pytest.mark.one_rank
+def test_loads_are_put_on_travel_and_are_taken_off() -> None:
+    drag = rf.Load(
+        "wheel", "top", (-0.5, 0.5), traction=(0.1, 0.0), travel=(-1.0, 1.0, 0.0), steps=3
+    )
+    wheel = replace(WHEEL, travel=drag.travel, steps=3)
+    scene = strip(wheel, drag)
+    history = history_from_scene(scene)
+    assert history.load_names == ("weight", *(f"wheel {k}" for k in range(4)))
+    hats = np.vstack([np.zeros(4), np.eye(4), np.zeros(4)])
+    assert np.array_equal(history.loop, np.column_stack([np.ones(6), hats]))
+    assert [unit.travel for unit in wheel.units] == [(-1.0,), (0.0,), (1.0,), (0.0,)]
+    assert np.array_equal(history.path[1:], history.loop) and not history.path[0].any()
+    assert from_toml(to_toml(scene)) == scene
+    # a uniform pressure over 1: (2 sqrt(1e-3))^2 / 4 = 1e-3
+    assert len(replace(WHEEL, steps=None).units) == 1 + 32
+
+
+@pytest.mark.one_rank
+def test_the_other_way_is_the_mirror_image() -> None:
+    """The strip creeps in the direction of travel, by the same in every pass."""
+    ways = [strip(replace(WHEEL, travel=(-s, s), steps=8)) for s in (1.0, -1.0)]
+    a, b = (played(scene).turning_points for scene in ways)
+    scale = np.abs(a.v).max()
+    assert a.v == pytest.approx(-b.v[:, ::-1], abs=1e-9 * scale)
+    assert pytest.approx(b.P[:, ::-1], abs=1e-9 * a.P.max()) == a.P
+    ends = [a.v[a.cycle == cycle][-1] for cycle in range(3)]
+    steps = np.diff(ends, axis=0)
+    assert steps[1] == pytest.approx(steps[0], abs=1e-9 * scale)
+    assert steps.min() > 0.1 * scale
+
+
+def test_the_interpolated_load_converges_with_the_square_of_the_steps() -> None:
+    """The forces that a load between two positions leaves on the contact, all of it held."""
+    off = []
+    for steps in (8, 32):
+        system = condense(strip(replace(WHEEL, steps=steps)), comm)
+        if system is None:
+            continue
+        unit = system.r_star[1:]
+        off.append(np.abs(unit[1:-1:2] - 0.5 * (unit[:-2:2] + unit[2::2])).max())
+    if off:
+        assert off[0] / off[1] == pytest.approx(16.0, rel=0.2)
+
+
+@pytest.mark.parametrize(
+    ("wheel", "history", "words"),
+    [
+        ({"pressure": None, "displacement": (0.0, 0.1)}, {}, "travel: is for a pressure or"),
+        ({"travel": (1.0, 1.0)}, {}, "travel: stays at a position"),
+        ({"span": None, "steps": None}, {}, "steps: are needed to travel without a span"),
+        ({"steps": None, "span": (0.0, 1e-3)}, {}, "unit loads, 1000 are the most"),
+        ({"travel": (-3.0, 3.0)}, {}, "load 'wheel 0': is zero"),
+        ({}, {"kind": "monotonic", "cycles": 60}, 'needs .history. kind = "travel"'),
+        ({"travel": (), "steps": None}, {}, "no load travels"),
+    ],
+)
+def test_what_cannot_travel_is_refused_in_one_line(
+    wheel: dict[str, Any], history: dict[str, Any], words: str
+) -> None:
+    scene = strip(replace(WHEEL, **wheel), history=replace(TRAVEL, **history))
+    with pytest.raises(rf.InputError, match=words) as caught:
+        condense(scene, comm)
+    assert "\n" not in str(caught.value)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 from mpi4py import MPI
 
@@ -263,3 +264,97 @@ def test_stacks_that_cannot_be_modelled_are_refused(change: dict[str, object], w
     with pytest.raises(rf.InputError, match=words):
         rf.validate(scene)
         played(scene)
+
+
+def pair_scene(**parts: object) -> rf.Scene:
+    """A block of 4 by 1 on one of 8 by 2 that stands on a support."""
+    scene = rf.Scene(
+        body=rf.Body("upper", width=4.0, position=(0.0, 2.0)),
+        others=(rf.Body("lower", width=8.0, height=2.0),),
+        mesh=rf.MeshOptions(contact_elements=12, degree=1),
+        contacts=(rf.Contact("upper.bottom", against="lower.top"),),
+        loads=(rf.Load("p0", "upper.top", (-1.0, 1.0), pressure=1.0),),
+        supports=(rf.Support("xy", edge="lower.bottom"),),
+        history=ONCE,
+    )
+    return replace(scene, **parts)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("symmetry", ["auto", "none", "axis"])
+@pytest.mark.parametrize("friction", [0.0, 0.35])
+def test_mirrored_bodies_and_loads_are_one_body_on_a_frictionless_plane(
+    symmetry: str, friction: float
+) -> None:
+    round_axis = symmetry == "axis"
+    load = rf.Load("p0", "top", (0.0 if round_axis else -1.0, 1.0), pressure=1.0)
+    one = rf.Scene(
+        material=rf.Material(kinematics="axisymmetric" if round_axis else "plane strain"),
+        mesh=rf.MeshOptions(contact_elements=16),
+        contacts=(rf.Contact(friction=0.0),),
+        loads=(load,),
+        history=rf.HistoryOptions(cycles=2),
+        solver=rf.SolverOptions(symmetry="auto" if round_axis else symmetry),
+    )
+    two = replace(
+        one,
+        body=rf.Body("a"),
+        others=(rf.Body("b", position=(0.0, -1.0)),),
+        contacts=(rf.Contact("a.bottom", against="b.top", friction=friction),),
+        # parts of one load: nothing but their balance holds the bodies
+        loads=(replace(load, edge="a.top"), replace(load, edge="b.bottom")),
+    )
+    a, b = (played(scene).turning_points for scene in (one, two))
+    scale = np.abs(a.P).max()
+    assert np.abs(a.P - b.P).max() < 1e-11 * scale
+    assert np.abs(b.Q).max() < 1e-11 * scale
+    assert np.array_equal(a.state == rf.State.SEPARATION, b.state == rf.State.SEPARATION)
+    assert np.abs(2.0 * a.w - b.w).max() < 1e-10 * np.abs(a.w).max()
+    assert b.load_displacement == pytest.approx(2.0 * a.load_displacement, rel=1e-10)
+
+
+@pytest.mark.parametrize("young", [1e-9, 1e-18])
+def test_ratio_of_moduli_that_costs_too_many_figures_is_said(young: float) -> None:
+    with pytest.raises(rf.SolveError, match="moduli closer together"):
+        played(pair_scene(materials=(rf.Material(young, 0.2, name="lower"),)))
+
+
+def test_two_surfaces_of_one_file_balance_the_pull_on_their_oblique_pads() -> None:
+    demo = Path(__file__).parents[2] / "demos" / "dovetail.toml"
+    record = played(rf.read_scene(demo, ["mesh.contact_elements=8", "history.cycles=1"]))
+    table, total = record.turning_points, np.zeros((3, 2))
+    for pad in record.by_edge().values():
+        t = (pad.points[-1] - pad.points[0]) / np.ptp(pad.x)
+        n = np.array([-t[1], t[0]])
+        assert np.abs(np.abs(t) - np.sqrt(0.5)).max() < 1e-12 and n[1] < 0.0
+        states = pad.turning_points
+        total += states.P.sum(axis=1)[:, None] * n + states.Q.sum(axis=1)[:, None] * t
+    assert total == pytest.approx(np.outer(table.load[:, 0], [0.0, -1.0]), abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"supports": ()}, "load 'p0' moves both bodies together, and nothing holds them"),
+        ({"contacts": (rf.Contact("upper.bottom"),)}, "body 'lower': touches nothing; name one of"),
+        (
+            {"body": rf.Body("upper", position=(0.0, 2.5))},
+            "do not lie on each other, but 0.5 apart",
+        ),
+        ({"body": rf.Body("upper", position=(6.0, 2.0))}, "do not overlap"),
+        (
+            {"body": rf.Body("upper", position=(2.1, 2.0)), "mesh": rf.MeshOptions(11 * 2)},
+            "ends inside a facet of the other one at",
+        ),
+        (
+            {"supports": (rf.Support("xy", edge="lower.top"),)},
+            "'lower.top' lies on the contact edge",
+        ),
+    ],
+)
+def test_pairs_that_cannot_be_modelled_are_refused(change: dict, words: str) -> None:
+    with pytest.raises(rf.InputError) as caught:
+        scene = pair_scene(**change)
+        rf.validate(scene)
+        played(scene)
+    assert words in str(caught.value)
+    assert len(set(comm.allgather(str(caught.value)))) == 1

@@ -20,7 +20,6 @@ from small import cyclic, small_system, table
 
 import receding_fenicsx as rf
 from receding_fenicsx.measures.limit_nodes import limit_nodes
-from receding_fenicsx.output.plots import series
 from receding_fenicsx.output.plots.labels import describe_factors, load_symbol
 from receding_fenicsx.output.plots.series import slip_lines
 from receding_fenicsx.output.plots.zone_map import (
@@ -441,22 +440,6 @@ def around(legs: int, cycles: int = 2) -> rf.Record:
     system = two_nodes()
     history = table(system, [[0.0, 0.0], loop[0]], loop, cycles)
     return rf.evolve(system, history, output=rf.OutputOptions(samples_per_leg=2, cycles="all"))
-
-
-@pytest.mark.parametrize("legs", [2, 4, 5])
-def test_each_of_few_legs_has_a_panel(legs: int) -> None:
-    found = around(legs)
-    drawn = dict(rf.figures.draw_all(found))
-    assert len([axes for axes in drawn["zones_last_cycle"].axes if axes.axison]) == legs
-    overview = [axes for axes in drawn["zones_by_cycle"].axes if axes.axison]
-    place = overview[0].get_subplotspec()
-    assert place is not None and place.get_gridspec().ncols == {2: 2, 4: 2, 5: 3}[legs]
-    places = [re.sub(r"\(\w+\) |:.*", "", axes.get_title(), flags=re.S) for axes in overview]
-    expected = [f"cycle {cycle}, leg {leg}" for cycle in (1, 2) for leg in range(legs)]
-    unloading = series.first_unloading(found)
-    assert unloading is not None
-    expected[(unloading[0] - 1) * legs + unloading[1]] = "first unloading"
-    assert places == expected
 
 
 @pytest.mark.parametrize("legs", [7, 30])

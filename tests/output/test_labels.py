@@ -15,7 +15,7 @@ from matplotlib.lines import Line2D
 
 import receding_fenicsx as rf
 from receding_fenicsx.output.plots.figures import draw_all
-from receding_fenicsx.output.plots.labels import kind_of, load_symbol, told_loads
+from receding_fenicsx.output.plots.labels import kind_of
 from receding_fenicsx.output.plots.zone_map import stacked_map
 
 pytestmark = pytest.mark.one_rank
@@ -80,20 +80,6 @@ def curve(axes: Axes, n: int) -> np.ndarray:
     """Points (n, 2) of one curve."""
     lines = [line for line in axes.lines if line.get_linestyle() != "None"]
     return np.array(lines[n].get_data(), dtype=float).T
-
-
-def test_titles_leave_out_an_interference_once_it_is_closed() -> None:
-    scene = rf.Scene(
-        contacts=(rf.Contact(interference=0.1),), loads=(rf.Load("P", "top", pressure=1.0),)
-    )
-    parts = ((0.5, 1.0), (0.0, 0.5), (0.0, 1.0))
-    assert [told_loads(scene, scene.load_names, np.array(part)) for part in parts] == [
-        [0],
-        [0, 1],
-        [0],
-    ]
-    assert told_loads(scene, ("interference",), np.ones(1)) == [0]
-    assert "interference" in load_symbol("interference")
 
 
 @pytest.mark.parametrize("kind", ["table", "harmonic"])

@@ -275,36 +275,6 @@ def test_run_without_cycles_or_costs_has_a_report_too() -> None:
     assert "Untitled run" in page.text
 
 
-def test_every_edge_of_several_has_its_rows_and_its_figures(tmp_path: Path) -> None:
-    _, summary = run()
-    points = [
-        {"edge": edge, **point} for point in summary["turning_points"] for edge in ("left", "right")
-    ]
-    for edge in ("left", "right"):
-        (tmp_path / "figures" / edge).mkdir(parents=True)
-        Image.new("RGB", (8, 8)).save(tmp_path / "figures" / edge / "zones_first_unloading.png")
-    limits = [[-0.5, 0.25, "left"]]
-    errors = {"dissipation_ratio": {"value": 0.5, "error": 1e-4}}
-    several = {
-        **summary,
-        "turning_points": points,
-        "limit_without_slip": limits,
-        "errors": errors,
-    }
-    write_summary(tmp_path / "summary.json", several)
-    page = Page(rf.write_report(tmp_path, "").read_text(encoding="utf-8"))
-    found = [row for row in page.rows if row[0] in ("left", "right")]
-    assert [row[0] for row in found] == ["left", "right"] * 5
-    for row in found:
-        # all zones of the edge, not those of one half
-        assert row[-1].split()[0] == f"{points[0]['zones'][0][1]:.4f}"
-    assert page.text.count("On left: Zones of stick") == 1
-    rows = {row[0]: row[1] for row in page.rows if len(row) == 2}
-    limit = "friction limit reached without slip in the last cycle, x from"
-    assert rows[limit] == "-0.5 to 0.25 on left"
-    assert rows["dissipation ratio 0.5, estimated space error"] == "1.0e-04"
-
-
 @pytest.mark.parametrize("period", [1, 2])
 def test_a_limit_of_a_period_reports_the_mean_over_it(period: int) -> None:
     found = rf.evolve(models.block_system(24, 6), cyclic(4))

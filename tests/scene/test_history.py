@@ -137,18 +137,3 @@ def test_instants_spread_over_a_cycle_go_evenly_and_meet_every_turning_point() -
     assert np.diff(evenly_spaced(table, 2, 60)[2]).max() < 1.2 / 59
     # at rest nothing is loaded and nothing to be seen
     assert evenly_spaced(table, 0, 5)[1][0] > 0.0
-
-
-@pytest.mark.parametrize("n", [2, 20, 32, 33, 40, 50, 60])
-def test_instants_spread_evenly_over_a_polygon_of_any_number_of_legs(n: int) -> None:
-    angle = np.linspace(0.0, 2.0 * np.pi, 33)
-    ellipse = np.column_stack([1.0 + 0.3 * np.cos(angle), np.sin(angle)])
-    table = History(("P", "Q"), np.array([[0.0, 0.0], [1.3, 0.0]]), ellipse, 3)
-    leg, s, time = evenly_spaced(table, 1, n)
-    assert len(leg) == len(s) == len(time) == n
-    assert (time[0], time[-1]) == (0.0, pytest.approx(1.0))
-    assert np.all((s >= 0.0) & (s <= 1.0)) and np.all(np.diff(leg + s) > 0.0)
-    # a leg is at most 1.31 times as long as their mean, and gets at least half the mean number
-    assert np.diff(time).max() < 2.7 / (n - 1)
-    if n <= 32:
-        assert np.allclose(np.diff(time), 1.0 / (n - 1))

@@ -1,6 +1,5 @@
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 from mpi4py import MPI
 
@@ -137,25 +136,6 @@ def test_nodes_held_normally_are_no_contacts_and_nodes_held_sideways_have_no_fri
         found: list[int] = []
         file.visititems(lambda name, item: found.extend(item) if "contact_nodes" in name else None)
     assert found == np.delete(np.arange(system.n), 5).tolist()
-
-
-@pytest.mark.parametrize("first", [True, False])
-def test_siconos_finds_the_same_reactions(first: bool) -> None:
-    numerics: Any = pytest.importorskip(
-        "siconos.numerics", reason="Siconos is not installed (apt install python3-siconos)"
-    )
-    system = held_system()
-    start, load = (None, LOAD) if first else unloading(system)
-    problem = step_problem(system, load, start)
-    ours = solve_problem(system, load, start)
-    theirs = numerics.FrictionContactProblem(2, problem.W, problem.q, problem.mu)
-    options = numerics.SolverOptions(numerics.SICONOS_FRICTION_2D_NSGS)
-    options.iparam[numerics.SICONOS_IPARAM_MAX_ITER] = 100000
-    options.dparam[numerics.SICONOS_DPARAM_TOL] = 1e-13
-    r, u = np.zeros(len(problem.q)), np.zeros(len(problem.q))
-    assert numerics.fc2d_driver(theirs, r, u, options) == 0
-    np.testing.assert_allclose(r, ours.r, atol=1e-9 * np.abs(ours.r).max())
-    np.testing.assert_allclose(u, ours.u, atol=1e-9 * np.abs(ours.u).max())
 
 
 def test_export_of_a_run_s_step_is_that_step(tmp_path: Path) -> None:

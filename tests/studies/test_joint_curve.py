@@ -153,17 +153,6 @@ def test_command_writes_a_curve_and_goes_on_with_it(
     assert (out / "joint.png").stat().st_size > 10_000
 
 
-def test_command_tells_why_all_amplitudes_failed(
-    shared_tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    head = ["joint", str(CYLINDERS), "--set", "mesh.contact_elements=20", "--drive", "Q"]
-    head += ["--from", "0.6", "--to", "0.7", "--count", "2", "--out", str(shared_tmp_path / "c")]
-    assert cli.main(head) == 1
-    told = capsys.readouterr().err
-    assert "error: joint: all amplitudes failed, the smallest with: " in told or comm.rank
-    assert "sliding" in told or comm.rank
-
-
 @pytest.mark.parametrize(
     ("change", "text"),
     [
@@ -182,9 +171,3 @@ def test_bad_input_is_one_line(
     if comm.rank == 0:
         assert text in told and len(told.strip().splitlines()) == 1
     assert not out.exists()
-
-
-@pytest.mark.parametrize("amplitudes", [[], [0.0], [0.1, -0.1], [float("nan")], [float("inf")]])
-def test_amplitudes_are_positive_numbers(amplitudes: list[float]) -> None:
-    with pytest.raises(rf.InputError, match="amplitudes: must be positive numbers"):
-        rf.joint_curve(cylinders(40), "Q", amplitudes)

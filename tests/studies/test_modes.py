@@ -36,9 +36,6 @@ pressure = 0.01
 """
 
 
-ONCE = rf.HistoryOptions(kind="monotonic", load="m", constant={"N": 1.0})
-
-
 def block(width: float, height: float, elements: int, friction: float = 0.4) -> rf.Scene:
     """A block pressed on a plane."""
     given = {"width": width, "height": height, "elements": elements, "friction": friction}
@@ -103,23 +100,6 @@ def test_frequency_and_damping_follow_from_the_loop() -> None:
     assert curve.omega[0] > curve.omega[1] > curve.omega[2]
     assert curve.zeta[0] < curve.zeta[1] < curve.zeta[2]
     assert curve.estimate[2] < curve.dissipation[2]
-
-
-@pytest.mark.one_rank
-def test_the_curve_of_a_mode_is_resumed(tmp_path: Path) -> None:
-    scene, out = block(4.0, 1.0, 16, friction=0.5), tmp_path / "curve"
-    first = rf.joint_curve(scene, "mode:1", [0.0077], out)
-    both = rf.joint_curve(
-        scene, "mode:1", [0.0077, 0.0082], out, options=rf.StudyOptions(resume=True)
-    )
-    assert first is not None and both is not None
-    assert both.dissipation[0] == first.dissipation[0]
-    assert len((out / "cases.jsonl").read_text().splitlines()) == 4  # on two meshes
-    with pytest.raises(rf.InputError, match="another"):
-        heavy = replace(scene, material=replace(scene.material, density=3.0))
-        rf.joint_curve(heavy, "mode:1", [0.0077], out, options=rf.StudyOptions(resume=True))
-    with pytest.raises(rf.InputError, match="load 'm': modes are driven by joint"):
-        rf.run(replace(scene, loads=(*scene.loads, rf.Load("m", mode=1)), history=ONCE))
 
 
 @pytest.mark.one_rank

@@ -9,16 +9,12 @@ from mpi4py import MPI
 
 import numpy as np
 import pytest
-from matplotlib.colors import to_rgba
-from matplotlib.patches import Patch
 from shakedown_cases import LOWER, TO_AND_FRO, UPPER, two_nodes
 from small import small_system
 
 import receding_fenicsx as rf
 from receding_fenicsx import cli
 from receding_fenicsx.studies.shakedown.study import (
-    Diagram,
-    ShakedownStudy,
     diagram_figure,
 )
 from receding_fenicsx.studies.starts import steady_states_figure
@@ -241,26 +237,3 @@ def test_steady_states_need_cycles() -> None:
         rf.steady_states(system, history, 2.5)  # type: ignore[arg-type]
     with pytest.raises(rf.InputError, match="factor must be a finite number"):
         rf.range_history(system, {}, [], float("nan"))
-
-
-@pytest.mark.one_rank
-def test_text_and_diagram_name_each_mesh_limit_and_region_by_its_own() -> None:
-    system = two_nodes()
-    limits = rf.shakedown_limits(system, {"mean": 1.0}, TO_AND_FRO)
-    mean = np.array([0.5, 1.0])
-    diagram = Diagram("mean", mean, mean * limits.lower, mean * limits.upper, 1.0)
-    found = ShakedownStudy(system, limits, ((9, 0.1, 0.2), (17, 0.3, 0.4)), diagram, None, ())
-    assert "0.3 and 0.4 with 17 nodes instead of 9" in str(found)
-    figure = diagram_figure(diagram)
-    (legend,) = figure.legends
-    entries = zip(legend.get_texts(), legend.legend_handles, strict=True)
-    patches = {
-        text.get_text(): to_rgba(h.get_facecolor()) for text, h in entries if isinstance(h, Patch)
-    }
-    below, between = figure.axes[0].collections
-    for area, name, middle in (
-        (below, "shakes down", 0.5 * limits.lower),
-        (between, "depends on the start", 0.5 * (limits.lower + limits.upper)),
-    ):
-        assert area.get_paths()[0].contains_point((0.999, middle))
-        assert to_rgba(np.asarray(area.get_facecolor())[0]) == patches[name]

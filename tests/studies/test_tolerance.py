@@ -212,30 +212,6 @@ def test_an_interrupted_search_is_resumed_where_it_was(
     assert np.array_equal(record.turning_points.P, whole.turning_points.P)
 
 
-def test_errors_that_are_interrupted_continue_with_the_meshes_that_are_solved(
-    shared_tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    scene, errors = block("mesh.contact_elements=32"), replace(PLAIN, error=True)
-    study.run(scene, shared_tmp_path / "whole", errors, COMM)
-    solve, calls = study.condense, []
-
-    def stop_second(*arguments: Any) -> Any:
-        calls.append(1)
-        if len(calls) == 2:
-            raise rf.Interrupted("enough", 143)
-        return solve(*arguments)
-
-    monkeypatch.setattr(study, "condense", stop_second)
-    with pytest.raises(rf.Interrupted, match="enough"):
-        study.run(scene, shared_tmp_path / "run", errors, COMM)
-    study.run(scene, shared_tmp_path / "run", replace(errors, resume=True), COMM)
-    # of three coarser meshes one was finished, and one was begun twice
-    assert len(calls) == 4
-    if COMM.rank == 0:
-        whole, resumed = (summary_of(shared_tmp_path / name) for name in ("whole", "run"))
-        assert whole["errors"] == resumed["errors"]
-
-
 def test_a_finished_search_goes_on_with_a_smaller_tolerance(shared_tmp_path: Path) -> None:
     out, numbers = shared_tmp_path / "run", ("load_displacement",)
     with pytest.raises(rf.ToleranceNotMet):

@@ -81,16 +81,6 @@ def test_turned_body_has_the_same_condensed_system(
     assert found.rigid.shape == (2 * found.n, 3) and np.all(left < 1e-20)
 
 
-def test_positions_run_with_the_body_on_the_left(shared_tmp_path: Path) -> None:
-    scene = block(load=Load("p0", "right", pressure=1.0), contacts=(Contact("top", (-2.0, 1.0)),))
-    user = file_of(scene, shared_tmp_path / "block.msh")
-    upright, found = system_of(scene), system_of(user)
-    if upright is not None and found is not None:
-        assert upright.points[[0, -1], 0].tolist() == [-2.0, 1.0]
-        assert found.points[[0, -1], 0].tolist() == [2.0, -1.0]
-        assert found.x[[0, -1]].tolist() == [-2.0, 1.0]
-
-
 def test_supports_on_named_points_hold_them(shared_tmp_path: Path) -> None:
     scene = block(supports=(Support("xy", point=(0.0, 1.0)), Support("x", point=(-2.0, 0.0))))
     spots = {"pin": (0.0, 1.0), "corner": (-2.0, 0.0)}
@@ -159,21 +149,6 @@ def test_groups_without_a_name_are_known_by_their_number(shared_tmp_path: Path) 
     scene = geo_scene(shared_tmp_path / "my.geo")
     body = make_mesh(comm, replace(scene, supports=(Support("x", edge="7"),)), False)
     assert set(body.groups) == {"foot", "head", "7"}
-
-
-def test_unequally_spaced_nodes_keep_their_places(shared_tmp_path: Path) -> None:
-    text = GEO.replace(
-        "Transfinite Curve{1, 3} = contact_elements + 1;",
-        (
-            "Transfinite Curve{1} = contact_elements + 1 Using Progression 1.1;"
-            "Transfinite Curve{3} = contact_elements + 1 Using Progression 1/1.1;"
-        ),
-    )
-    system = system_of(geo_scene(shared_tmp_path / "my.geo", text))
-    if system is not None:
-        assert np.diff(system.x)[1:] / np.diff(system.x)[:-1] == pytest.approx(1.1, rel=1e-6)
-        assert system.weight.sum() == pytest.approx(4.0, rel=1e-14)
-        assert system.weight[0] == pytest.approx(0.5 * np.diff(system.x)[0], rel=1e-12)
 
 
 POINTS = np.array([[0.0, 0.0], [1.0, 0.0], [2.0, 0.0], [0.0, 1.0], [1.0, 1.0], [2.0, 1.0]])
