@@ -48,60 +48,37 @@ def expected(scene: rf.Scene) -> tuple[Array, Array, Array, Array]:
     A, places, vectors = dense(bulk)
     A *= bulk.young
     x, y = places.T
-    n = len(A)
-    top = np.flatnonzero(np.isclose(y, 1.0))
-    side = np.flatnonzero(np.isclose(x, 2.0))
-    right = side[y[side] > 0.49]
-    rows, values, sign = [], [], []
-    F = np.zeros((n, len(scene.loads)))
-    taken = iter(vectors)
+    n, count = len(A), len(scene.loads)
+    edges = {"top": np.flatnonzero(np.isclose(y, 1.0)), "right": np.flatnonzero(np.isclose(x, 2.0))}
+    taken, F = iter(vectors), np.zeros((n, count))
+    held: list[tuple[dict[int, float], dict[int, float]]] = []  # factors of freedoms, of loads
     for k, load in enumerate(scene.loads):
-        platen = side if load.edge == "right" else top
-        if load.force is not None:
-            F[2 * platen[0] : 2 * platen[0] + 2, k] = load.force
+        nodes = edges.get(load.edge or "", np.empty(0, dtype=int))
+        if load.platen:
+            F[2 * nodes[0] : 2 * nodes[0] + 2, k] = load.force
+            for node in nodes[1:] if k == 0 else ():
+                held += [({2 * node + a: 1.0, 2 * nodes[0] + a: -1.0}, {}) for a in (0, 1)]
         elif load.displacement is None:
             F[:, k] = next(taken)
-        sign.append(-1.0 if load.displacement is None else 1.0)
-    for platen in [{"top": top, "right": side}[e.edge] for e in scene.loads[:1] if e.platen]:
-        for node in platen[1:]:
-            for axis in (0, 1):
-                row = np.zeros(n)
-                row[2 * node + axis], row[2 * platen[0] + axis] = 1.0, -1.0
-                rows.append(row)
-                values.append(np.zeros(len(scene.loads)))
-    for k, load in enumerate(scene.loads):
-        nodes = {"d": right, "w": top}.get(load.name, np.empty(0, dtype=int))
-        for node in nodes:
-            for axis in {"d": (0, 1), "w": (1,)}[load.name]:
-                row, value = np.zeros(n), np.zeros(len(scene.loads))
-                row[2 * node + axis] = 1.0
-                value[k] = {("d", 0): 1.0, ("d", 1): y[node] - 2.0, ("w", 1): -1.0}[load.name, axis]
-                rows.append(row)
-                values.append(value)
-    contact = bulk.contact.dofs
+        for node in nodes[y[nodes] > 0.49] if load.displacement else ():
+            values = (1.0, y[node] - 2.0) if load is PULL else (None, -1.0)
+            held += [({2 * node + a: 1.0}, {k: v}) for a, v in enumerate(values) if v is not None]
+    held += [({dof: 1.0}, {}) for dof in bulk.contact.dofs]
+    m = len(bulk.contact.dofs)
     bulk.destroy()
-    for dof in contact:
-        row = np.zeros(n)
-        row[dof] = 1.0
-        rows.append(row)
-        values.append(np.zeros(len(scene.loads)))
-    C, d = np.array(rows), np.array(values)
-    m = len(contact)
+    C, d = np.zeros((len(held), n)), np.zeros((len(held), count))
+    for i, (freedoms, factors) in enumerate(held):
+        C[i, list(freedoms)], d[i, list(factors)] = list(freedoms.values()), list(factors.values())
     system = np.block([[A, C.T], [C, np.zeros((len(C), len(C)))]])
-    right_hand = np.zeros((len(system), len(scene.loads) + m))
+    right_hand = np.zeros((len(system), count + m))
     right_hand[:n, :-m], right_hand[n:, :-m] = F, d
     right_hand[n + len(C) - m :, -m:] = np.eye(m)
     solution = np.linalg.solve(system, right_hand)
     # the multipliers are the forces of the body on what holds it
-    force = -solution[n:]
-    u = solution[:n]
-    compliance = np.zeros((len(sign), len(sign)))
-    for k in range(len(sign)):
-        if sign[k] < 0.0:
-            compliance[k] = F[:, k] @ u[:, :-m]
-        else:
-            compliance[k] = d[:, k] @ force[:, :-m]
-    return force[-m:, -m:], force[-m:, :-m].T, compliance, np.array(sign)
+    u, force = solution[:n], -solution[n:]
+    sign = np.array([1.0 if load.displacement else -1.0 for load in scene.loads])
+    compliance = np.where(sign[:, None] < 0.0, F.T @ u[:, :-m], d.T @ force[:, :-m])
+    return force[-m:, -m:], force[-m:, :-m].T, compliance, sign
 
 
 @ELEMENTS
