@@ -22,41 +22,7 @@ MESHED = Path(__file__).parents[2] / "meshes" / "pad.geo"
 UPPER = 'name = "upper"\nshape = "half-plane"\nwidth = 2.4\n'
 LOWER = 'name = "lower"\nshape = "half-plane"\nwidth = 2.4\n'
 SUPPORT = '[[support]]\nedge = "lower.far"\nfix = "xy"\n'
-PAIR = f"""
-[[body]]
-{UPPER}
-[[body]]
-{LOWER}
-[material]
-young = 200.0
-poisson = 0.3
-[mesh]
-contact_elements = 160
-[contact]
-edge = "upper.bottom"
-against = "lower.top"
-friction = 0.5
-initial_gap = "x**2 / 200"
-[[load]]
-name = "P"
-edge = "upper.far"
-platen = true
-force = [0.0, -1.0]
-[[load]]
-name = "Q"
-edge = "upper.far"
-platen = true
-force = [1.0, 0.0]
-{SUPPORT}
-[history]
-kind = "table"
-columns = ["P", "Q"]
-rows = [[1.0, 0.0], [1.0, 0.3]]
-cycle_rows = [[1.0, -0.3], [1.0, 0.3]]
-cycles = 2
-[output]
-samples_per_leg = 1
-"""
+PAIR = (Path(__file__).parents[2] / "demos" / "half_planes.toml").read_text()
 ONE = """
 [body]
 shape = "half-plane"
@@ -117,9 +83,10 @@ def test_dissipation_of_cattaneo_and_mindlin() -> None:
 
 
 def test_a_pair_on_a_stiff_half_plane_is_one_on_a_rigid_plane() -> None:
-    stiff = PAIR.replace("[material]\n", "[material.lower]\nyoung = 2e8\n[material]\n")
-    pair = rf.given(rf.condense(rf.from_toml(stiff)))
+    pair = rf.given(rf.condense(rf.from_toml(PAIR, ["material.lower.young=2e8"])))
     lone = PAIR.replace(f"[[body]]\n{LOWER}", "").replace(SUPPORT, "")
+    lone = lone.replace("[material.lower]\nyoung = 200.0\npoisson = 0.3\n", "")
+    lone = lone.replace("[material.upper]", "[material]")
     lone = lone.replace('against = "lower.top"\n', "").replace("upper.", "")
     one = rf.given(rf.condense(rf.from_toml(lone)))
     assert np.abs(pair.K - one.K).max() < 3e-6 * np.abs(one.K).max()
@@ -259,14 +226,13 @@ def test_cylinders_of_different_materials_stick_by_dundurs_beta() -> None:
     compliance = (1.0 - 2.0 * beta) / (
         2.0 * beta * (1.0 - nu_b**2) + (1.0 - 2.0 * nu_b) * (1.0 + nu_b)
     )
-    materials = f"[material.lower]\nyoung = {1.0 / compliance}\npoisson = {nu_b}\n"
-    text = PAIR.replace("[material]\n", materials + "[material]\n").replace("2.4", "2.2")
-    changes = ["material.young=1.0", "material.poisson=0.0", "contact.friction=0.2"]
+    changes = ["material.upper.young=1.0", "material.upper.poisson=0.0", "contact.friction=0.2"]
+    changes += [f"material.lower.young={1.0 / compliance}", f"material.lower.poisson={nu_b}"]
     # Hertz's a^2 = 4 P R / (pi E*), to be 1, with 1 / E* = c1a + c1b
     radius = np.pi / 4.0 / (1.0 + compliance * (1.0 - nu_b**2)) / 0.01
     changes += [f"contact.initial_gap=x**2 / {2.0 * radius}", "load.P.force=[0.0, -0.01]"]
     changes += ["history.rows=[[1.0, 0.0], [1.0, 1e-9]]", "history.cycle_rows=[]"]
-    record = played(rf.from_toml(text, changes))
+    record = played(rf.from_toml(PAIR.replace("2.4", "2.2"), changes))
     state = record.turning_points.state[0]
     stick = np.abs(record.x[state == rf.State.STICK]).max()
     touching = np.abs(record.x[state != rf.State.SEPARATION]).max()
