@@ -34,16 +34,6 @@ from receding_fenicsx.timing import Countdown, Say
 if TYPE_CHECKING:
     from receding_fenicsx.bulk.stack import Stack
 
-CODING = {
-    ".mp4": "-c:v libx264 -crf 20 -pix_fmt yuv420p -movflags +faststart -f mp4".split(),
-    ".gif": [
-        *("-f", "gif", "-filter_complex"),
-        "scale=min(800\\,iw):-1:flags=lanczos,split[a][b];[a]palettegen[c];"
-        "[b][c]paletteuse=dither=none",
-    ],
-}
-"""Options of FFmpeg by the file's ending; a GIF is at most 800 pixels wide."""
-
 Frame = NDArray[np.uint8]
 """(height, width, 3) array of red, green and blue."""
 
@@ -68,21 +58,7 @@ def animate(
     path: Path,
     say: Say | None = None,
 ) -> list[Path] | None:
-    """Make a film; collective.
-
-    Args:
-        bulk: the body.
-        scenario: the instants, on rank 0.
-        quantity: the stress.
-        path: path of the files without the endings ``.mp4`` and ``.gif``.
-        say: called on rank 0 with the progress.
-
-    Returns:
-        The files written, on rank 0; None elsewhere.
-
-    Raises:
-        RecedingError: FFmpeg failed.
-    """
+    """Make a film of rank 0's scenario, ``path`` with endings .mp4 and .gif; collective."""
     film: Scenario = bulk.comm.bcast(scenario)
     fields: list[Fields] = []
     tell = Countdown(say, "fields:")
@@ -97,11 +73,11 @@ def animate(
     def write() -> list[Path]:
         frames = draw_frames(bulk, film, fields, quantity, say)
         make_folder(path.parent)
-        made = [path.with_name(f"{path.name}{ending}") for ending in (".mp4", ".gif")]
         if say is not None:
             say("coding the film")
-        for film_file in made:
-            write_film(film_file, frames)
+        made = [path.with_name(f"{path.name}{ending}") for ending in (".mp4", ".gif")]
+        for file in made:
+            write_film(file, frames)
         return made
 
     return on_root(bulk.comm, write)
@@ -114,7 +90,7 @@ def draw_frames(
     quantity: Quantity,
     say: Say | None = None,
 ) -> list[Frame]:
-    """Draw the frames of a film, on rank 0; tell the progress."""
+    """Draw the frames of a film, on rank 0."""
     largest = largest_factors(bulk.scene)
     symbol = pressure_of(bulk.scene, bulk.scene.load_names)[1]
     units = units_of(bulk, fields, largest, peak(symbol) if symbol else "")
@@ -149,23 +125,14 @@ def draw_frames(
 
 
 def free_place(x: Array, p: Array) -> str:
-    """Return the place of a legend above the third of the contact with the lowest pressure.
-
-    Args:
-        x: (N,) positions.
-        p: (n, N) normal tractions in the pictures of a film; nan at nodes without weight.
-    """
+    """Return the place of a legend where p (n, N) is the lowest in all n pictures."""
     third = np.clip((3.0 * (x - x[0]) / (x[-1] - x[0])).astype(int), 0, 2)
     highest = [float(np.nanmax(p[:, third == k])) for k in (2, 0, 1)]
     return ("upper right", "upper left", "upper center")[int(np.argmin(highest))]
 
 
 def write_film(path: Path, frames: list[Frame]) -> None:
-    """Write frames as an MP4 file, coded as H.264, or as an endless GIF with one palette.
-
-    Raises:
-        RecedingError: FFmpeg is missing or failed.
-    """
+    """Write frames as an MP4 file, coded as H.264, or as an endless GIF with one palette."""
     try:
         from imageio_ffmpeg import get_ffmpeg_exe
 
@@ -174,6 +141,11 @@ def write_film(path: Path, frames: list[Frame]) -> None:
         raise RecedingError(f"film: {error}; pip install imageio-ffmpeg") from None
     # H.264 needs an even number of pixels
     height, width = (n - n % 2 for n in frames[0].shape[:2])
+    if path.suffix == ".mp4":
+        coding = "-c:v libx264 -crf 20 -pix_fmt yuv420p -movflags +faststart -f mp4"
+    else:  # at most 800 pixels wide, of one palette
+        coding = "-f gif -filter_complex scale=min(800\\,iw):-1:flags=lanczos,split[a][b];"
+        coding += "[a]palettegen[c];[b][c]paletteuse=dither=none"
     with new_file(path, overwrite=True) as beside, tempfile.TemporaryFile() as raw:
         # the last frame stays for half a second before the film starts again
         for frame in [*frames, *[frames[-1]] * 6]:
@@ -181,7 +153,7 @@ def write_film(path: Path, frames: list[Frame]) -> None:
         raw.seek(0)
         command = [program, "-y", "-v", "error", "-f", "rawvideo", "-pix_fmt", "rgb24"]
         command += ["-s", f"{width}x{height}", "-r", "12", "-i", "pipe:0"]
-        command += [*CODING[path.suffix], str(beside)]
+        command += [*coding.split(), str(beside)]
         # FFmpeg reads a file, not a pipe: PETSc would end the job at a broken pipe
         done = subprocess.run(
             command, stdin=raw, capture_output=True, env=child_environment(), timeout=300.0

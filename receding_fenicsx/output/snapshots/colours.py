@@ -12,9 +12,6 @@ from receding_fenicsx.arrays import Array
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.output.snapshots.view import View
 
-MIN_FRINGES = 10
-"""Smallest number of isochromatic fringes between zero and the largest shear."""
-
 
 @dataclass(frozen=True)
 class Quantity:
@@ -45,16 +42,11 @@ QUANTITIES = (
 
 
 def quantity_of(name: str) -> Quantity:
-    """Return the stress with this name.
-
-    Raises:
-        InputError: the name is unknown.
-    """
-    found = [quantity for quantity in QUANTITIES if quantity.name == name]
-    if not found:
-        known = ", ".join(quantity.name for quantity in QUANTITIES)
-        raise InputError(f"stress '{name}': is unknown; use one of {known}")
-    return found[0]
+    """Return the stress with this name; raise InputError if it is unknown."""
+    known = {quantity.name: quantity for quantity in QUANTITIES}
+    if name not in known:
+        raise InputError(f"stress '{name}': is unknown; use one of {', '.join(known)}")
+    return known[name]
 
 
 @dataclass(frozen=True)
@@ -84,34 +76,33 @@ def scaled(view: View, quantity: Quantity) -> Array:
 def colours_of(
     values: Array, quantity: Quantity, pressure_symbol: str, areas: Array | None = None
 ) -> tuple[Colours, Array]:
-    """Choose the colours and the contour lines of a field.
+    """Choose the colours and the values of the contour lines (none for fringes) of a field.
 
     Args:
         values: (n,) field at the vertices.
         quantity: the stress.
         pressure_symbol: symbol of the pressure that it is divided by; "" for none.
         areas: (n,) area of each vertex; equal areas by default.
-
-    Returns:
-        The colours, and the values of the contour lines (none for fringes).
     """
-    # a large body is almost free of stress far from its load
-    # part of the largest absolute value below which the field does not affect the colour range
-    stressed = np.abs(values) > 0.02 * np.abs(values).max(initial=0.0)
-    weights = np.ones(len(values)) if areas is None else areas
-    # half a per cent of the area may lie beyond either end of the colour bar: singular points would
-    # take most of its range
-    low, high = _quantiles(values[stressed], weights[stressed], np.array([0.005, 0.995]))
+    # a large body is almost free of stress far from its load: less than 0.02 of the largest does
+    # not affect the range, from whose ends half a per cent of the area may lie beyond, as singular
+    # points would take most of it
+    order = np.argsort(values, kind="stable")
+    order = order[np.abs(values[order]) > 0.02 * np.abs(values).max(initial=0.0)]
+    low, high = 0.0, 0.0
+    if len(order):
+        weights = np.ones(len(order)) if areas is None else areas[order]
+        below = np.cumsum(weights) - 0.5 * weights
+        ends = np.array([0.005, 0.995]) * weights.sum()
+        low, high = np.interp(ends, below, values[order]).tolist()
     divided = f"/{pressure_symbol}" if pressure_symbol else ""
     label = f"${quantity.symbol}{divided}$"
     if quantity.fringes:
         fringe = fringe_value(high)
         limits = (0.0, max(float(values.max()), fringe))
-        order = np.linspace(0.0, limits[1] / fringe, 4096)
-        grey = np.cos(np.pi * order) ** 2
+        grey = np.cos(np.pi * np.linspace(0.0, limits[1] / fringe, 4096)) ** 2
         note = f"one fringe {fringe:g}" + (rf"$\,{pressure_symbol}$" if pressure_symbol else "")
-        table = np.stack([grey] * 3, axis=1)
-        return Colours(limits, table, label, note, "neither"), np.empty(0)
+        return Colours(limits, np.stack([grey] * 3, axis=1), label, note, "neither"), np.empty(0)
     # zero is always part of the range
     low, high = min(low, 0.0), max(high, 0.0)
     largest = max(-low, high) or 1.0
@@ -119,27 +110,18 @@ def colours_of(
         high = largest
     part = np.linspace(low, high, 256) / largest
     table = mpl.colormaps[quantity.colours](0.5 + 0.5 * part if quantity.signed else part)
-    above, below = values.max() > high, values.min() < low
-    extend = {(0, 0): "neither", (1, 0): "max", (0, 1): "min", (1, 1): "both"}
-    colours = Colours((low, high), table, label, "", extend[int(above), int(below)])
-    # approximate number of contour lines
-    return colours, np.asarray(MaxNLocator(9).tick_values(low, high))
-
-
-def _quantiles(values: Array, weights: Array, parts: Array) -> tuple[float, float]:
-    """Return two weighted quantiles of values; zeros if there are none."""
-    if not len(values):
-        return 0.0, 0.0
-    order = np.argsort(values, kind="stable")
-    below = np.cumsum(weights[order]) - 0.5 * weights[order]
-    low, high = np.interp(parts * weights.sum(), below, values[order])
-    return float(low), float(high)
+    beyond = int(values.max() > high) + 2 * int(values.min() < low)
+    extend = ("neither", "max", "min", "both")[beyond]
+    # about nine contour lines
+    levels = np.asarray(MaxNLocator(9).tick_values(low, high))
+    return Colours((low, high), table, label, "", extend), levels
 
 
 def fringe_value(largest: float) -> float:
-    """Return a round stress of one fringe with at least ``MIN_FRINGES`` up to the largest value."""
+    """Return a round stress of one fringe, of which at least ten fit the largest value."""
     if largest <= 0.0:
         return 1.0
-    power = 10.0 ** np.floor(np.log10(largest / MIN_FRINGES))
-    steps = [step * power for step in (1.0, 2.0, 5.0)]
-    return float(max(step for step in steps if step * MIN_FRINGES <= largest * (1.0 + 1e-9)))
+    power = 10.0 ** np.floor(np.log10(largest / 10.0))
+    return float(
+        max(k * power for k in (1.0, 2.0, 5.0) if 10.0 * k * power <= largest * (1 + 1e-9))
+    )

@@ -50,20 +50,12 @@ def snapshots(
     quantities: tuple[Quantity, ...] = QUANTITIES,
     say: Say | None = None,
 ) -> list[Path] | None:
-    """Draw the body at some instants, and write its fields for ParaView; collective.
+    """Draw the body at some instants, one picture for each stress; collective.
 
-    Args:
-        bulk: the body.
-        instants: states of the modelled contact nodes, on all ranks.
-        folder: folder of the pictures; the fields for ParaView go to ``fields`` next to it.
-        quantities: stresses, one picture each.
-        say: called on rank 0 with the progress.
-
-    Returns:
-        The files written, on rank 0; None elsewhere.
+    The pictures go to ``folder``, the fields for ParaView to ``fields`` next to it. Rank 0 gets the
+    files.
     """
-    comm, folder = bulk.comm, Path(folder)
-    beside = folder.parent / "fields"
+    comm, beside = bulk.comm, folder.parent / "fields"
 
     def prepare() -> None:
         start()
@@ -115,29 +107,15 @@ def draw_pages(
     layout: Layout,
     clocks: Sequence[Clock | None] = (None,),
 ) -> Iterator[Figure]:
-    """Yield the pages of a stress of several views of a body with the same layout and colours.
-
-    Args:
-        views: the views, all in the same units.
-        quantity: the stress.
-        layout: layout of the pages.
-        clocks: position of each page in a film; None for a single picture.
-    """
+    """Yield the pages of a stress of several views with the same units, layout and colours."""
     values = [scaled(view, quantity) for view in views]
-    seen = [layout.shows(view.moved) for view in views]
-    areas = [vertex_areas(v.points, v.cells)[at] for v, at in zip(views, seen, strict=True)]
-    shown = np.concatenate([v[at] for v, at in zip(values, seen, strict=True)])
-    colours, levels = colours_of(shown, quantity, views[0].pressure_symbol, np.concatenate(areas))
+    seen = np.concatenate([layout.shows(view.moved) for view in views])
+    areas = np.concatenate([vertex_areas(view.points, view.cells) for view in views])[seen]
+    symbol = views[0].pressure_symbol
+    colours, levels = colours_of(np.concatenate(values)[seen], quantity, symbol, areas)
     for view, field, clock in zip(views, values, clocks, strict=True):
-        pixels = render(
-            view.moved,
-            view.cells,
-            field,
-            colours.limits,
-            colours.table,
-            layout.window,
-            layout.pixels,
-        )
+        shown = colours.limits, colours.table, layout.window, layout.pixels
+        pixels = render(view.moved, view.cells, field, *shown)
         contours = (field, levels) if len(levels) else None
         with mpl.rc_context(style.RC):
             page = compose(view, layout, pixels, colours, clock, contours)
@@ -145,11 +123,7 @@ def draw_pages(
 
 
 def draw_mode(bulk: Stack, critical: CriticalFriction | None, file: Path) -> Path | None:
-    """Draw the body deformed by a slip mode (rank 0's), without loads, at the mode's friction.
-
-    Raises:
-        InputError: there is no mode, or the body's contact nodes are not those of the mode.
-    """
+    """Draw the body deformed by a slip mode (rank 0's), without loads, at the mode's friction."""
     n, none = len(bulk.contact.x), np.zeros(len(bulk.scene.load_names))
 
     def checked() -> CriticalFriction:

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
-from matplotlib.artist import Artist, allow_rasterization
 from matplotlib.axes import Axes
-from matplotlib.backend_bases import RendererBase
 from matplotlib.cm import ScalarMappable
 from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.colors import ListedColormap, Normalize
@@ -25,8 +24,6 @@ from receding_fenicsx.output.snapshots.render import Pixels
 from receding_fenicsx.output.snapshots.view import Strip, View
 from receding_fenicsx.scene.options import in_unit
 
-Box = tuple[float, float, float, float]
-"""Left, bottom, width and height in inches."""
 LEFT, RIGHT = 0.62, 0.98
 """Margins in inches: left for the axis of the tractions, right for the colour bar."""
 
@@ -143,27 +140,6 @@ class Clock:
     legend: str = "upper right"
 
 
-class PixelImage(Artist):
-    """An image with one pixel for each pixel of the page, drawn as it is."""
-
-    def __init__(self, pixels: Pixels, corner: tuple[float, float]) -> None:
-        """Place the image with its lower left corner at a point of the page, in inches."""
-        super().__init__()
-        self.set_zorder(1.0)
-        opaque = np.full((*pixels.shape[:2], 1), 255, np.uint8)
-        self.rgba = np.concatenate([pixels, opaque], axis=2)[::-1]
-        self.corner = corner
-
-    @allow_rasterization
-    def draw(self, renderer: RendererBase) -> None:
-        """Draw the image."""
-        assert self.figure is not None
-        x, y = (round(inches * self.figure.dpi) for inches in self.corner)
-        context = renderer.new_gc()
-        renderer.draw_image(context, x, y, self.rgba)
-        context.restore()
-
-
 def compose(
     view: View,
     layout: Layout,
@@ -174,20 +150,14 @@ def compose(
 ) -> Figure:
     """Draw the page around the image of the field.
 
-    Args:
-        view: body and contact at the instant.
-        layout: layout of the page.
-        pixels: the image.
-        colours: its colours.
-        clock: position in a film; None for a single picture.
-        contours: field at the vertices, and the values at which contour lines are drawn.
-
-    Returns:
-        The page.
+    ``clock`` is its position in a film; ``contours`` are the field and the values at which
+    lines are drawn.
     """
     figure = Figure(figsize=(layout.width, layout.height), dpi=layout.dpi)
     body = _axes_at(figure, layout.body)
-    body.add_artist(PixelImage(pixels, layout.body[:2]))
+    # one pixel of the image for each of the page, behind the axes
+    corner = (round(inches * layout.dpi) for inches in layout.body[:2])
+    figure.figimage(pixels, *corner, zorder=-1)
     if contours is not None:
         _draw_contours(body, view, *contours, layout.dpi)
     body.set_xlim(layout.window[0], layout.window[1])
@@ -228,8 +198,8 @@ def _draw_contours(axes: Axes, view: View, values: Array, levels: Array, dpi: fl
     )
 
 
-def _axes_at(figure: Figure, box: Box) -> Axes:
-    """Add axes in a box of a page."""
+def _axes_at(figure: Figure, box: tuple[float, float, float, float]) -> Axes:
+    """Add axes in a box (left, bottom, width, height) of a page, in inches."""
     page = figure.get_size_inches()
     left, bottom, width, height = (a / b for a, b in zip(box, (*page, *page), strict=True))
     return figure.add_axes((left, bottom, width, height))
@@ -241,8 +211,7 @@ def _draw_colour_bar(figure: Figure, view: View, layout: Layout, colours: Colour
     *_, bottom, top = layout.window
     scale = height / (top - bottom)
     ends = np.clip([view.moved[:, 1].min(), view.moved[:, 1].max()], bottom, top)
-    # smallest height of a colour bar in inches: room for its label. Beside a flat body it reaches
-    # down beside the tractions
+    # 0.7 inches have room for its label; beside a flat body it reaches down beside the tractions
     tall = max(scale * float(ends[1] - ends[0]), 0.7)
     base = foot + scale * float(ends[1] - bottom) - tall
     bar = figure.colorbar(
@@ -252,9 +221,7 @@ def _draw_colour_bar(figure: Figure, view: View, layout: Layout, colours: Colour
         extend=colours.extend,
         extendfrac=0.03,
     )
-    # labels of a flat body's colour bar would overlap
-    # smallest distance in inches of the labels of a colour bar
-    # largest number of labels of a colour bar
+    # at most six labels, 0.18 inches apart: those of a flat body's bar would overlap
     labels = min(max(int(tall / 0.18), 1), 6)
     bar.locator = MaxNLocator(labels, steps=[1, 2, 2.5, 5, 10])
     bar.update_ticks()
@@ -267,17 +234,12 @@ def _write_captions(figure: Figure, view: View, layout: Layout, note: str) -> No
     top = 1.0 - 0.08 / layout.height
     begin, end = left / layout.width, (left + width) / layout.width
     figure.text(begin, top, view.caption, ha="left", va="top")
-    moved = f"displacements × {view.factor:g}"
-    moved = f"{note}, {moved}" if note else moved
-    figure.text(end, top, moved, ha="right", va="top", color=style.INK_OF_GUIDES)
+    right = f"{note}{', ' if note else ''}displacements × {view.factor:g}"
+    figure.text(end, top, right, ha="right", va="top", color=style.INK_OF_GUIDES)
     present = view.f.present if len(view.strips) == 1 else view.friction
-    figure.legend(
-        handles=style.state_patches([1, 2, 3, 4] if view.friction else [1, 2], present),
-        loc="lower center",
-        bbox_to_anchor=(0.5 * (begin + end), 0.0),
-        ncols=4,
-        columnspacing=1.6,
-    )
+    patches = style.state_patches([1, 2, 3, 4] if view.friction else [1, 2], present)
+    look: dict[str, Any] = {"bbox_to_anchor": (0.5 * (begin + end), 0.0), "columnspacing": 1.6}
+    figure.legend(handles=patches, loc="lower center", ncols=4, **look)
 
 
 def _draw_clock(axes: Axes, clock: Clock) -> None:
@@ -318,14 +280,14 @@ def _draw_tractions(axes: Axes, view: View, layout: Layout, clock: Clock | None)
     divided = f"/{view.pressure_symbol}" if view.pressure_symbol else ""
     axes.axhline(0.0, color="black", lw=0.4)
     low, high = view.f[known].limits(view.p[known])
-    curves = [(view.p, style.PRESSURE_COLOUR, "p")]
+    curves = [(view.p, style.PRESSURE_COLOUR, f"$p{divided}$")]
     if view.friction:
-        curves.append((view.q, style.SHEAR_COLOUR, "q"))
+        curves.append((view.q, style.SHEAR_COLOUR, f"$q{divided}$"))
         axes.fill_between(view.x[known], low, high, **style.CONE)
     for _, begin, _ in zones(view.x, view.state)[1:]:
         axes.axvline(begin, color=style.GUIDE_COLOUR, lw=0.4, dashes=(1, 2))
-    for values, colour, name in curves:
-        axes.plot(view.x[known], values[known], color=colour, label=f"${name}{divided}$")
+    for values, colour, label in curves:
+        axes.plot(view.x[known], values[known], color=colour, label=label)
     axes.set_ylim(*(traction_limits(view) if clock is None else clock.tractions))
     strip = view.strips[0]
     if abs(strip.normal[1]) == 1.0:
@@ -339,8 +301,7 @@ def _draw_tractions(axes: Axes, view: View, layout: Layout, clock: Clock | None)
     label = position_label(view.length_symbol, view.radial, view.own_units)
     which = f" on {view.strips[0].name}" if len(view.strips) > 1 else ""
     axes.set_xlabel(label + which, labelpad=1.0)
-    symbols = ",  ".join(f"${name}{divided}$" for *_, name in curves)
-    axes.set_ylabel(in_unit(symbols, view.stress_unit))
+    axes.set_ylabel(in_unit(",  ".join(label for *_, label in curves), view.stress_unit))
     style.ticks(axes.yaxis, 5)
 
 
@@ -349,12 +310,11 @@ def _draw_tractions(axes: Axes, view: View, layout: Layout, clock: Clock | None)
 
 def _draw_outlines(axes: Axes, view: View) -> None:
     """Draw the undeformed and the deformed outline, and planes and states of contact edges."""
-    before = LineCollection(list(view.points[view.edges]), colors=style.GUIDE_COLOUR)
-    before.set(linewidths=0.6, linestyles=[(0, (3, 2))], zorder=2)
-    after = LineCollection(list(view.moved[view.edges]), colors="black", capstyle="round")
-    after.set(linewidths=0.8, zorder=3)
-    axes.add_collection(before)
-    axes.add_collection(after)
+    before, after = list(view.points[view.edges]), list(view.moved[view.edges])
+    dashed: dict[str, Any] = {"colors": style.GUIDE_COLOUR, "linestyles": [(0, (3, 2))]}
+    axes.add_collection(LineCollection(before, linewidths=0.6, zorder=2, **dashed))
+    whole = LineCollection(after, colors="black", capstyle="round", linewidths=0.8, zorder=3)
+    axes.add_collection(whole)
     for strip in view.strips:
         if strip.rigid:
             _draw_plane(axes, view, strip)
@@ -387,10 +347,9 @@ def _draw_line(axes: Axes, strip: Strip) -> None:
         x = np.concatenate([[a], strip.x[(strip.x > a) & (strip.x < b)], [b]])
         pieces.append(np.stack([np.interp(x, strip.x, part) for part in strip.moved.T], axis=1))
     colours = [style.STATE_COLOURS[style.STATE_OF_NAME[name]] for name, _, _ in found]
-    whole = LineCollection(pieces, colors="black", linewidths=4.4, capstyle="butt", zorder=4)
-    axes.add_collection(whole)
-    line = LineCollection(pieces, colors=colours, linewidths=3.4, capstyle="butt", zorder=5)
-    axes.add_collection(line)
+    for look, width, zorder in (("black", 4.4, 4), (colours, 3.4, 5)):
+        line = LineCollection(pieces, colors=look, linewidths=width, capstyle="butt", zorder=zorder)
+        axes.add_collection(line)
 
 
 def _draw_band(axes: Axes, view: View, strip: Strip) -> None:
@@ -404,18 +363,10 @@ def _draw_band(axes: Axes, view: View, strip: Strip) -> None:
         boxes.append(np.vstack([ends - inner, ends[::-1] - outer]))
         fills.append(style.STATE_COLOURS[state])
         if b - a > 0.025 * np.ptp(strip.x):  # room for the number
-            middle = boxes[-1].mean(axis=0)
-            axes.annotate(
-                str(int(state)),
-                middle,
-                xytext=(0.0, -0.3),
-                textcoords="offset points",
-                ha="center",
-                va="center_baseline",
-                fontsize=7.0,
-                color=style.STATE_INKS[state],
-                zorder=6,
-            )
+            look: dict[str, Any] = {"ha": "center", "va": "center_baseline", "fontsize": 7.0}
+            look |= {"xytext": (0.0, -0.3), "textcoords": "offset points", "zorder": 6}
+            look["color"] = style.STATE_INKS[state]
+            axes.annotate(str(int(state)), boxes[-1].mean(axis=0), **look)
     axes.add_collection(
         PolyCollection(boxes, facecolors=fills, edgecolors="black", linewidths=0.4, zorder=5)
     )
@@ -423,23 +374,12 @@ def _draw_band(axes: Axes, view: View, strip: Strip) -> None:
 
 def _draw_loads(axes: Axes, view: View) -> None:
     """Draw the arrows of the loads; in a close-up only those that end in it."""
+    look: dict[str, Any] = {"arrowstyle": "-|>,head_length=0.35,head_width=0.14", "lw": 0.8}
+    look |= {"color": "#202020", "shrinkA": 0.0, "shrinkB": 0.0}
     for arrows in view.arrows:
         for tail, head in zip(arrows.tails, arrows.heads, strict=True):
-            if view.near and not axes.viewLim.contains(*head):
-                continue
-            axes.annotate(
-                "",
-                head,
-                xytext=tail,
-                zorder=7,
-                annotation_clip=False,
-                arrowprops={
-                    "arrowstyle": "-|>,head_length=0.35,head_width=0.14",
-                    "lw": 0.8,
-                    "color": "#202020",
-                    "shrinkA": 0.0,
-                    "shrinkB": 0.0,
-                },
-            )
+            if not view.near or axes.viewLim.contains(*head):
+                place: dict[str, Any] = {"xytext": tail, "annotation_clip": False}
+                axes.annotate("", head, zorder=7, arrowprops=look, **place)
         if arrows.joined:
             axes.plot(*arrows.tails.T, color="#202020", lw=0.8, zorder=7)

@@ -19,7 +19,6 @@ midpoints, ``sxx_cell`` and so on; of contact lines the mean of both ends.
 
 from __future__ import annotations
 
-import re
 import xml.etree.ElementTree as ET
 from dataclasses import dataclass
 from pathlib import Path
@@ -34,9 +33,6 @@ from receding_fenicsx.atomic import new_file
 from receding_fenicsx.bulk.fields import Fields
 from receding_fenicsx.output.snapshots.whole_body import WholeContact, edge_values
 from receding_fenicsx.store.hdf5 import new_hdf5
-
-INSTANT = re.compile(r"cycle\d+_leg\d+_s\d+\.\d+\.xdmf")
-"""File names of instants."""
 
 
 @dataclass(frozen=True)
@@ -58,13 +54,7 @@ class Grid:
 
 
 def grid_of(fields: Fields, cell_stress: dict[str, Array], contact: WholeContact) -> Grid:
-    """Join bodies and contact in one grid.
-
-    Args:
-        fields: fields of the whole body or bodies.
-        cell_stress: stresses of its cells by name.
-        contact: the whole contact.
-    """
+    """Join the whole bodies, with stresses of their cells by name, and the contact in one grid."""
     n, m = len(fields.points), len(contact.x)
     names = list(fields.stress)
     values = np.column_stack([fields.displacement, *fields.stress.values()])
@@ -75,19 +65,24 @@ def grid_of(fields: Fields, cell_stress: dict[str, Array], contact: WholeContact
             fields, values, contact.points[on], contact.normal[on][0], contact.body[on][0]
         )
     joined = np.vstack([values, line])
+    p, q = contact.p[:, None], contact.q[:, None]
+    of_contact = {
+        "p": contact.p,
+        "q": contact.q,
+        "traction": _vectors(q * contact.tangent + p * contact.normal),
+        "gap": contact.initial_gap + contact.w,
+        "slip": contact.v,
+    }
     at_points: dict[str, NDArray[Any]] = {"displacement": _vectors(joined[:, :2])}
     at_points |= {name: joined[:, 2 + i] for i, name in enumerate(names)}
-    at_points |= {name: _append(np.nan, n, value) for name, value in _of_contact(contact).items()}
+    at_points |= {name: _append(np.nan, n, value) for name, value in of_contact.items()}
     at_points["state"] = _append(0, n, contact.state.astype(np.int32))
 
     start = np.flatnonzero(np.diff(contact.edge) == 0)
     ends = np.column_stack([start, start + 1])
-    width = fields.cells.shape[1]
-    topology = [
-        # XDMF's numbers: 4 a triangle, 5 a quadrilateral, 2 a polyline of two points
-        np.column_stack([np.full(len(fields.cells), {3: 4, 4: 5}[width]), fields.cells]),
-        np.column_stack([np.tile((2, 2), (len(ends), 1)), ends + n]),
-    ]
+    # XDMF's numbers: 4 a triangle, 5 a quadrilateral, 2 a polyline of two points
+    kind = np.full(len(fields.cells), {3: 4, 4: 5}[fields.cells.shape[1]])
+    lines = np.column_stack([np.tile((2, 2), (len(ends), 1)), ends + n])
     body = np.zeros(n, dtype=int) if fields.body is None else fields.body
     part = np.append(1 + body[fields.cells[:, 0]], np.zeros(len(ends)))
     in_cells: dict[str, NDArray[Any]] = {"part": part.astype(np.int32)}
@@ -95,22 +90,10 @@ def grid_of(fields: Fields, cell_stress: dict[str, Array], contact: WholeContact
         in_cells[f"{name}_cell"] = np.append(cell_stress[name], line[ends, 2 + i].mean(axis=1))
     return Grid(
         points=_vectors(np.vstack([fields.points, contact.points])),
-        topology=np.concatenate([rows.ravel() for rows in topology]),
+        topology=np.append(np.column_stack([kind, fields.cells]), lines),
         at_points=at_points,
         in_cells=in_cells,
     )
-
-
-def _of_contact(contact: WholeContact) -> dict[str, Array]:
-    """Return the values that only contact nodes have."""
-    p, q = contact.p[:, None], contact.q[:, None]
-    return {
-        "p": contact.p,
-        "q": contact.q,
-        "traction": _vectors(q * contact.tangent + p * contact.normal),
-        "gap": contact.initial_gap + contact.w,
-        "slip": contact.v,
-    }
 
 
 def _vectors(plane: Array) -> Array:
@@ -124,12 +107,9 @@ def _append(fill: float, n: int, values: NDArray[Any]) -> NDArray[Any]:
 
 
 def write_instant(file: Path, grid: Grid, time: float) -> None:
-    """Write an instant, and the series of all instants of its folder anew.
+    """Write an instant as XDMF file, with its numbers in an HDF5 file beside it.
 
-    Args:
-        file: XDMF file; its numbers go to an HDF5 file of the same name beside it.
-        grid: bodies and contact.
-        time: time of the instant.
+    The series of all instants of the folder is written anew.
     """
     data = file.with_suffix(".h5")
     element = ET.Element("Grid", Name=file.stem, GridType="Uniform")
@@ -155,24 +135,18 @@ def write_instant(file: Path, grid: Grid, time: float) -> None:
                 attribute.set("Center", center)
                 add(attribute, f"{center.lower()}/{name}", values)
     _write(file, element)
-    _join_instants(file.parent)
-
-
-def _join_instants(folder: Path) -> None:
-    """Write the series of a folder's instants."""
     grids = []
-    for file in folder.glob("*.xdmf"):
-        grid = ET.parse(file).getroot().find("Domain/Grid")
-        data = file.with_suffix(".h5")
-        if INSTANT.fullmatch(file.name) and grid is not None and data.is_file():
+    for other in file.parent.glob("cycle*_leg*_s*.xdmf"):
+        found, data = ET.parse(other).getroot().find("Domain/Grid"), other.with_suffix(".h5")
+        if found is not None and data.is_file():
             with h5py.File(data) as h5:
-                time = h5.attrs.get("time")
-            if time is not None:
-                grid.insert(0, ET.Element("Time", Value=repr(float(time))))
-                grids.append((float(time), file.name, grid))
+                when = h5.attrs.get("time")
+            if when is not None:
+                found.insert(0, ET.Element("Time", Value=repr(float(when))))
+                grids.append((float(when), other.name, found))
     series = ET.Element("Grid", Name="instants", GridType="Collection", CollectionType="Temporal")
-    series.extend(grid for _, _, grid in sorted(grids, key=lambda entry: entry[:2]))
-    _write(folder / "instants.xdmf", series)
+    series.extend(found for _, _, found in sorted(grids, key=lambda entry: entry[:2]))
+    _write(file.with_name("instants.xdmf"), series)
 
 
 def _write(file: Path, grid: ET.Element) -> None:

@@ -1,18 +1,14 @@
 """Off-screen rendering of fields on plane meshes by pyvista, in a separate process.
 
-VTK ends the whole process if a graphics library is missing or conflicts with another library. It
-therefore never runs in the process, or the MPI job, of the study, which starts one process for all
-pictures and sends it the fields.
+VTK ends the whole process if a graphics library is missing or conflicts with another one. It never
+runs in the process, or the MPI job, of the study: one process draws all pictures.
 """
 
 from __future__ import annotations
 
 import ctypes.util
 import os
-import sys
 from functools import cache
-from importlib import import_module
-from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -24,12 +20,8 @@ from receding_fenicsx.errors import RecedingError
 
 Pixels = NDArray[np.uint8]
 """(height, width, 3) red, green, blue, from the top row downwards."""
-
 POOL = "renderer"
 """Name of the pool of the process that renders."""
-
-SAMPLES = 2
-"""Number of samples along each side of a pixel, of which its colour is the mean."""
 
 
 def start() -> None:
@@ -61,8 +53,7 @@ def render(
         RecedingError: off-screen rendering does not work on this machine.
     """
     try:
-        picture = points, cells, values, limits, colours, window, size
-        job = workers.submit(POOL, _render, picture)
+        job = workers.submit(POOL, _render, points, cells, values, limits, colours, window, size)
         return workers.result(POOL, job, 120.0)  # seconds
     except Exception as error:
         reason = " ".join(str(error).split()) or type(error).__name__
@@ -76,14 +67,6 @@ def _prepare() -> None:
     _window()
 
 
-class _Later(ModuleType):
-    """A module that is imported when something in it is used."""
-
-    def __getattr__(self, name: str) -> Any:
-        sys.modules.pop(self.__name__, None)
-        return getattr(import_module(self.__name__), name)
-
-
 @cache
 def _window() -> Any:
     """Return the window of this process that all pictures are drawn in."""
@@ -93,11 +76,9 @@ def _window() -> Any:
         raise RecedingError("neither EGL nor OSMesa was found")
     # without its name VTK looks for a display first, and complains
     os.environ["VTK_DEFAULT_OPENGL_WINDOW"] = found[0]
-    # pyvista imports it for its charts, which takes a quarter of the time to this window
-    sys.modules.setdefault("matplotlib.pyplot", _Later("matplotlib.pyplot"))
     import pyvista as pv
 
-    plotter = pv.Plotter(off_screen=True, window_size=[SAMPLES, SAMPLES], border=False)
+    plotter = pv.Plotter(off_screen=True, border=False)
     plotter.set_background("white")
     plotter.disable_anti_aliasing()
     # VTK creates its window at the first picture
@@ -105,8 +86,8 @@ def _window() -> Any:
     return plotter
 
 
-def _render(picture: tuple[Any, ...]) -> Pixels:
-    """Render a picture in this process; it holds the arguments of :func:`render`."""
+def _render(*picture: Any) -> Pixels:
+    """Render a picture in this process; each pixel is the mean of two by two samples."""
     points, cells, values, limits, colours, window, size = picture
     plotter = _window()
     import pyvista as pv
@@ -117,7 +98,7 @@ def _render(picture: tuple[Any, ...]) -> Pixels:
     mesh = pv.PolyData(np.column_stack([points, np.zeros(len(points))]), faces=faces)
     mesh.point_data["field"] = values
     plotter.clear_actors()
-    plotter.render_window.SetSize(*(SAMPLES * length for length in size))
+    plotter.render_window.SetSize(2 * size[0], 2 * size[1])
     plotter.add_mesh(
         mesh,
         scalars="field",
@@ -138,4 +119,4 @@ def _render(picture: tuple[Any, ...]) -> Pixels:
     plotter.camera.clipping_range = (0.5, 1.5)
     plotter.render()
     fine = plotter.screenshot(None, return_img=True)
-    return np.asarray(Image.fromarray(np.ascontiguousarray(fine)).reduce(SAMPLES), dtype=np.uint8)
+    return np.asarray(Image.fromarray(np.ascontiguousarray(fine)).reduce(2), dtype=np.uint8)

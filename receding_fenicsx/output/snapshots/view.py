@@ -159,17 +159,7 @@ class View:
 
 
 def view_of(bulk: Stack, fields: Fields, instant: Instant, units: Units | None = None) -> View:
-    """Return the view of the whole body at one instant, on rank 0.
-
-    Args:
-        bulk: the body.
-        fields: its fields at the instant.
-        instant: state of the modelled contact nodes.
-        units: units of the picture; chosen for this instant by default.
-
-    Returns:
-        The view.
-    """
+    """Return the view of the whole body at one instant, on rank 0; by default in its own units."""
     scene, names = bulk.scene, bulk.scene.load_names
     if bulk.body.half:
         fields = merge_axis(fields)
@@ -219,33 +209,31 @@ def _contact(
         strips.append(Strip(described.edge, x, at, moved / unit, normal, gap, state, rigid))
     on = found.edge == 0
     p, q = found.p[on] / units.traction, found.q[on] / units.traction
-    argument = found.argument[on]
-    forward, backward = (evaluate(f, argument) for f in directions(scene.contacts[0].friction))
+    argument, first = found.argument[on], scene.contacts[0]
+    forward, backward = (evaluate(f, argument) for f in directions(first.friction))
     # outward slip is forward on the right of the axis and backward on the left
     left = found.x[on] != argument
     forward, backward = np.where(left, backward, forward), np.where(left, forward, backward)
-    first = scene.contacts[0]
-    branches = (
+    cohesion, limit = (
         None if profile is None else evaluate(profile, argument) / units.traction
         for profile in (first.cohesion, first.shear_limit)
     )
-    law = friction_of(forward, backward, np.ones(len(p)), (next(branches), next(branches)))
-    return tuple(strips), p, q, law
+    return tuple(strips), p, q, friction_of(forward, backward, np.ones(len(p)), (cohesion, limit))
 
 
 def units_of(bulk: Stack, fields: list[Fields], load: Array, symbol: str = "") -> Units:
     """Choose the units of one picture, or of several pictures with the same units.
 
-    Args:
-        bulk: the body.
-        fields: its fields in all pictures.
-        load: (n_loads,) load factors; stresses are divided by the pressure at these factors.
-        symbol: symbol of this pressure; by default that of the load.
+    Stresses are divided by the pressure at these load factors, whose symbol is by default that of
+    the load.
     """
     size, _ = _size(bulk, fields[0])
     largest = max(float(np.linalg.norm(f.displacement, axis=1).max()) for f in fields)
-    # largest exaggerated displacement in a picture, over the size of the view
-    factor = _round_down(0.1 * size / largest) if largest > 0.0 else 1.0
+    factor = 1.0
+    if largest > 0.0:
+        # displacements of up to a tenth of the view's size; one significant digit, rounded down
+        power = 10.0 ** np.floor(np.log10(0.1 * size / largest))
+        factor = float(f"{np.floor(0.1 * size / largest / power) * power:.0e}")
     if all(body.is_half_plane for body in bulk.scene.bodies) and len(bulk.scene.bodies) > 1:
         factor = min(factor, 1.0)  # the gap between them is not drawn, they would overlap
     pressure, own = pressure_of(bulk.scene, bulk.scene.load_names)
@@ -263,18 +251,11 @@ def _size(bulk: Stack, fields: Fields) -> tuple[float, bool]:
     return min(0.5 * length, float(extent.min())) if near else float(extent.min()), near
 
 
-def _round_down(value: float) -> float:
-    """Round down to one significant digit."""
-    power = 10.0 ** np.floor(np.log10(value))
-    return float(f"{np.floor(value / power) * power:.0e}")
-
-
 def _caption(scene: Scene, names: tuple[str, ...], instant: Instant) -> str:
     """Describe an instant: its leg and its load factors."""
     path = history.history_from_scene(scene)
-    legs = [(0, k, a, b) for k, (a, b) in enumerate(zip(path.path, path.path[1:], strict=False))]
-    legs += [(1, k, a, b) for k, (a, b) in enumerate(zip(path.loop, path.loop[1:], strict=False))]
-    falling = [(c, k) for c, k, a, b in legs if np.abs(b).sum() < np.abs(a).sum()]
+    sizes = enumerate(np.abs(part).sum(axis=1) for part in (path.path, path.loop))
+    falling = [(c, k) for c, size in sizes for k in np.flatnonzero(np.diff(size) < 0.0)]
     plain = len(path.loop) <= 3 and len(names) == 1
     falls = (min(instant.cycle, 1), instant.leg) in falling
     first = falling[:1] == [(instant.cycle, instant.leg)]
@@ -297,21 +278,10 @@ def load_arrows(
     exaggeration: float,
     size: float,
 ) -> list[Arrows]:
-    """Return the arrows of the loads on rectangles, at the deformed edges.
-
-    Args:
-        scene: the scene.
-        names: names of the loads.
-        fields: fields of the whole body.
-        factors: (n_loads,) load factors.
-        exaggeration: factor of the displacements.
-        size: size of the view, to which lengths of arrows are proportional.
-
-    Returns:
-        The arrows of each load that has a traction, in the scene's units of length.
-    """
+    """Return the arrows of loads on rectangles, at the deformed edges, in the scene's lengths."""
     largest = dict(zip(names, largest_factors(scene), strict=True))
-    # largest distance between arrows, over the size of the view
+    # over the size of the view: largest distance between arrows 0.22, from the edge 0.02, length of
+    # the arrow of the largest traction 0.24
     found = [
         (unit, *_traction(scene, unit, 0.22 * size))
         for load in scene.loads
@@ -324,17 +294,14 @@ def load_arrows(
     bodies, arrows = in_order(scene), []
     for load, points, traction in found:
         part = float(factors[names.index(load.name)]) / max(sizes)
-        # length of the arrow of the largest traction, over the size of the view
         vector = 0.24 * size * part * traction
         if not np.any(vector):
             continue
         body, edge = scene.find_edge(load.edge)
         outward = np.array(OUTWARD[edge])
-        number = bodies.index(body)
-        moved = edge_values(fields, fields.displacement, points, outward, number)
+        moved = edge_values(fields, fields.displacement, points, outward, bodies.index(body))
         at = points + exaggeration * moved
         inward = vector @ outward < 0.0
-        # distance between the arrows and the edge, over the size of the view
         tails = np.where(inward[:, None], at - vector, at) + 0.02 * size * outward
         arrows.append(Arrows(tails, tails + vector, bool(inward.all())))
     return arrows

@@ -59,7 +59,7 @@ def outline(cells: NDArray[np.int64]) -> NDArray[np.int64]:
 
 def vertex_areas(points: Array, cells: NDArray[np.int64]) -> Array:
     """Return (n,) areas of the vertices: equal shares of the cells around each."""
-    x, y = points[cells][..., 0], points[cells][..., 1]
+    x, y = np.moveaxis(points[cells], 2, 0)
     area = 0.5 * np.abs(np.sum(x * np.roll(y, -1, axis=1) - y * np.roll(x, -1, axis=1), axis=1))
     width = cells.shape[1]
     share = np.repeat(area / width, width)
@@ -67,18 +67,7 @@ def vertex_areas(points: Array, cells: NDArray[np.int64]) -> Array:
 
 
 def edge_values(fields: Fields, values: Array, place: Array, normal: Array, body: int = 0) -> Array:
-    """Interpolate values along a straight edge from the vertices on it.
-
-    Args:
-        fields: fields of the whole body.
-        values: (n, k) values at its vertices.
-        place: (m, 2) points of the edge.
-        normal: (2,) unit normal of the edge.
-        body: number of the body that the edge belongs to.
-
-    Returns:
-        (m, k) values.
-    """
+    """Interpolate values (n, k) of the vertices at points (m, 2) of a straight edge of a body."""
     tangent = np.array([normal[1], -normal[0]])
     near = 1e-9 * np.abs(fields.points).max()
     along = (fields.points - place[0]) @ tangent
@@ -133,7 +122,7 @@ class WholeContact:
 
 
 def whole_contact(bulk: Stack, instant: Instant) -> WholeContact:
-    """Return the whole contact of a body or of several at one instant of its modelled nodes."""
+    """Return the whole contact at one instant of its modelled nodes."""
     scene, contact = bulk.scene, bulk.contact
     half = np.full(len(contact.x), bulk.body.half)
     if scene.axisymmetric:
