@@ -18,10 +18,6 @@ Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 """Whole numbers: nodes, cells, cycles."""
 
-LINE = 100
-"""Longest line of a description."""
-MAX_LINES = 30
-"""Most lines of a description."""
 SHORT = reprlib.Repr()
 """Texts of values, long ones cut in their middle."""
 SHORT.maxstring = SHORT.maxother = 60
@@ -83,15 +79,15 @@ def spread(rows: Ints, most: int) -> Ints:
 
 
 def described(title: str, rows: Iterable[tuple[str, str]]) -> str:
-    """Return a title and rows of names and texts, of at most ``MAX_LINES`` lines."""
+    """Return a title and rows of names and texts, of at most 30 lines of 100 characters."""
     named = list(rows)
     width = max((len(name) for name, _ in named), default=0)
-    lines = [shortened(title, LINE)]
+    lines = [shortened(title, 100)]
     for name, text in named:
-        first, *more = textwrap.wrap(text, LINE - width - 4) or [""]
+        first, *more = textwrap.wrap(text, 96 - width) or [""]
         lines += [f"  {name:{width}}  {first}", *(f"  {'':{width}}  {line}" for line in more)]
-    if len(lines) > MAX_LINES:
-        lines = [*lines[: MAX_LINES - 1], f"  ... {len(lines) - MAX_LINES + 1} more lines"]
+    if len(lines) > 30:
+        lines = [*lines[:29], f"  ... {len(lines) - 29} more lines"]
     return "\n".join(lines)
 
 
@@ -106,7 +102,7 @@ def aligned(rows: Sequence[Sequence[str]]) -> list[str]:
 
 def call_of(item: Any, without: Iterable[str] = ()) -> str:
     """Return a dataclass as a call with its values in a few words; empty ones are left out."""
-    names = [field.name for field in dataclasses.fields(item) if field.name not in without]
+    names = (field.name for field in dataclasses.fields(item) if field.name not in without)
     values = ((name, getattr(item, name)) for name in names)
     given = (f"{name}={brief(value)}" for name, value in values if value not in (None, "", (), {}))
     return f"{type(item).__name__}({', '.join(given)})"

@@ -20,10 +20,6 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from mpi4py import MPI
 
-TESTED_DOLFINX = ("0.5", "0.11")
-"""Releases of DOLFINx that the test suite runs with."""
-
-
 FACTORISE = """
 try:
     import dolfinx_solver
@@ -87,16 +83,15 @@ def costs(comm: MPI.Comm, seconds: Mapping[str, float]) -> dict[str, Any]:
 
 def examine() -> list[Finding]:
     """Look for all requirements and test those that can be tested."""
-    findings = [_tested(finding) for finding in _modules()]
     compiler = next((c for c in (os.environ.get("CC"), "cc", "gcc") if c and shutil.which(c)), None)
-    findings.append(
-        Finding("C compiler", compiler, "install gcc: DOLFINx compiles its forms with it")
-    )
     own = Path(sys.executable).with_name("mpiexec")  # PyPI's MPI needs its own
     program = str(own) if own.exists() else shutil.which("mpirun")
-    findings.append(Finding("mpirun", program, "install the MPI that DOLFINx is linked with"))
-    findings.append(_rendering())
-    return findings
+    return [
+        *map(_tested, _modules()),
+        Finding("C compiler", compiler, "install gcc: DOLFINx compiles its forms with it"),
+        Finding("mpirun", program, "install the MPI that DOLFINx is linked with"),
+        _rendering(),
+    ]
 
 
 def _tested(finding: Finding) -> Finding:
@@ -109,16 +104,14 @@ def _tested(finding: Finding) -> Finding:
         said = re.search(r"DMUMPS +([0-9][0-9.]*)", output)
         if failure or said is None:
             reason = failure or "its output has no version"
-            advice = f"{reason}; check that PETSc and MPI belong together"
-            return Finding(finding.name, None, advice)
+            return Finding("MUMPS", None, f"{reason}; check that PETSc and MPI belong together")
         return replace(finding, version=f"{said[1]}, works")
     if finding.name == "matplotlib":
         # the versions in a summary do without loading it
-        return _probe(finding.name, lambda: _module_version("matplotlib"), finding.advice)
-    release = ".".join(finding.version.split(".")[:2])
-    if finding.name == "dolfinx" and release not in TESTED_DOLFINX:
-        tested = " and ".join(TESTED_DOLFINX)
-        return replace(finding, version=f"{finding.version}, not tested ({tested} are)")
+        return _probe("matplotlib", _module_version, finding.advice)
+    # releases that the test suite runs with
+    if finding.name == "dolfinx" and not re.match(r"0\.(5|11)(\.|$)", finding.version):
+        return replace(finding, version=f"{finding.version}, not tested (0.5 and 0.11 are)")
     if "reference BLAS" in finding.version:
         slow = "3 to 5 times slower than OpenBLAS: apt install libopenblas0-pthread"
         return replace(finding, version=f"{finding.version}; {slow}")
@@ -134,49 +127,43 @@ def _modules() -> list[Finding]:
     debian = (
         "apt install python3-dolfinx-real (or pip install dolfinx-solver-real on Python >= 3.12)"
     )
-    pip = "pip install {} in the program's environment"
-    Probe = tuple[str, Callable[[], str], str]
-
-    def of_module(name: str, advice: str = "") -> Probe:
-        return name, lambda: _module_version(name), advice or pip.format(name)
-
-    def of_package(name: str, advice: str = "") -> Probe:
-        return name, lambda: metadata.version(name), advice or pip.format(name)
-
-    probes: list[Probe] = [
-        ("python", platform.python_version, ""),
-        ("receding_fenicsx", lambda: str(import_module("receding_fenicsx").__version__), ""),
-        of_module("numpy"),
-        of_module("scipy"),
-        of_package("numba"),
-        of_module("h5py", "apt install python3-h5py (Debian's DOLFINx needs Debian's)"),
-        ("MPI", _mpi, debian),
-        of_module("mpi4py", debian),
-        of_module("dolfinx", debian),
-        (
+    return [
+        _probe("python", lambda _: platform.python_version()),
+        _probe("receding_fenicsx", _module_version),
+        _probe("numpy", _module_version),
+        _probe("scipy", _module_version),
+        _probe("numba", metadata.version),
+        _probe(
+            "h5py", _module_version, "apt install python3-h5py (Debian's DOLFINx needs Debian's)"
+        ),
+        _probe("MPI", _mpi, debian),
+        _probe("mpi4py", _module_version, debian),
+        _probe("dolfinx", _module_version, debian),
+        _probe(
             "petsc",
-            lambda: ".".join(map(str, import_module("petsc4py.PETSc").Sys.getVersion())),
+            lambda _: ".".join(map(str, import_module("petsc4py.PETSc").Sys.getVersion())),
             debian,
         ),
-        ("MUMPS", _mumps, "use a PETSc built with MUMPS, such as Debian's"),
-        (
+        _probe("MUMPS", _mumps, "use a PETSc built with MUMPS, such as Debian's"),
+        _probe(
             "gmsh",
-            lambda: str(import_module("gmsh").__version__),
-            pip.format("gmsh") + " and apt install libgl1 libglu1-mesa libxrender1 libxcursor1 "
-            "libxfixes3 libxft2 libfontconfig1 libxinerama1",
+            _module_version,
+            "pip install gmsh in the program's environment and apt install libgl1 libglu1-mesa "
+            "libxrender1 libxcursor1 libxfixes3 libxft2 libfontconfig1 libxinerama1",
         ),
-        of_package("matplotlib"),
-        of_package("pyvista"),
-        of_package("vtk", pip.format("'vtk>=9.5,<9.6'")),
-        *map(of_package, ("pillow", "imageio-ffmpeg", "loky")),
-        ("BLAS", _blas, "apt install libopenblas0-pthread"),
+        _probe("matplotlib", metadata.version),
+        _probe("pyvista", metadata.version),
+        _probe("vtk", metadata.version, "pip install 'vtk>=9.5,<9.6' in the program's environment"),
+        *(_probe(name, metadata.version) for name in ("pillow", "imageio-ffmpeg", "loky")),
+        _probe("BLAS", _blas, "apt install libopenblas0-pthread"),
     ]
-    return [_probe(*probe) for probe in probes]
 
 
-def _probe(name: str, version: Callable[[], str], advice: str) -> Finding:
+def _probe(name: str, version: Callable[[str], str], advice: str = "") -> Finding:
+    """Find a version by a function of the name."""
+    advice = advice or f"pip install {name} in the program's environment"
     try:
-        return Finding(name, version(), advice)
+        return Finding(name, version(name), advice)
     except Exception as error:
         reason = str(error).splitlines()[0] if str(error) else type(error).__name__
         return Finding(name, None, f"{reason}; {advice}")
@@ -187,14 +174,14 @@ def _module_version(name: str) -> str:
     return str(getattr(module, "__version__", None) or metadata.version(name))
 
 
-def _mpi() -> str:
+def _mpi(_: str) -> str:
     from mpi4py import MPI
 
     first = MPI.Get_library_version().split("\n")[0].split(",")[0].strip("\0")
     return " ".join(first.replace("Version:", "").split())
 
 
-def _mumps() -> str:
+def _mumps(_: str) -> str:
     from petsc4py import PETSc
 
     if not PETSc.Sys.hasExternalPackage("mumps"):
@@ -203,7 +190,7 @@ def _mumps() -> str:
     return named[0] if named else "built into PETSc"
 
 
-def _blas() -> str:
+def _blas(_: str) -> str:
     import_module("numpy")
     with contextlib.suppress(ImportError):  # MUMPS may use another BLAS than NumPy
         import_module("petsc4py.PETSc")
@@ -245,9 +232,8 @@ def _child(program: str) -> tuple[str, str]:
 
 def _rendering() -> Finding:
     """Render in a child process, since VTK may crash without EGL and OSMesa."""
-    name = "off-screen rendering"
     libraries = [lib for lib in ("EGL", "OSMesa") if ctypes.util.find_library(lib)]
     _, failure = _child(RENDER)
-    if failure:
-        return Finding(name, None, f"{failure}; apt install libosmesa6 (or libegl1)")
-    return Finding(name, f"works (found: {', '.join(libraries) or 'a display'})")
+    advice = f"{failure}; apt install libosmesa6 (or libegl1)"
+    works = f"works (found: {', '.join(libraries) or 'a display'})"
+    return Finding("off-screen rendering", None if failure else works, advice)

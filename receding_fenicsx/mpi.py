@@ -15,16 +15,8 @@ if TYPE_CHECKING:
 
 T = TypeVar("T")
 
-POLL_SECONDS = 0.005
-"""Longest pause between two polls of a waiting rank."""
-SAVING_SECONDS = 10.0
-"""Time that a rank waits after a signal for rank 0 to save its work."""
 RANK_WAIT_SECONDS = 10.0
 """Time that a failing rank waits for the others to fail too, before it aborts the job."""
-LAUNCHER_SECONDS = 0.5
-"""Pause before a rank aborts the job: MPICH's launcher drops output not yet passed on."""
-LEAVING = 32_767
-"""Tag of the messages by which ranks agree to leave, the largest that every MPI has."""
 
 
 def world() -> MPI.Comm:
@@ -71,15 +63,16 @@ def leave(comm: MPI.Comm, code: int, text: str = "") -> None:
         text: what to print on another rank than 0 before it aborts the job.
     """
     missing = [rank for rank in range(comm.size) if rank != comm.rank]
+    tag = 32_767  # the largest that every MPI has
     with contextlib.suppress(Exception):  # an error of MPI itself: the others cannot be reached
-        requests = [comm.isend(None, rank, LEAVING) for rank in missing]
+        requests = [comm.isend(None, rank, tag) for rank in missing]
         end = time.monotonic() + RANK_WAIT_SECONDS
         while missing and time.monotonic() < end:
-            come = [rank for rank in missing if comm.iprobe(rank, LEAVING)]
+            come = [rank for rank in missing if comm.iprobe(rank, tag)]
             for rank in come:
-                comm.recv(source=rank, tag=LEAVING)
+                comm.recv(source=rank, tag=tag)
             missing = [rank for rank in missing if rank not in come]
-            time.sleep(POLL_SECONDS)
+            time.sleep(0.005)
         if not missing:
             for request in requests:
                 request.wait()
@@ -89,7 +82,7 @@ def leave(comm: MPI.Comm, code: int, text: str = "") -> None:
     for stream in (sys.stdout, sys.stderr):
         with contextlib.suppress(OSError, AttributeError):
             stream.flush()
-    time.sleep(LAUNCHER_SECONDS)
+    time.sleep(0.5)  # MPICH's launcher drops output not yet passed on
     comm.Abort(code)
 
 
@@ -131,19 +124,19 @@ def given(value: T | None) -> T:
 
 def _wait_for_root(request: MPI.Request) -> None:
     """Sleep until rank 0 has done its work."""
-    # a signal that ends the job reaches every rank; rank 0 may have to save its work first
+    # a signal that ends the job reaches every rank; rank 0 has 10 s to save its work first
     stopped: BaseException | None = None
     begin, end = time.monotonic(), float("inf")
     while time.monotonic() < end:
         try:
             while time.monotonic() < end and not request.Test():
                 # late by a tenth at most
-                time.sleep(min(0.1 * (time.monotonic() - begin), POLL_SECONDS))
+                time.sleep(min(0.1 * (time.monotonic() - begin), 0.005))
             if time.monotonic() < end:
                 return
         except (KeyboardInterrupt, SystemExit) as signalled:
             stopped = stopped or signalled
-            end = min(end, time.monotonic() + SAVING_SECONDS)
+            end = min(end, time.monotonic() + 10.0)
     assert stopped is not None
     raise stopped
 

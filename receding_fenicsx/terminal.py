@@ -23,9 +23,6 @@ if TYPE_CHECKING:
 
 PROGRAM = "receding-fenicsx"
 
-UNUSABLE_PATH = (errno.ENAMETOOLONG, errno.EACCES, errno.EPERM, errno.ENOTDIR, errno.ELOOP)
-"""System errors of paths that the user has to change."""
-
 
 def world() -> MPI.Comm | None:
     """Return all processes of the job, or None without mpi4py (some commands do not need it)."""
@@ -107,6 +104,8 @@ def progress(verbose: int = 0) -> Iterator[Say]:
 
 def ending(error: BaseException) -> tuple[int, str]:
     """Return the exit code and the line to print for what ended a command."""
+    # errors of paths that the user has to change
+    unusable = errno.ENAMETOOLONG, errno.EACCES, errno.EPERM, errno.ENOTDIR, errno.ELOOP
     match error:
         case InputErrors():
             return error.exit_code, "\n".join(f"error: {line}" for line in error.messages)
@@ -130,7 +129,7 @@ def ending(error: BaseException) -> tuple[int, str]:
             sys.stdout = None  # buffered output cannot be written either
             where = error.filename or "standard output"
             return 1, f"error: {where}: cannot be written ({error.strerror})"
-        case OSError() if error.errno in UNUSABLE_PATH:
+        case OSError() if error.errno in unusable:
             return 2, f"error: {error.filename}: cannot be used ({error.strerror})"
     traceback.print_exception(error)
     text = f"internal error: {type(error).__name__}: {error}; please report the lines above"

@@ -13,15 +13,13 @@ log = logging.getLogger(__name__)
 Say = Callable[[str], None]
 """Called on rank 0 with the name of each stage, and with each :class:`Step` within it."""
 
-STAGES = ("mesh", "assemble", "condense", "evolve", "pictures")
-
 
 class Timer:
     """Seconds spent in each stage."""
 
     def __init__(self, say: Say | None = None) -> None:
         """Start at zero; ``say`` is called with the name of each stage when it starts."""
-        self.seconds = dict.fromkeys(STAGES, 0.0)
+        self.seconds = dict.fromkeys(("mesh", "assemble", "condense", "evolve", "pictures"), 0.0)
         self.say = say
 
     @contextmanager
@@ -48,13 +46,7 @@ class Countdown:
     """Progress of a known number of steps: those done, and the time left at the recent pace."""
 
     def __init__(self, say: Say | None, what: str, about: str = "about") -> None:
-        """Start to count.
-
-        Args:
-            say: called with a :class:`Step`.
-            what: what is counted, the beginning of the text.
-            about: what to say before the time left.
-        """
+        """Start to count ``what``, the beginning of the text; ``about`` is before the time left."""
         self.say, self.what, self.about = say, what, about
         self.ends = deque([time.monotonic()], maxlen=21)
 

@@ -92,7 +92,7 @@ def test_slip_lines_find_the_power_that_the_slip_follows() -> None:
     assert [line.x for line in lines] == pytest.approx([0.5, 0.6, 0.7, 0.8])
     for line in lines:
         assert line.fit.exponent == pytest.approx(-2.5, abs=1e-12)
-        assert line.at(line.N) == pytest.approx(line.slip)
+        assert line.factor * line.N**line.fit.exponent == pytest.approx(line.slip)
         assert line.slip[0] == pytest.approx(0.5e-3 * (1.0 + line.x))
 
 

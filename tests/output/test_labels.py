@@ -16,7 +16,7 @@ from matplotlib.lines import Line2D
 import receding_fenicsx as rf
 from receding_fenicsx.output.plots.figures import draw_all
 from receding_fenicsx.output.plots.labels import kind_of
-from receding_fenicsx.output.plots.zone_map import stacked_map
+from receding_fenicsx.output.plots.zone_map import zone_map
 
 pytestmark = pytest.mark.one_rank
 
@@ -145,7 +145,7 @@ def test_figures_of_harmonic_loads_are_drawn_over_their_phase() -> None:
     assert bulk[:, 0] == pytest.approx((0.1 + AMPLITUDE * cosine) / 0.4, abs=1e-12)
     # what is drawn at the phase of a turning point are its states
     angle, table = Q[:, 1], found.turning_points
-    moved = stacked_map(found, 3).moved_to(angle / 360.0)
+    moved = zone_map(found, 3).moved_to(angle / 360.0)
     for row in np.flatnonzero(table.cycle == 3)[:-1]:
         before, after = (moved.states(angle[table.leg[row] + 1] / 360.0 + d) for d in (-1e-9, 1e-9))
         assert np.all((table.state[row] == before) | (table.state[row] == after))

@@ -50,7 +50,7 @@ def slip_per_cycle(record: Record, scales: Scales | None = None) -> Figure:
     for line, colour in zip(lines, style.SERIES_COLOURS, strict=False):
         label = f"{scales.position(line.x, '.2f')}:  $N^{{{line.fit.exponent:.2f}}}$"
         axes.loglog(line.N, line.slip, "o", color=colour, ms=2.4, label=label)
-        axes.loglog(fitted, line.at(fitted), color=colour, lw=0.8)
+        axes.loglog(fitted, line.factor * fitted**line.fit.exponent, color=colour, lw=0.8)
     axes.set_xlabel("cycle $N$")
     # a word for the pressure needs its own line
     between = "\n" if scales.pressure_symbol.startswith(r"\mathrm") else " "
@@ -87,14 +87,8 @@ def dissipation_per_cycle(
         label, count = names.get(stepped.method, stepped.method), np.arange(1, len(other) + 1)
         axes.plot(count, other, "s", mfc="none", mec=colours[1], ms=4.5, mew=0.7, label=label)
         axes.legend(loc="upper right")
-    axes.annotate(
-        f"{ratio[-1]:.4f}",
-        (float(N[-1]), ratio[-1]),
-        xytext=(-4, 5),
-        textcoords="offset points",
-        fontsize=8.0,
-        ha="right",
-    )
+    look: dict[str, Any] = {"textcoords": "offset points", "fontsize": 8.0, "ha": "right"}
+    axes.annotate(f"{ratio[-1]:.4f}", (float(N[-1]), ratio[-1]), xytext=(-4, 5), **look)
     axes.set(xlabel="cycle $N$", ylabel="dissipation, $D_N/D_1$")
     axes.set_ylim(0.0, 1.1 * float(ratio.max()))
     # largest number of cycles on a linear axis; more are on a logarithmic one
@@ -186,12 +180,12 @@ def hysteresis(
             # first loading is not a loop and lies far from the chord
             shown = (size, bend) if path.cycle or len(paths) == 1 else (size,)
             for axes, conjugate in zip(row, shown, strict=False):
-                _draw_path(axes, *_turned(conjugate, load, other.upright), path, paths)
+                _draw_path(axes, *(conjugate, load)[:: -1 if other.upright else 1], path, paths)
         notes = (other.name, "less the chord of the last loop")
         labels = (delta, rf"({delta} - \mathrm{{chord}})")
         for m, (axes, symbol, note) in enumerate(zip(row, labels, notes, strict=True)):
             own = f"${symbol}{other.behind}${other.bracket}"
-            along, up = _turned(own, load_label, other.upright)
+            along, up = (own, load_label)[:: -1 if other.upright else 1]
             axes.set(xlabel=along, ylabel=style.wrapped([up], height))
             axis: Literal["x", "y"] = "y" if other.upright else "x"
             axes.ticklabel_format(axis=axis, scilimits=(-2, 3), useMathText=True)
@@ -200,10 +194,6 @@ def hysteresis(
             axes.set_title(panel, loc="left", pad=4.0)
     figure.legend(handles=_cycle_handles(paths), loc="outside lower center", ncols=len(paths))
     return figure
-
-
-def _turned(along: Any, up: Any, turned: bool) -> tuple[Any, Any]:
-    return (up, along) if turned else (along, up)
 
 
 @mpl.rc_context(style.RC)

@@ -25,6 +25,9 @@ from receding_fenicsx.scene.options import Units, in_unit
 
 # -- names of loads: a symbol as mathematics, a word as text -------------------------------------
 
+MOST_TOLD = 8
+"""Number of loads of which all are named; of more only those that act."""
+
 
 def is_word(name: str) -> bool:
     """Return whether a load's name is a word, not a symbol."""
@@ -127,14 +130,10 @@ def _size_and_kind(load: Load) -> tuple[float, str]:
 
 
 class Conjugate(NamedTuple):
-    """The work-conjugate quantity of a load in figures.
+    """The work-conjugate quantity of a load in figures: U over ``unit``.
 
-    Attributes:
-        unit: what the load displacement U is divided by.
-        symbol, behind, bracket: its symbol, the suffix of that, and its unit in brackets.
-        name: what it is.
-        upright: whether it is a force, or the work over a prescribed displacement; its axis is then
-            the vertical one.
+    It is ``upright``, on the vertical axis, if it is a force or the work over a prescribed
+    displacement.
     """
 
     unit: float
@@ -199,11 +198,10 @@ class Scales:
         first = 0.0 if self.begins_on_axis else float(x[0])
         return first / self.length, float(x[-1]) / self.length
 
-    def traction_unit(self, moment: Moment) -> float:
-        """Return the unit of tractions at an instant: the pressure acting then, or 1."""
-        if not self.pressure_symbol:
-            return 1.0
-        return abs(next(iter(moment.load.values()))) * self.pressure or 1.0
+    @property
+    def divided(self) -> str:
+        """What symbols of tractions at an instant are divided by; "" for nothing."""
+        return f"/{self.pressure_symbol}" if self.pressure_symbol else ""
 
     def peak_traction(self) -> tuple[float, str]:
         """Return the unit of tractions of several instants, and the suffix of their symbols."""
@@ -211,18 +209,9 @@ class Scales:
             return 1.0, ""
         return self.pressure * float(self.load_max[0]), f"/{peak(self.pressure_symbol)}"
 
-    def traction_labels(self) -> tuple[str, str, str]:
-        """Return the labels of normal traction, tangential traction and friction limit."""
-        divided = f"/{self.pressure_symbol}" if self.pressure_symbol else ""
-        return f"$p{divided}$", f"$q{divided}$", rf"$\pm f p{divided}$"
-
     def load_axis(self, k: int, name: str) -> tuple[float, str]:
-        """Return what a load factor is divided by on an axis, and the label of this axis.
-
-        It is the load in the scene's units, or the load over its largest value.
-        """
-        unit = self.load_unit(k)
-        if unit:
+        """Return the divisor of a load factor on an axis and its label: in units or over largest."""
+        if unit := self.load_unit(k):
             return 1.0 / self.kinds[k].size, in_unit(load_text(name), unit)
         symbol = load_symbol(name)
         label = f"{shown_name(name)} / largest" if is_word(name) else f"${symbol}/{peak(symbol)}$"
@@ -351,10 +340,6 @@ def load_pieces(record: Record, moment: Moment, scales: Scales) -> tuple[str, li
     return _place(record, moment.cycle, moment.leg, moment.s), found
 
 
-MOST_TOLD = 8
-"""Number of loads of which all are named; of more only those that act."""
-
-
 def told_loads(scene: Scene | None, names: tuple[str, ...], load: Array) -> list[int]:
     """Return the numbers of the loads that describe an instant: no preloads once applied."""
     whole = {} if scene is None else scene.preloads
@@ -405,15 +390,7 @@ def _place(record: Record, cycle: int, leg: int, s: float) -> str:
 
 
 def name_leg(cycle: int, leg: int, falls: bool, first: bool, plain: bool) -> str:
-    """Name a leg: "first loading", "unloading, cycle 9", "cycle 9, leg 3".
-
-    Args:
-        cycle: cycle, 0 for the first loading.
-        leg: leg within the cycle, from 0.
-        falls: whether the sum of the loads falls along the leg.
-        first: whether it is the first unloading.
-        plain: whether the cycle is unloading and reloading of one load.
-    """
+    """Name a leg: "first loading", "unloading, cycle 9"; not ``plain``: "cycle 9, leg 3"."""
     if first:
         return "first unloading"
     if cycle == 0:

@@ -44,10 +44,7 @@ def is_unloading(record: Record, cycle: int, leg: int) -> bool:
 
 
 def first_unloading(record: Record) -> tuple[int, int] | None:
-    """Return cycle and leg of the first unloading; None without one.
-
-    One leg of a cycle of more than ``CURVED_LEGS`` legs is a short piece of a curve, and not shown.
-    """
+    """Return cycle and leg of the first unloading; None without one, or of many short legs."""
     table = record.turning_points
     for where in zip(table.cycle.tolist(), table.leg.tolist(), strict=True):
         if is_unloading(record, *where):
@@ -179,15 +176,11 @@ class Loop:
 
 
 def loop_of(record: Record, cycle: int) -> Loop:
-    """Return a sampled cycle's path.
-
-    Raises:
-        InputError: the record holds no samples of the cycle.
-    """
+    """Return a sampled cycle's path."""
     requested_cycles(record, cycle)
     points, samples = record.turning_points, record.samples
-    parts: list[tuple[States, NDArray[np.intp], bool]] = []
-    parts.append((points, np.flatnonzero(points.cycle < cycle)[-1:], True))
+    before = np.flatnonzero(points.cycle < cycle)[-1:]
+    parts: list[tuple[States, NDArray[np.intp], bool]] = [(points, before, True)]
     for end in np.flatnonzero(points.cycle == cycle):
         here = (samples.cycle == cycle) & (samples.leg == points.leg[end])
         rows = np.flatnonzero(here & (samples.s > 0.0) & (samples.s < 1.0))
@@ -195,34 +188,23 @@ def loop_of(record: Record, cycle: int) -> Loop:
         parts.append((points, np.array([end]), True))
     # at rest all is zero, but for an initial slip
     slipped = record.scene is not None and record.scene.history.initial_slip is not None
-    rest = 0 if len(parts[0][1]) or slipped else 1
+    rest = 0 if len(before) or slipped else 1
+    turning = [False] * rest + [turns for _, rows, turns in parts for _ in rows]
 
     def join(name: str) -> Array:
         found = np.vstack([getattr(table, name)[rows] for table, rows, _ in parts])
         return np.vstack([np.zeros((rest, found.shape[1])), found])
 
-    return Loop(
-        cycle=cycle,
-        load=join("load"),
-        displacement=join("load_displacement"),
-        load_sign=record.load_sign,
-        p=join("p"),
-        q=join("q"),
-        v=join("v"),
-        w=join("w"),
-        turning=np.array(
-            [False] * rest + [t for _, rows, turns in parts for t in [turns] * len(rows)]
-        ),
-    )
+    loads = join("load"), join("load_displacement"), record.load_sign
+    return Loop(cycle, *loads, *map(join, ("p", "q", "v", "w")), np.array(turning))
 
 
 def representative_nodes(record: Record) -> list[int]:
-    """Choose nodes with different paths, with x > 0 if half of the body was modelled.
+    """Choose up to 4 nodes with different paths, x > 0 if half of the body was modelled.
 
-    Returns:
-        Up to 4 nodes in order of x, in contact in the last sampled cycle: the one with the largest
-        dissipation, the middle one of those that also separate, the middle one of those that always
-        stick, and others evenly between them.
+    Of those in contact in the last sampled cycle: the one with the largest dissipation, the middle
+    one of those that also separate, the middle one of those that always stick, and others between
+    them.
     """
     rows = np.isin(record.samples.cycle, sampled_cycles(record)[-1:])
     state, force = record.samples.state[rows], record.samples.P[rows]
@@ -271,22 +253,12 @@ class SlipLine:
     fit: PowerLaw
     factor: float
 
-    def at(self, N: Array) -> Array:
-        """Values of the fit."""
-        return self.factor * N**self.fit.exponent
-
 
 def slip_lines(record: Record, length: float = 1.0, unit: float = 1.0) -> list[SlipLine]:
-    """Return slip per cycle at representative nodes with fitted powers of N.
+    """Return slip per cycle over ``unit`` at up to 4 representative nodes, with fitted powers of N.
 
-    Args:
-        record: the record.
-        length: length scale; nodes with 0.5 <= |x|/length <= 0.8 are representative where any of
-            them slips in every fitted cycle, otherwise all that do.
-        unit: what slip is divided by.
-
-    Returns:
-        Up to 4 nodes spread evenly; none when there are too few cycles.
+    Nodes with 0.5 <= |x|/length <= 0.8 are representative where any of them slips in every fitted
+    cycle, otherwise all that do. None are returned when there are too few cycles.
     """
     cycles = fitted_cycles(record)
     size = np.abs(record.cycles.slip_increment)

@@ -119,12 +119,7 @@ def ticks(axis: Axis, most: int = 5) -> None:
 
 
 def focus(p: Array, others: Array) -> tuple[float, float]:
-    """Return limits of an axis of tractions that cut off a peak at a corner of the contact.
-
-    Args:
-        p: (n,) normal traction.
-        others: other values in the same axes.
-    """
+    """Return limits of an axis of p and others that cut off a peak at a corner of the contact."""
     touching = p[p > 0.0]
     top = float(touching.max(initial=0.0))
     # the tractions of a tenth of the contact nodes may belong to the peak at a corner; it is shown
@@ -174,10 +169,8 @@ def _width(text: str) -> float:
 def state_patches(states: Iterable[int], friction: ArrayLike = True) -> list[Patch]:
     """Return legend entries of states, in order.
 
-    Args:
-        states: the states, in any order.
-        friction: where there is friction. Closed nodes without friction have the state of stick;
-            it is called contact if there is no friction anywhere, and both if there is somewhere.
+    Closed nodes without friction have the state of stick; it is called contact if there is no
+    friction anywhere, and both if there is somewhere.
     """
     labels = {state: f"{state.value}  {STATE_NAMES[state]}" for state in State}
     if not np.all(friction):

@@ -78,13 +78,13 @@ def tractions(
         if n == panels - 1:
             axes.set_xlabel(scales.x_label)
     if np.any(record.friction.present):
-        p, q, cone = scales.traction_labels()
+        cone = rf"$\pm f p{scales.divided}$"
         # two coefficients need no formula: the cone is drawn between both limits
         cone_alone = record.f_backward is None and record.friction.cohesion is None
         label = f"friction cone, {cone}" if cone_alone else "friction limits"
         curves = [
-            Line2D([], [], color=style.PRESSURE_COLOUR, label=p),
-            Line2D([], [], color=style.SHEAR_COLOUR, label=q),
+            Line2D([], [], color=style.PRESSURE_COLOUR, label=f"$p{scales.divided}$"),
+            Line2D([], [], color=style.SHEAR_COLOUR, label=f"$q{scales.divided}$"),
             Patch(label=label, **style.CONE),
         ]
         # in a row, unless the pressure has a long name
@@ -113,23 +113,25 @@ def _draw_band(axes: Axes, record: Record, state: NDArray[np.int8], scales: Scal
 
 def _draw_curves(axes: Axes, record: Record, moment: Moment, scales: Scales) -> None:
     """Draw recovered p and q, and the friction cone, at the nodes with weight."""
-    used = record.weight > 0.0
-    x, unit = record.x[used] / scales.length, scales.traction_unit(moment)
+    used, unit = record.weight > 0.0, 1.0
+    if scales.pressure_symbol:  # the pressure acting then
+        unit = abs(next(iter(moment.load.values()))) * scales.pressure or 1.0
+    x = record.x[used] / scales.length
     p, q = (part[used] / unit for part in recovered_tractions(record, moment))
     low, high = record.traction_law(unit)[used].limits(p)
     axes.axhline(0.0, color="black", lw=0.4)
     for _, begin, _ in zones(record.x / scales.length, moment.state)[1:]:
         axes.axvline(begin, color=style.GUIDE_COLOUR, lw=0.4, dashes=(1, 2))
-    labels = list(scales.traction_labels()[:1])
+    label = f"$p{scales.divided}$"
     axes.plot(x, p, color=style.PRESSURE_COLOUR)
     if np.any(record.friction.present):
-        labels = list(scales.traction_labels()[:2])
+        label += f",  $q{scales.divided}$"
         axes.fill_between(x, low, high, **style.CONE)
         axes.plot(x, q, color=style.SHEAR_COLOUR)
     axes.set_xlim(*scales.ends(record.x))
     axes.set_ylim(*style.focus(p, np.concatenate([q, high, low])))
     style.ticks(axes.yaxis, 7)
-    axes.set_ylabel(scales.with_unit(",  ".join(labels), scales.pressure_symbol, stress=1))
+    axes.set_ylabel(scales.with_unit(label, scales.divided, stress=1))
 
 
 # -- stresses at probes --------------------------------------------------------------------------

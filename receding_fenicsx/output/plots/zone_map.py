@@ -17,15 +17,13 @@ from numpy.typing import NDArray
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.interface.law import State
+from receding_fenicsx.measures.limit_nodes import SLIP, without_slip
 from receding_fenicsx.output.plots.series import legs_of
 
 FLICKER = 0.08
 """Longest change between stick and slip, as a part of a leg, that counts as flicker: with elements
 of degree 2 single nodes at the ends of zones change their state and change back."""
-SLIPS = (State.FORWARD_SLIP, State.BACKWARD_SLIP)
 
-Polygon = Array
-"""(n, 2) corners (x, s)."""
 Change = tuple[float, int]
 """Position s on the leg, and the new state."""
 
@@ -81,17 +79,13 @@ def timelines_of(
 ) -> list[Timeline]:
     """Return the timelines of all nodes along a sampled leg, from its events or its samples.
 
-    Args:
-        record: the record; it must hold samples of the leg.
-        cycle: cycle, 0 for the first loading.
-        leg: leg within the cycle.
-        stuck: (N,) nodes with negligible slip, which is shown as stick.
-        flicker: longest removed state, see :func:`without_flicker`; 0 removes nothing.
+    Negligible slip of ``stuck`` nodes is shown as stick, and states shorter than ``flicker`` are
+    removed.
     """
     read = _from_events if record.method == "events" else _from_samples
     lines = read(record, cycle, leg)
     for i in np.flatnonzero(stuck) if stuck is not None else ():
-        state = np.where(np.isin(lines[i].state, SLIPS), State.STICK, lines[i].state)
+        state = without_slip(lines[i].state, np.True_)
         lines[i] = timeline(int(state[0]), Timeline(state, lines[i].s).changes)
     return without_flicker(lines, flicker)
 
@@ -99,10 +93,8 @@ def timelines_of(
 def without_flicker(timelines: list[Timeline], longest: float) -> list[Timeline]:
     """Remove short changes between stick and slip that a single node makes and reverts.
 
-    Args:
-        timelines: timelines of all nodes, in order.
-        longest: largest duration, as a part of the leg, of a removed state. It is removed if the
-            states before and after are equal and no neighbour changes its state meanwhile.
+    A state that lasts at most this part of the leg is removed if those before and after are equal
+    and no neighbour changes its state meanwhile.
     """
     found = list(timelines)
     for i, line in enumerate(timelines):
@@ -113,7 +105,7 @@ def without_flicker(timelines: list[Timeline], longest: float) -> list[Timeline]
             before = int(line.state[0]) if k == 0 else changes[k - 1][1]
             (begin, state), (end, after) = changes[k : k + 2]
             quiet = not any(np.any((t.s[1:-1] >= begin) & (t.s[1:-1] <= end)) for t in beside)
-            friction = {before, state} <= {State.STICK, *SLIPS}
+            friction = {before, state} <= {State.STICK, *SLIP}
             if before == after and friction and quiet and end - begin <= longest:
                 del changes[k : k + 2]
             else:
@@ -191,7 +183,7 @@ class ZoneMap:
 
     x: Array
     timelines: list[Timeline]
-    pieces: list[tuple[State, Polygon]]
+    pieces: list[tuple[State, Array]]
     boundaries: Array
 
     def states(self, s: float) -> NDArray[np.int8]:
@@ -200,14 +192,12 @@ class ZoneMap:
 
     def moved_to(self, ends: Array) -> ZoneMap:
         """Return the map of n legs that end at ``ends`` (n + 1,), from 0 to 1, not evenly."""
-
-        def move(s: Array) -> Array:
-            return np.interp(s, np.linspace(0.0, 1.0, len(ends)), ends)
+        evenly = np.linspace(0.0, 1.0, len(ends))
 
         def place(points: Array) -> Array:
-            return np.stack([points[..., 0], move(points[..., 1])], axis=-1)
+            return np.stack([points[..., 0], np.interp(points[..., 1], evenly, ends)], axis=-1)
 
-        lines = [Timeline(line.state, move(line.s)) for line in self.timelines]
+        lines = [Timeline(t.state, np.interp(t.s, evenly, ends)) for t in self.timelines]
         pieces = [(state, place(polygon)) for state, polygon in self.pieces]
         return ZoneMap(self.x, lines, pieces, place(self.boundaries))
 
@@ -223,42 +213,29 @@ class Strip:
 
     x0: float
     x1: float
-    pieces: list[tuple[State, Polygon]] = field(default_factory=list)
+    pieces: list[tuple[State, Array]] = field(default_factory=list)
     lines: list[Array] = field(default_factory=list)
 
 
 def zone_map(
     record: Record,
     cycle: int,
-    leg: int,
+    leg: int | None = None,
     stuck: NDArray[np.bool_] | None = None,
     flicker: float = 0.0,
 ) -> ZoneMap:
-    """Map the zones of one leg; the arguments are those of :func:`timelines_of`."""
-    timelines = timelines_of(record, cycle, leg, stuck, flicker)
-    strips = [
-        fill_strip(a, b, x0, x1)
-        for (a, b), (x0, x1) in zip(pairwise(timelines), pairwise(record.x), strict=True)
-    ]
-    pieces = [piece for strip in strips for piece in strip.pieces]
-    lines = [line for strip in strips for line in strip.lines]
-    return ZoneMap(record.x, timelines, pieces, np.array(lines).reshape(-1, 2, 2))
+    """Map the zones of one leg, or those of a whole cycle of n legs: k at k/n <= s <= (k + 1)/n.
 
-
-def stacked_map(
-    record: Record, cycle: int, stuck: NDArray[np.bool_] | None = None, flicker: float = 0.0
-) -> ZoneMap:
-    """Map the zones of a whole cycle, its n legs stacked: leg k is at k/n <= s <= (k + 1)/n.
-
-    The arguments are those of :func:`timelines_of`. Where two neighbouring nodes keep the same
-    state through several legs, these have one polygon.
+    Where two neighbouring nodes keep the same state through several legs, these have one polygon.
+    The other arguments are those of :func:`timelines_of`.
     """
-    lines = [timelines_of(record, *leg, stuck, flicker) for leg in legs_of(record, cycle)]
+    legs = legs_of(record, cycle) if leg is None else [(cycle, leg)]
+    lines = [timelines_of(record, *where, stuck, flicker) for where in legs]
     first, last = (np.array([[t.state[k] for t in row] for row in lines]) for k in (0, -1))
     constant = np.array([[len(t.state) == 1 for t in row] for row in lines])
     same = constant[:, 1:] & constant[:, :-1] & (first[:, 1:] == first[:, :-1])
     n, x = len(lines), record.x
-    pieces: list[tuple[State, Polygon]] = []
+    pieces: list[tuple[State, Array]] = []
     found: list[Array] = []
     for i in range(len(x) - 1):
         key = np.where(same[:, i], first[:, i], -1 - np.arange(n))
@@ -291,7 +268,7 @@ def stacked_map(
 
 
 def fill_strip(a: Timeline, b: Timeline, x0: float, x1: float) -> Strip:
-    """Return the strip between two neighbouring nodes at x0 and x1 with these timelines."""
+    """Return the strip between two neighbouring nodes at x0 and x1."""
     strip = Strip(x0, x1)
     matched = [(0, 0), *_matches(a, b), (len(a.state), len(b.state))]
     for n, ((i0, j0), (i1, j1)) in enumerate(pairwise(matched)):

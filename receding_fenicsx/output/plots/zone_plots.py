@@ -36,12 +36,10 @@ from receding_fenicsx.output.plots.series import (
     requested_cycles,
     requested_legs,
 )
-from receding_fenicsx.output.plots.zone_map import FLICKER, ZoneMap, stacked_map, zone_map
+from receding_fenicsx.output.plots.zone_map import FLICKER, ZoneMap, zone_map
 
 MAX_PANELS = 6
 """Largest number of legs of a cycle that have a panel each; more are one continuous map."""
-MAX_NUMBERS = 24
-"""Largest number of zones of a map, from the deepest on, that have numbers."""
 
 
 @mpl.rc_context(style.RC)
@@ -153,7 +151,7 @@ def cycle_maps(record: Record, cycles: int | Sequence[int], scales: Scales | Non
     chosen = requested_cycles(record, cycles)
     stills = limit_nodes_of_cycles(record, chosen)
     angles = phases(record) if chosen[0] else None
-    # inches: height of the axes, width of the axes of the loads and of a map
+    # inches: height of the axes, width of the axes of the loads
     height = float(np.clip(0.22 * len(legs_of(record, chosen[-1])), 3.0, 5.6))
     width, loads = style.COLUMN if len(chosen) == 1 else style.PAGE, 0.85
     wide = (width - 0.6 - loads) / len(chosen)
@@ -164,7 +162,7 @@ def cycle_maps(record: Record, cycles: int | Sequence[int], scales: Scales | Non
     dashed: list[LimitNodes] = []
     for n, (axes, cycle) in enumerate(zip(panels, chosen, strict=True)):
         still = stills.get(cycle)
-        drawn = stacked_map(record, cycle, still.stuck if still else None, FLICKER)
+        drawn = zone_map(record, cycle, None, still.stuck if still else None, FLICKER)
         shown |= {int(state) for state, _ in drawn.pieces}
         numbers = [leg for _, leg in legs_of(record, cycle)]
         ends = np.arange(len(numbers) + 1.0) if angles is None else angles
@@ -207,13 +205,8 @@ def _draw_loads(axes: Axes, record: Record, cycle: int, scales: Scales, at: Arra
     axes.tick_params(labelleft=False)
     style.ticks(axes.xaxis, 2)
     if len(record.load_names) <= MOST_TOLD:
-        axes.legend(
-            loc="lower center",
-            bbox_to_anchor=(0.5, 1.0),
-            borderaxespad=0.2,
-            labelspacing=0.2,
-            handlelength=1.8,
-        )
+        look: dict[str, Any] = {"borderaxespad": 0.2, "labelspacing": 0.2, "handlelength": 1.8}
+        axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), **look)
 
 
 # -- what both have: zones, the friction limit without slip, legends -----------------------------
@@ -255,15 +248,9 @@ def _draw_map(
     colours = [style.STATE_COLOURS[state] for state, _ in drawn.pieces]
     # a hairline of the same colour closes the gaps between polygons that PDF viewers leave, no
     # antialiasing those in PNG files
-    axes.add_collection(
-        PolyCollection(
-            [place(polygon) for _, polygon in drawn.pieces],
-            facecolors=colours,
-            edgecolors=colours,
-            linewidths=0.4,
-            antialiaseds=False,
-        )
-    )
+    look: dict[str, Any] = {"linewidths": 0.4, "antialiaseds": False}
+    polygons = [place(polygon) for _, polygon in drawn.pieces]
+    axes.add_collection(PolyCollection(polygons, facecolors=colours, edgecolors=colours, **look))
     # boundaries of thin legs are thinner
     width, lines = min(0.6, 20.0 * height), list(place(drawn.boundaries))
     axes.add_collection(LineCollection(lines, colors="black", linewidths=width, capstyle="round"))
@@ -278,7 +265,7 @@ def _draw_map(
     for label in place_labels(drawn, (low, high), inches, height >= 0.1):
         x, y = place(np.array(label.at)).tolist()
         ink, text = style.STATE_INKS[label.on], str(int(label.state))
-        look: dict[str, Any] = {"ha": "center", "va": "center", "color": ink}
+        look = {"ha": "center", "va": "center", "color": ink}
         if label.tip is None:
             axes.text(x, y, text, **look)
             continue
@@ -338,16 +325,10 @@ class Label(NamedTuple):
 def place_labels(
     drawn: ZoneMap, x_range: tuple[float, float], inches: tuple[float, float], arrows: bool = True
 ) -> list[Label]:
-    """Place the numbers of a zone map.
+    """Place the numbers of the 24 deepest zones of a map; very small zones have none.
 
-    Args:
-        drawn: the map.
-        x_range: part of x that is shown.
-        inches: width and height of the axes.
-        arrows: whether thin zones have their numbers next to them.
-
-    Returns:
-        The labels; very small zones have none, nor have those beyond ``MAX_NUMBERS``.
+    ``x_range`` is the part that is shown, ``inches`` the size of the axes; thin zones have their
+    numbers next to them only with ``arrows``.
     """
     # states at raster points (s, x), 100 an inch
     raster_points = 100
@@ -372,7 +353,7 @@ def place_labels(
     zones.sort(key=lambda zone: -zone[0])
     labels, taken = [], np.zeros(raster.shape, dtype=bool)
     deep = 0.075  # smallest distance in inches of a number's centre from the boundary of its zone
-    for depth, state, tip, extent in zones[:MAX_NUMBERS]:
+    for depth, state, tip, extent in zones[:24]:
         point = x[tip[1]], s[tip[0]]
         if depth >= deep:
             labels.append(Label(state, point, None, state))
