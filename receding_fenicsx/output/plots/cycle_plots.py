@@ -180,12 +180,13 @@ def hysteresis(
             # first loading is not a loop and lies far from the chord
             shown = (size, bend) if path.cycle or len(paths) == 1 else (size,)
             for axes, conjugate in zip(row, shown, strict=False):
-                _draw_path(axes, *(conjugate, load)[:: -1 if other.upright else 1], path, paths)
+                x, y = (load, conjugate) if other.upright else (conjugate, load)
+                _draw_path(axes, x, y, path, paths)
         notes = (other.name, "less the chord of the last loop")
         labels = (delta, rf"({delta} - \mathrm{{chord}})")
         for m, (axes, symbol, note) in enumerate(zip(row, labels, notes, strict=True)):
             own = f"${symbol}{other.behind}${other.bracket}"
-            along, up = (own, load_label)[:: -1 if other.upright else 1]
+            along, up = (load_label, own) if other.upright else (own, load_label)
             axes.set(xlabel=along, ylabel=style.wrapped([up], height))
             axis: Literal["x", "y"] = "y" if other.upright else "x"
             axes.ticklabel_format(axis=axis, scilimits=(-2, 3), useMathText=True)

@@ -210,7 +210,7 @@ class Scales:
         return self.pressure * float(self.load_max[0]), f"/{peak(self.pressure_symbol)}"
 
     def load_axis(self, k: int, name: str) -> tuple[float, str]:
-        """Return the divisor of a load factor on an axis and its label: in units or over largest."""
+        """Return what a load factor is divided by on an axis, and the label of the axis."""
         if unit := self.load_unit(k):
             return 1.0 / self.kinds[k].size, in_unit(load_text(name), unit)
         symbol = load_symbol(name)

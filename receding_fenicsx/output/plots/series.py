@@ -195,8 +195,9 @@ def loop_of(record: Record, cycle: int) -> Loop:
         found = np.vstack([getattr(table, name)[rows] for table, rows, _ in parts])
         return np.vstack([np.zeros((rest, found.shape[1])), found])
 
-    loads = join("load"), join("load_displacement"), record.load_sign
-    return Loop(cycle, *loads, *map(join, ("p", "q", "v", "w")), np.array(turning))
+    load, moved = join("load"), join("load_displacement")
+    p, q, v, w = map(join, ("p", "q", "v", "w"))
+    return Loop(cycle, load, moved, record.load_sign, p, q, v, w, np.array(turning))
 
 
 def representative_nodes(record: Record) -> list[int]:

@@ -84,9 +84,9 @@ def timelines_of(
     """
     read = _from_events if record.method == "events" else _from_samples
     lines = read(record, cycle, leg)
-    for i in np.flatnonzero(stuck) if stuck is not None else ():
-        state = without_slip(lines[i].state, np.True_)
-        lines[i] = timeline(int(state[0]), Timeline(state, lines[i].s).changes)
+    for i, line in enumerate(lines if stuck is not None else ()):
+        state = without_slip(line.state, np.asarray(stuck)[i : i + 1])
+        lines[i] = timeline(int(state[0]), Timeline(state, line.s).changes)
     return without_flicker(lines, flicker)
 
 

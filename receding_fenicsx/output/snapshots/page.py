@@ -156,8 +156,8 @@ def compose(
     figure = Figure(figsize=(layout.width, layout.height), dpi=layout.dpi)
     body = _axes_at(figure, layout.body)
     # one pixel of the image for each of the page, behind the axes
-    corner = (round(inches * layout.dpi) for inches in layout.body[:2])
-    figure.figimage(pixels, *corner, zorder=-1)
+    x, y = (round(inches * layout.dpi) for inches in layout.body[:2])
+    figure.figimage(pixels, x, y, zorder=-1)
     if contours is not None:
         _draw_contours(body, view, *contours, layout.dpi)
     body.set_xlim(layout.window[0], layout.window[1])
