@@ -102,6 +102,18 @@ def test_shear_lag_with_constant_shear(
     assert row["P"] == pytest.approx(4.0 - row["depth"], rel=1e-9)
 
 
+@pytest.mark.parametrize("short", [5e-13, 5e-12, 5e-10])
+def test_sliding_that_begins_just_before_the_end_of_a_leg_is_told_as_for_friction(
+    short: float,
+) -> None:
+    """A free node, pressed by 2, is pushed back by 1, a little more than its limit."""
+    K, loads = np.diag([0.0, 1.0]), {"press": [0.0, 1.0], "pull": [-1.0, 0.0]}
+    cone = small_system(K, loads, 0.5 * (1.0 - short), rigid=[[1.0, 0.0]])
+    for system in (cone, branched(replace(cone, f=np.full(1, 3.0)), None, 1.0 - short)):
+        with pytest.raises(rf.NoEquilibrium, match="gross sliding"):
+            rf.evolve(system, table(system, [[0, 0], [2, 0], [2, 1]]))
+
+
 def test_a_bond_forms_in_contact_and_breaks_without_shear_alone() -> None:
     """Gap 1, K = 1, c = 1/2: opened under Q = 0.3 the node springs back, 0.3^2 / 2 is released."""
     system = replace(ONE, f=np.zeros(1), g0=np.ones(1), cohesion=np.array([0.5]))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -106,15 +107,17 @@ class Cones:
         margins = np.concatenate([other, P[:, None]], axis=1)
         return np.where(self._special, margins, np.inf), in_use
 
-    def passed(self, now: Branches, kind: int, node: int) -> Branches:
-        """Return the branches where a margin of :meth:`other_margins` has reached zero."""
+    def passed(
+        self, now: Branches, margins: Sequence[tuple[int, int]], bonds: Sequence[int] = ()
+    ) -> Branches:
+        """Return the branches where margins of :meth:`other_margins` reach zero and bonds form."""
         branch, bonded = now.branch.copy(), now.bonded.copy()
-        if kind == 2:
-            branch[node], bonded[node] = FRICTION, False
-        else:
-            limit = (FORWARD_LIMIT, BACKWARD_LIMIT)[kind]
+        for kind, node in margins:
+            limit = (FORWARD_LIMIT, BACKWARD_LIMIT, FRICTION)[kind]
             # one direction keeps its friction, so that A and B tell both Q and P
             branch[node] = FRICTION if branch[node] == limit else limit
+            bonded[node] &= kind != 2
+        bonded[list(bonds)] = True
         return Branches(branch, bonded)
 
     def on_branches(self, now: Branches, state: ContactState, close: float) -> NDArray[np.int8]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -129,8 +130,7 @@ class BranchedPath:
                 found.dissipation = -0.5 * (start.Q + found.end.Q) * slip
                 self._check(found)
                 return found
-            now = self._passed(now, wrong, tried, ends[1])
-            now = replace(now, bonded=now.bonded | lands)
+            now = self._passed(now, wrong, tried, ends[1], np.flatnonzero(lands).tolist())
 
     # -- exact path
 
@@ -143,30 +143,24 @@ class BranchedPath:
             problem = replace(whole, start=leg.end, s_start=s, force_scale=leg.force_scale)
             trial, end, error = self._piece(now, problem, target)
             at, wrong, bonds, ahead = self._first_passed(now, problem, trial, end)
-            if ahead:
-                # the branches in use may be changed before as well: fewer pieces
-                new = now
-                for kind, node in ahead:
-                    new = self.cones.passed(new, kind, node)
-                if new.key not in tried and len(tried) <= TRIES * self.system.n:
-                    now = new
-                    continue
-            if error is not None and not wrong and not bonds:
-                self._add(leg, trial, (s, end))
-                s = self._jump(leg, whole, (end, target), error)
-                now, tried = self.cones.branches_of(leg.end), set()
+            # the branches in use may be changed before as well: fewer pieces
+            new = self.cones.passed(now, ahead)
+            if ahead and new.key not in tried and len(tried) <= TRIES * self.system.n:
+                now = new
                 continue
-            if at >= target - END_TOLERANCE:
-                self._add(leg, trial, (s, target))
-                return
-            if at > s + END_TOLERANCE:
-                piece = self._piece(now, problem, at)
-                if piece[2] is not None:
-                    raise piece[2]
-                self._add(leg, piece[0], (s, at))
-                s, tried = at, {now.key}
+            ends = error is not None and not wrong and not bonds
             try:
-                now = self._changed(leg, s, now, (wrong, bonds), (tried, whole.load(s)))
+                if ends or at > s + END_TOLERANCE:
+                    if not ends and at >= target - END_TOLERANCE:
+                        at, error = target, None
+                    elif not ends:
+                        trial, at, error = self._piece(now, problem, at)
+                    self._add(leg, trial, (s, at))
+                    s, tried = at, {now.key}
+                    if error is not None:
+                        raise error
+                if s < target:
+                    now = self._changed(leg, s, now, (wrong, bonds), (tried, whole.load(s)))
             except NoQuasiStaticContinuation as lost:
                 s = self._jump(leg, whole, (s, target), lost)
                 now, tried = self.cones.branches_of(leg.end), set()
@@ -176,14 +170,14 @@ class BranchedPath:
     ) -> float:
         """Pass a jump, where that is asked for, by a static problem; return the place after it."""
         (s, target), start = part, leg.end
-        if self.on_jump != "static" or not isinstance(error, NoQuasiStaticContinuation):
+        if self.on_jump != "static":
             raise error
         place, beyond = whole.load(s), s + JUMP_STEP
         check_jumps(self.system, len(leg.jumps), place)
-        if beyond >= target:
-            raise no_state_beyond(self.system, place)
         load = whole.load(beyond)
         try:
+            if beyond >= target:
+                raise error
             end = self.static_leg(start, (place, load), leg.force_scale).end
         except SolveError as lost:
             raise no_state_beyond(self.system, place) from lost
@@ -222,17 +216,16 @@ class BranchedPath:
             walk, error = path.walk(inner), None
             try:
                 walk.run(target)
-                found, end = walk.finish(), target
             except SingularExchange as lost:
                 error = lost_by_loose_motion(self.system, problem.ends[1])
                 error.__cause__ = lost
             except SolveError as lost:
                 error = lost
-            if error is not None and walk.s >= 1.0 - LEFT_TO_NEXT_LEG:
-                # at the end itself only round-off decides
+            ends = error is not None
+            if isinstance(error, NoQuasiStaticContinuation) and walk.s >= 1.0 - LEFT_TO_NEXT_LEG:
+                # at the end itself only round-off decides: left to the next leg
                 walk.path.place[0], error = 1.0, None
-            if found is None:
-                end, found = walk.s, walk.stop_here()
+            end, found = walk.s, walk.stop_here() if ends else walk.finish()
         found.events = Changes.joined(turned, found.events)
         found = self._outer(found, problem, force, end)
         found.samples = [(at, one) for at, one in found.samples if at in problem.samples]
@@ -289,11 +282,7 @@ class BranchedPath:
     ) -> Branches:
         """Return the branches beyond a place; form and break bonds there."""
         wrong, bonds = passed
-        new = self._passed(now, wrong, *tried)
-        if bonds:
-            bonded = now.bonded.copy()
-            bonded[bonds] = True
-            new = replace(new, bonded=bonded)
+        new = self._passed(now, wrong, *tried, bonds)
         opened = now.bonded & ~new.bonded
         state = leg.end.state.copy()
         state[bonds] = STICK
@@ -312,22 +301,24 @@ class BranchedPath:
         return new
 
     def _passed(
-        self, now: Branches, wrong: list[tuple[int, int]], tried: set[bytes], load: Array
+        self,
+        now: Branches,
+        wrong: list[tuple[int, int]],
+        tried: set[bytes],
+        load: Array,
+        bonds: Sequence[int] = (),
     ) -> Branches:
         """Return branches that were not tried: changed where margins are passed, or at one node.
 
         Raises:
             NoQuasiStaticContinuation: all of them were tried.
         """
-        new = now
-        for kind, node in wrong:
-            new = self.cones.passed(new, kind, node)
-        one = [self.cones.passed(now, kind, node) for kind, node in wrong]
-        for branches in (new, *one) if wrong else ():
-            if branches.key not in tried and len(tried) <= TRIES * self.system.n + 16:
-                return branches
         if not wrong:
-            return now
+            return self.cones.passed(now, [], bonds)
+        for some in (wrong, *([one] for one in wrong)):
+            new = self.cones.passed(now, some)
+            if new.key not in tried and len(tried) <= TRIES * self.system.n + 16:
+                return self.cones.passed(new, [], bonds)
         node = wrong[0][1]
         raise NoQuasiStaticContinuation(
             f"no quasi-static continuation at {self.system.load_text(load)}: no branch of the "
@@ -339,16 +330,28 @@ class BranchedPath:
 
     def _step(self, leg: Leg, whole: LegProblem, part: tuple[float, float]) -> None:
         """Add one load step: solved in the branches at its end, or exactly where bonds change."""
+        found, target = self._solved(leg, whole, part), part[1]
+        if found is not None:
+            self._add(leg, found, part)
+        else:
+            events, leg.events = leg.events, Changes.none()
+            self._exact._follow(leg, whole, part)
+            # those at its start belong to the step too
+            at = np.maximum(leg.events.s, np.nextafter(part[0], 1.0))
+            leg.events = Changes.joined(events, replace(leg.events, s=at))
+        if any(abs(target - place) <= END_TOLERANCE for place in whole.samples):
+            leg.samples = [(at, one) for at, one in leg.samples if at < target - END_TOLERANCE]
+            leg.samples.append((target, leg.end))
+
+    def _solved(self, leg: Leg, whole: LegProblem, part: tuple[float, float]) -> Leg | None:
+        """Return one load step, None where bonds change or no step is found."""
         (s, target), tried = part, set[bytes]()
-        start, scale, load = leg.end, leg.force_scale, whole.load(part[1])
+        start, scale, load = leg.end, leg.force_scale, whole.load(target)
         now = self.cones.branches_of(start)
         problem = replace(whole, start=start, s_start=s, force_scale=scale)
-        while True:
+        # a node that lands begins on its friction
+        while not np.any(now.branch[start.state == SEPARATION]):
             tried.add(now.key)
-            if np.any(now.branch[start.state == SEPARATION]):
-                # a node that lands begins on its friction
-                self._follow_exactly(leg, whole, part)
-                break
             path, force = self._path(now)
             assert isinstance(path, GaussSeidelPath)
             state = self.cones.on_branches(now, start, STEP_ON_LIMIT * scale)
@@ -359,33 +362,18 @@ class BranchedPath:
             try:
                 path.advance(steps, s, target)
             except (NoEquilibrium, NoQuasiStaticContinuation):
-                self._follow_exactly(leg, whole, part)
-                break
+                return None
             found = self._outer(steps.leg, problem, force, target)
             if not np.array_equal(state, start.state):
                 found.events = Changes.between(target, start.state, found.end.state)
             wrong = self._violated(now, found.end, scale)
             touched = found.end.state != SEPARATION
-            if np.any(self.cones.cohesive & (now.bonded != touched)) or any(
-                kind == 2 for kind, _ in wrong
-            ):
-                self._follow_exactly(leg, whole, part)
-                break
+            if np.any(self.cones.cohesive & (now.bonded != touched)) or 2 in dict(wrong):
+                return None
             if not wrong:
-                self._add(leg, found, part)
-                break
+                return found
             now = self._passed(now, wrong, tried, load)
-        if any(abs(target - place) <= END_TOLERANCE for place in whole.samples):
-            leg.samples = [(at, one) for at, one in leg.samples if at < target - END_TOLERANCE]
-            leg.samples.append((target, leg.end))
-
-    def _follow_exactly(self, leg: Leg, whole: LegProblem, part: tuple[float, float]) -> None:
-        """Add the exact path through a load step."""
-        events, leg.events = leg.events, Changes.none()
-        self._exact._follow(leg, whole, part)
-        # those at its start belong to the step too
-        at = np.maximum(leg.events.s, np.nextafter(part[0], 1.0))
-        leg.events = Changes.joined(events, replace(leg.events, s=at))
+        return None
 
     # -- both
 
