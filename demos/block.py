@@ -80,11 +80,12 @@ def compare(scene: rf.Scene, folder: Path) -> None:
     # 4. The table of the run, the paper's statements beside it, and the paper's figures
     print(rf.run_table(rf.read_summary(folder / "summary.json")))
     for quantity, paper, ours, agrees in comparison(record):
-        print(f"{quantity}: {ours} (paper: {paper}): {'agrees' if agrees else 'DIFFERS'}")
+        published = f" (paper: {paper})" if paper else ""
+        print(f"{quantity}: {ours}{published}: {'agrees' if agrees else 'DIFFERS'}")
     exact, steps = record.cycles.dissipation, stepped.cycles.dissipation
     print(
-        f"Gauss-Seidel, {STEPS_PER_LEG} steps a leg, against the exact path: dissipation of cycle "
-        f"1 differs by {abs(steps[0] / exact[0] - 1.0):.1e}, of cycle {len(steps)} by "
+        f"Gauss-Seidel, {STEPS_PER_LEG} steps a leg: dissipation of cycle 1 differs by "
+        f"{abs(steps[0] / exact[0] - 1.0):.1e}, of cycle {len(steps)} by "
         f"{abs(steps[-1] / exact[len(steps) - 1] - 1.0):.1e}"
     )
     draw(record, unloading, stepped, folder / "paper")
@@ -115,14 +116,14 @@ def comparison(record: rf.Record) -> list[tuple[str, str, str, bool]]:
     exponent = np.median(np.polyfit(np.log(FITTED), np.log(slip[FITTED - 1][:, nodes]), 1)[0])
     return [
         (
-            "zones on first loading, from x < 0 to x > 0",
-            "Fig. 4",
+            "zones on first loading (Fig. 4)",
+            "",
             ", ".join(loading),
             loading == ["separation", "backward slip", "stick", "forward slip", "separation"],
         ),
         (
-            "zones on first unloading to p0/3, from the centre to x > 0",
-            "Fig. 5",
+            "zones on first unloading, x > 0 (Fig. 5)",
+            "",
             ", ".join(right) + ("" if mirrored else " (not mirrored on x < 0)"),
             mirrored and right == wanted,
         ),
