@@ -11,10 +11,6 @@ from receding_fenicsx.errors import InputError
 from receding_fenicsx.scene.checks import Rules, broken, refuse, suggestion, unused
 from receding_fenicsx.scene.model import INTERFERENCE, Harmonic, HistoryOptions, Scene
 
-LEAST_CYCLES = 8
-"""Cycles with which a search for the limit can end: those before it, one to sort the nodes, two
-with frozen nodes, and the check."""
-
 
 @dataclass(frozen=True, repr=False)
 class History:
@@ -57,16 +53,10 @@ class History:
         corners = np.vstack([self.path, loop])
         loads = zip(self.load_names, corners.min(axis=0), corners.max(axis=0), strict=True)
         rows = [(f"load {name}", f"{low:.6g} to {high:.6g}") for name, low, high in loads]
-        return described(
-            f"History: {len(self.path)} corners from rest, {self.cycles} cycles of "
-            f"{max(len(loop) - 1, 0)} legs{self._until()}",
-            rows,
-        )
-
-    def _until(self) -> str:
-        if self.until_limit:
-            return ", until limit"
-        return ", until steady" if self.until_steady else ""
+        until = ", until steady" if self.until_steady else ""
+        legs = f"{max(len(loop) - 1, 0)} legs{', until limit' if self.until_limit else until}"
+        title = f"History: {len(self.path)} corners from rest, {self.cycles} cycles of {legs}"
+        return described(title, rows)
 
     def polyline(self, cycle: int) -> Array:
         """Return the load factors at the corners of a cycle; cycle 0 is the path from rest."""
@@ -88,11 +78,10 @@ def ended_by(history: History, until: str | None) -> History:
             '[history] until: "limit" needs cycles, which this history does not have; use '
             'kind = "cyclic", or remove until'
         )
-    if until == "limit" and history.cycles < LEAST_CYCLES:
-        raise InputError(
-            f'[history] cycles: until = "limit" needs at least {LEAST_CYCLES}, not '
-            f"{history.cycles}; raise cycles"
-        )
+    # those before it, one to sort the nodes, two with frozen nodes, and the check
+    if until == "limit" and history.cycles < 8:
+        least = f'until = "limit" needs at least 8, not {history.cycles}'
+        raise InputError(f"[history] cycles: {least}; raise cycles")
     return replace(history, until_steady=until == "steady", until_limit=until == "limit")
 
 

@@ -11,7 +11,7 @@ from typing import Any
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.scene.model import TABLE_OF, Scene
 from receding_fenicsx.scene.one_body import part_of
-from receding_fenicsx.scene.options import SAMPLES_PER_LEG, OutputOptions, WearOptions
+from receding_fenicsx.scene.options import SAMPLES_PER_LEG, OutputOptions
 from receding_fenicsx.scene.symmetry import is_half_meshed
 from receding_fenicsx.scene.toml_file import to_toml
 
@@ -19,27 +19,13 @@ FREE_WHEN_RESUMED = frozenset(
     {
         "title",
         "fatigue",
-        "units.length",
-        "units.stress",
-        "units.force",
         "history.cycles",
         "history.until",
         "output.cycles",
-        "shakedown.mean",
-        "shakedown.range",
-        "shakedown.separated",
-        "shakedown.largest_slip",
-        "shakedown.diagram",
-        "accuracy.tolerance",
-        "accuracy.numbers",
-        "accuracy.budget_seconds",
-        "mode.count",
-        *(f"wear.{field.name}" for field in dataclasses.fields(WearOptions)),
+        *("units", "shakedown", "accuracy", "mode", "wear"),
     }
 )
 """Keys that may differ when a run is resumed: none changes the finished cycles."""
-FREE_WHEN_FINISHED = frozenset({"history.cycles", "history.until"})
-"""Keys that may differ when a finished run is already long enough: nothing is left to compute."""
 
 
 def difference(a: Any, b: Any, free: frozenset[str] = frozenset(), key: str = "") -> str | None:

@@ -45,10 +45,6 @@ from receding_fenicsx.scene.profiles import FrictionProfile, Profile
 
 MAX_CONTACT_ELEMENTS = 20000
 """Most elements on a contact edge: the condensed stiffness of more needs tens of gigabytes."""
-MOST_REFINEMENTS = 6
-"""Largest number of uniform refinements of a mesh file: 4096 times the cells."""
-MIN_REFINED_GROWTH = 1.01
-"""Smallest growth along a refined edge."""
 RECTANGLE_KEYS = ("shape", "width", "height", "position")
 """Keys of a body that a mesh file replaces."""
 TABLE_OF = {
@@ -171,7 +167,7 @@ class Refinement(Table):
 
     size: Positive
     at: Number | Pair | Annotated[str, OneOf("ends", "corners")] = "ends"
-    growth: Annotated[float, Ge(MIN_REFINED_GROWTH), Le(3.0)] | None = None
+    growth: Annotated[float, Ge(1.01), Le(3.0)] | None = None
     edge: str | None = None
 
     @property
@@ -206,7 +202,7 @@ class MeshOptions(Table):
     degree: Annotated[int, OneOf(1, 2)] = 2
     growth: Growth = 1.25
     refine: tuple[Refinement, ...] | None = None
-    refinements: Annotated[int, Ge(0), Le(MOST_REFINEMENTS)] | None = None
+    refinements: Annotated[int, Ge(0), Le(6)] | None = None
 
     @property
     def places(self) -> tuple[Refinement, ...]:

@@ -73,10 +73,11 @@ FREE = "free"
 """Component of a prescribed displacement that is not prescribed."""
 INTERFERENCE = "interference"
 """Name of the load factor that closes the interference of the contacts, from 0 to 1."""
-ON_BODY = ("body_force", "thermal_strain", "mode")
-"""Keys of a load on whole bodies."""
-KINDS = ("pressure", "traction", "displacement", "force", "tension", "gap", *ON_BODY)
-"""Keys of a load of which exactly one is given."""
+KINDS = (
+    *("pressure", "traction", "displacement", "force", "tension", "gap"),
+    *("body_force", "thermal_strain", "mode"),
+)
+"""Keys of a load of which exactly one is given; the last three are of loads on whole bodies."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -170,7 +171,7 @@ class Load(Table):
     @property
     def on_body(self) -> bool:
         """Whether the load acts on a body, not on an edge."""
-        return any(getattr(self, kind) is not None for kind in ON_BODY)
+        return any(getattr(self, kind) is not None for kind in KINDS[-3:])
 
 
 @dataclass(frozen=True, repr=False)
@@ -261,8 +262,6 @@ class Bolt(Table):
         )
 
 
-MAX_CYCLES = 1_000_000_000
-"""Largest number of cycles; cycle numbers in the files of a run have room for it."""
 SAMPLES_PER_LEG = 40
 """Default number of samples on a leg; of a cycle of many legs, 800 at most."""
 
@@ -289,18 +288,6 @@ HEADLINE_NAMES = {
 }
 """Headline numbers of a run and their descriptions. Those of an instant are at the end of cycle 0;
 that of a probe is the largest in magnitude of its points."""
-
-LOCAL_NUMBERS = (
-    "largest_pressure",
-    "contact_half_width",
-    "stick_half_width",
-    "contact_left",
-    "contact_right",
-    "stick_left",
-    "stick_right",
-)
-"""Numbers that are asked for by name only: ends of zones are known to a part of the node spacing,
-and the largest pressure may be infinite."""
 
 Branch = Annotated[str, OneOf("first", "least dissipation", "most dissipation")]
 """Rule by which one of several continuations is taken."""
@@ -360,7 +347,7 @@ class HistoryOptions(Table):
     load: str | None = None
     maximum: Positive = 1.0
     minimum: Number = 1.0 / 3.0
-    cycles: Annotated[int, Ge(0), Le(MAX_CYCLES)] = 60
+    cycles: Annotated[int, Ge(0), Le(1_000_000_000)] = 60
     until: Annotated[str, OneOf("steady", "limit")] | None = None
     columns: tuple[str, ...] = ()
     rows: tuple[tuple[Number, ...], ...] = ()
@@ -531,7 +518,7 @@ class WearOptions(Table):
 
     coefficient: Positive | None = None
     archard: Positive | None = None
-    cycles: Annotated[int, Ge(1), Le(MAX_CYCLES)] = 1_000_000
+    cycles: Annotated[int, Ge(1), Le(1_000_000_000)] = 1_000_000
     depth: Positive | None = None
     tolerance: Tolerance = 0.05
     share: Annotated[float, Ge(0.0), Le(1.0)] = 0.5

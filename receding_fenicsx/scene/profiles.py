@@ -9,7 +9,7 @@ from __future__ import annotations
 import ast
 from collections.abc import Callable
 from functools import reduce
-from typing import Annotated, cast
+from typing import Annotated, Any, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -111,15 +111,12 @@ FUNCTIONS: dict[str, tuple[Callable[..., Array], int, int]] = {
 }
 """Functions in expressions: implementation, smallest and largest number of arguments."""
 
-BINARY: dict[type[ast.operator], Callable[[Array, Array], Array]] = {
+OPERATIONS: dict[type[ast.operator | ast.cmpop], Callable[[Array, Array], NDArray[Any]]] = {
     ast.Add: np.add,
     ast.Sub: np.subtract,
     ast.Mult: np.multiply,
     ast.Div: np.divide,
     ast.Pow: np.power,
-}
-
-COMPARE: dict[type[ast.cmpop], Callable[[Array, Array], NDArray[np.bool_]]] = {
     ast.Lt: np.less,
     ast.LtE: np.less_equal,
     ast.Gt: np.greater,
@@ -173,22 +170,25 @@ def _walk(node: ast.expr, names: dict[str, Array], text: str) -> Array:
     if isinstance(node, ast.Name):
         if node.id in names:
             return names[node.id]
-        raise InputError(f"'{text}': {_unknown(node.id, [*names, *FUNCTIONS])}")
+        hint = suggestion(node.id, [*names, *FUNCTIONS])
+        hint = "only x may be used here" if node.id == "y" else hint
+        raise InputError(f"'{text}': unknown name '{node.id}'; {hint}")
     if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.UAdd | ast.USub):
         value = _walk(node.operand, names, text)
         return -value if isinstance(node.op, ast.USub) else value
-    if isinstance(node, ast.BinOp) and type(node.op) in BINARY:
-        left, right = _walk(node.left, names, text), _walk(node.right, names, text)
-        return np.asarray(BINARY[type(node.op)](left, right), dtype=float)
-    if isinstance(node, ast.Compare) and all(type(op) in COMPARE for op in node.ops):
+    if isinstance(node, ast.BinOp) and type(node.op) in OPERATIONS:
+        sides = (_walk(side, names, text) for side in (node.left, node.right))
+        return np.asarray(OPERATIONS[type(node.op)](*sides), dtype=float)
+    if isinstance(node, ast.Compare) and all(type(op) in OPERATIONS for op in node.ops):
         values = [_walk(term, names, text) for term in (node.left, *node.comparators)]
         truth = np.asarray(1.0)
         for op, left, right in zip(node.ops, values, values[1:], strict=False):
-            truth = truth * COMPARE[type(op)](left, right)
+            truth = truth * OPERATIONS[type(op)](left, right)
         return truth
     if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and not node.keywords:
         if node.func.id not in FUNCTIONS:
-            raise InputError(f"'{text}': {_unknown(node.func.id, list(FUNCTIONS))}")
+            hint = suggestion(node.func.id, list(FUNCTIONS))
+            raise InputError(f"'{text}': unknown name '{node.func.id}'; {hint}")
         function, least, most = FUNCTIONS[node.func.id]
         if not least <= len(node.args) <= most:
             count = str(least) if least == most else f"{least} to {most}"
@@ -202,8 +202,3 @@ def _walk(node: ast.expr, names: dict[str, Array], text: str) -> Array:
         f"'{text}': '{ast.unparse(node)}' is not allowed in an expression{hint}; use numbers, x, "
         f"y, pi, + - * / **, comparisons and {', '.join(FUNCTIONS)}"
     )
-
-
-def _unknown(name: str, known: list[str]) -> str:
-    hint = "only x may be used here" if name == "y" else suggestion(name, known)
-    return f"unknown name '{name}'; {hint}"

@@ -87,10 +87,6 @@ def load_samples(scene: Scene, load: Load) -> Array:
     return 0.5 * (low + high) + 0.5 * (high - low) * np.linspace(-1.0, 1.0, 401)
 
 
-SYMMETRY_TOLERANCE = 1e-12
-"""Largest difference of mirrored values, over the largest value, that counts as round-off."""
-
-
 def is_mirror_symmetric(scene: Scene) -> bool:
     """Return whether a valid scene is mirror-symmetric about x = 0: half of it can be modelled.
 
@@ -118,9 +114,8 @@ def is_mirror_symmetric(scene: Scene) -> bool:
         if not all(_is_even(evaluate(p or 0.0, x)) for p in profiles):
             return False
         # the mirror image of forward slip is backward slip
-        forward, backward = (evaluate(profile, x) for profile in directions(contact.friction))
-        largest = max(np.abs(forward).max(), np.abs(backward).max())
-        if np.any(np.abs(forward - backward[::-1]) > SYMMETRY_TOLERANCE * largest):
+        both = [evaluate(profile, x) for profile in directions(contact.friction)]
+        if not _is_even(np.concatenate(both)):
             return False
         slip = scene.history.initial_slip
         if slip is not None and not _is_even(evaluate(slip, x), sign=-1.0):
@@ -156,12 +151,12 @@ def is_half_meshed(scene: Scene) -> bool:
 def _is_even(values: Array, sign: float = 1.0, scale: float | None = None) -> bool:
     """Return whether values at points symmetric about 0 are even (sign 1) or odd (sign -1)."""
     scale = float(np.abs(values).max()) if scale is None else scale
-    return bool(np.all(np.abs(values - sign * values[::-1]) <= SYMMETRY_TOLERANCE * scale))
+    return bool(np.all(np.abs(values - sign * values[::-1]) <= 1e-12 * scale))  # round-off
 
 
 def _span_is_even(scene: Scene, edge: str, span: tuple[float, float] | None) -> bool:
     low, high = edge_range(scene, edge)
-    return span is None or abs(span[0] + span[1]) <= SYMMETRY_TOLERANCE * (high - low)
+    return span is None or _is_even(np.array(span), -1.0, high - low)
 
 
 def _key(scene: Scene, part: Spring | Support, mirrored: bool) -> tuple[object, ...]:

@@ -23,9 +23,7 @@ T = TypeVar("T")
 Place = tuple[str | int, ...]
 """Keys and numbers of list entries that lead to a value."""
 
-ATTRIBUTE = {table: attribute for attribute, table in TABLE_OF.items() if table != "material"}
-"""Attribute of a scene for each table that may occur several times."""
-ARRAYS = tuple(table for table in ATTRIBUTE if table != "body")
+ARRAYS = tuple(table for table in TABLE_OF.values() if table not in ("body", "material"))
 """Tables that may occur several times, besides the bodies."""
 KNOWN = tuple(dict.fromkeys(TABLE_OF.get(f.name, f.name) for f in dataclasses.fields(Scene)))
 """Keys at the top of a scene file."""
@@ -49,13 +47,6 @@ WANTED = {
     "dataclass_type": "a table",
 }
 """What a value should be, for Pydantic's errors of wrong types."""
-LIMITS = {
-    "greater_than": "above",
-    "greater_than_equal": "at least",
-    "less_than": "below",
-    "less_than_equal": "at most",
-}
-"""Words for Pydantic's errors of values out of range."""
 
 
 def parse_toml(text: str) -> dict[str, Any]:
@@ -76,8 +67,8 @@ def scene_of(raw: dict[str, Any]) -> Scene:
     unknown = [key for key in raw if key not in KNOWN]
     messages = [f"scene: unknown table '{key}'; {suggestion(key, KNOWN)}" for key in unknown]
     values = {key: value for key, value in raw.items() if key not in unknown}
-    for name, attribute in ATTRIBUTE.items():
-        if name in values:
+    for attribute, name in TABLE_OF.items():
+        if name in values and name != "material":
             values[attribute] = as_list(values.pop(name), name)
     if "others" in values:
         if not values["others"]:
@@ -283,30 +274,25 @@ def _message(
         known = known or [field.name for field in dataclasses.fields(_table_at(kind, inside))]
         return f"{where}: unknown key '{place[-1]}'; {suggestion(str(place[-1]), known)}"
     shown = shortened(json.dumps(value, default=str, ensure_ascii=False))
-    bound = next((bounds[key] for key in ("gt", "ge", "lt", "le") if key in bounds), 0)
-    wanted = [WANTED[error]] if error in WANTED else item.get("wanted")
-    if pair:
-        wanted = ["a pair [a, b]"]
-    elif error == "literal_error":
+    if error == "literal_error":
         choices = bounds["expected"].replace("'", '"')
         return f"{where}: {shown} is unknown; use {choices}"
-    elif abs(bound) in (LARGEST, SMALLEST) and value > 0.0:
-        side = "below" if bound == SMALLEST else "beyond"
-        return f"{where}: {shown} is {side} {bound:g}; choose units in which it is nearer to 1"
-    elif error == "string_too_long":
+    if error == "string_too_long":
         most = bounds["max_length"]
         return f"{where}: must have at most {most} characters, not {len(value)}"
-    elif error == "finite_number":
-        wanted = ["a finite number"]
-    elif error in LIMITS:
-        positive = bound == SMALLEST or (error == "greater_than" and bound == 0)
-        limit = bound if isinstance(bound, int) else f"{bound:g}"
-        words = "positive" if positive else f"{LIMITS[error]} {limit}"
-        wanted = ["0 or more" if words == "at least 0" else words]
-    if not wanted:
-        return f"{where}: {item['msg']}"
-    *others, last = wanted
-    choices = (f"{', '.join(others)} or {last}" if others else last).replace("'", '"')
+    words = {**WANTED, "finite_number": "a finite number"}.get(error, item["msg"])
+    wanted = ["a pair [a, b]"] if pair else item.get("wanted", [words])
+    for key, words in (("gt", "above"), ("ge", "at least"), ("lt", "below"), ("le", "at most")):
+        if key in bounds and not pair:
+            bound = bounds[key]
+            if abs(bound) in (LARGEST, SMALLEST) and value > 0.0:
+                beyond = f"{'below' if bound == SMALLEST else 'beyond'} {bound:g}"
+                return f"{where}: {shown} is {beyond}; choose units in which it is nearer to 1"
+            limit = f"{words} {bound if isinstance(bound, int) else f'{bound:g}'}"
+            positive = bound == SMALLEST or (key == "gt" and bound == 0)
+            wanted = ["positive" if positive else "0 or more" if limit == "at least 0" else limit]
+    choices = " or ".join([*([", ".join(wanted[:-1])] if wanted[1:] else []), wanted[-1]])
+    choices = choices.replace("'", '"')
     if isinstance(value, str) and "'" in wanted[0]:
         return f"{where}: {shown} is unknown; use {choices}"
     return f"{where}: must be {choices}, not {shown}"
@@ -334,15 +320,6 @@ def _table_at(kind: type, place: Place) -> type:
     return kind
 
 
-FILE = {
-    "type": "object",
-    "properties": {"file": {"type": "string"}},
-    "required": ["file"],
-    "additionalProperties": False,
-}
-"""Schema of values that are read from a file of columns."""
-
-
 def descriptions(kind: type[Table]) -> dict[str, str]:
     """Return the text of each key of a table, from its docstring."""
     section = (inspect.getdoc(kind) or "").partition("Attributes:\n")[2].partition("\n\n")[0]
@@ -362,7 +339,7 @@ def scene_schema() -> dict[str, Any]:
     history = tables["HistoryOptions"]["properties"]
     for key in ("rows", "cycle_rows"):
         text = history[key].pop("description")
-        history[key] = {"anyOf": [history[key], FILE], "description": text}
+        history[key] = {"anyOf": [history[key], _from_file()], "description": text}
     del tables["Material"]["properties"]["name"]
     named = {"$ref": "#/$defs/Material"}
     tables["DefaultMaterial"] = {**tables["Material"], "additionalProperties": named}
@@ -387,6 +364,13 @@ def scene_schema() -> dict[str, Any]:
     }
 
 
+def _from_file() -> dict[str, Any]:
+    """Return the schema of values that are read from a file of columns."""
+    properties = {"file": {"type": "string"}}
+    required = {"required": ["file"], "additionalProperties": False}
+    return {"type": "object", "properties": properties, **required}
+
+
 def _cleaned(schema: Any) -> Any:
     """Return Pydantic's schema as scene files need it: TOML has no null, profiles may be files."""
     if isinstance(schema, list):
@@ -408,6 +392,6 @@ def _cleaned(schema: Any) -> Any:
     if "anyOf" in found:
         options = [item for item in found.pop("anyOf") if item != {"type": "null"}]
         if any(item.get("propertyNames", {}).get("enum") == ["x", "value"] for item in options):
-            options.append(FILE)
+            options.append(_from_file())
         found |= options[0] if len(options) == 1 else {"anyOf": options}
     return found

@@ -12,7 +12,6 @@ import numpy as np
 from receding_fenicsx.errors import MeshMisfit
 from receding_fenicsx.scene.checks import Rules, check_name, unknown_name, unused
 from receding_fenicsx.scene.model import (
-    MIN_REFINED_GROWTH,
     RECTANGLE_KEYS,
     Body,
     MeshOptions,
@@ -153,9 +152,9 @@ def _of_refinement(scene: Scene, place: Refinement, at: str, meshed: bool) -> Ru
         yield f"{at} at: rectangles have no re-entrant corners; leave it out"
     if not isinstance(place.at, str) and place.span[0] > place.span[1]:
         yield f"{at} at: is empty; write [from, to]"
-    if place.growth is None and scene.mesh.growth < MIN_REFINED_GROWTH:
+    if place.growth is None and scene.mesh.growth < 1.01:
         own = f"that of the mesh is {scene.mesh.growth:g}"
-        yield f"{at} growth: {own}; give one of {MIN_REFINED_GROWTH:g} to 3"
+        yield f"{at} growth: {own}; give one of 1.01 to 3"
     edges = [contact.edge for contact in scene.contacts]
     if place.edge is not None and place.edge not in edges:
         unknown_name(place.edge, edges, f"{at} edge", "contact edge")

@@ -28,7 +28,7 @@ from receding_fenicsx.scene.model import (
     Spring,
     Support,
 )
-from receding_fenicsx.scene.options import KINDS, MOST_UNITS, ON_BODY
+from receding_fenicsx.scene.options import KINDS, MOST_UNITS
 from receding_fenicsx.scene.profiles import check_table, evaluate_checked
 from receding_fenicsx.scene.symmetry import (
     HORIZONTAL,
@@ -142,7 +142,7 @@ def _overlap(a: tuple[float, float], b: tuple[float, float]) -> float:
 
 def _of_body_load(scene: Scene, load: Load, kinds: list[str]) -> Rules:
     """A body force or thermal strain: its body, and that its profile is finite, not zero."""
-    kind = next(kind for kind in ON_BODY if kind in kinds)
+    kind = kinds[-1]
     at, key = load.label, f"{load.label} {kind}"
     others = ("edge", "span", "platen", *(other for other in KINDS if other != kind))
     yield from unused(load, at, [(True, others, f"{kind} acts on a whole body")])

@@ -147,9 +147,6 @@ def _as_tuples(value: Any) -> Any:
     return tuple(map(_as_tuples, value)) if isinstance(value, list) else value
 
 
-RECORD = "receding_fenicsx record"
-SYSTEM = "receding_fenicsx contact system"
-
 NODE_FIELDS = (
     *("x", "points", "f", "g0", "weight", "edge"),
     *("f_backward", "held", "cohesion", "shear_limit"),
@@ -172,7 +169,7 @@ without a limit, have no group for them."""
 
 def write_record(path: str | Path, record: Record, overwrite: bool = False) -> None:
     """Write ``record.h5``; InputError where the file exists already or cannot be written."""
-    with new_hdf5(path, overwrite, RECORD) as file:
+    with new_hdf5(path, overwrite, "receding_fenicsx record") as file:
         nodes = file.create_group("nodes")
         for field in dataclasses.fields(record):
             value = getattr(record, field.name)
@@ -190,7 +187,7 @@ def write_record(path: str | Path, record: Record, overwrite: bool = False) -> N
 
 def read_record(path: str | Path) -> Record:
     """Read ``record.h5``; InputError where it does not exist, is not a record, or is damaged."""
-    with open_file(path, RECORD) as file:
+    with open_file(path, "receding_fenicsx record") as file:
         values: dict[str, Any] = {}
         for field in dataclasses.fields(Record):
             if field.name == "choices":
@@ -220,7 +217,7 @@ def write_system(path: str | Path, system: ContactSystem, overwrite: bool = Fals
     if probes is not None:
         values |= {f"probes/{f.name}": getattr(probes, f.name) for f in dataclasses.fields(probes)}
     values = {name: value for name, value in values.items() if value is not None}
-    with new_hdf5(path, overwrite, SYSTEM) as file:
+    with new_hdf5(path, overwrite, "receding_fenicsx contact system") as file:
         for name, value in values.items():
             write(file, name, value)
         file.attrs["description"] = inspect.getdoc(ContactSystem) or ""
@@ -241,7 +238,7 @@ def read_system(path: str | Path, scene: Scene | None = None) -> ContactSystem:
         InputError: the file does not exist, is damaged, or was condensed from a scene with another
             body, material, mesh, contact edge, load, support or symmetry.
     """
-    with open_file(path, SYSTEM) as file:
+    with open_file(path, "receding_fenicsx contact system") as file:
         values: dict[str, Any] = {}
         for field in dataclasses.fields(ContactSystem):
             optional = field.default is None

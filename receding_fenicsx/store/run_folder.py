@@ -27,7 +27,7 @@ from receding_fenicsx.evolution.probes import probe_names
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.interface.system import ContactSystem
 from receding_fenicsx.mpi import on_root
-from receding_fenicsx.scene.identity import FREE_WHEN_FINISHED, FREE_WHEN_RESUMED, difference
+from receding_fenicsx.scene.identity import FREE_WHEN_RESUMED, difference
 from receding_fenicsx.scene.model import Scene
 from receding_fenicsx.scene.options import SAMPLES_PER_LEG
 from receding_fenicsx.scene.toml_file import known_scene, to_toml
@@ -172,7 +172,7 @@ def is_finished(path: Path, scene: Scene) -> bool:
     _check_same(path, scene)
     if "failure" in summary:
         raise InputError(f"{path}: that run has failed ({summary['failure']}); change the scene")
-    if difference(_scene_of(path), scene, FREE_WHEN_FINISHED) is not None:
+    if difference(_scene_of(path), scene, frozenset({"history.cycles", "history.until"})):
         return False
     until, limit = scene.history.until, summary.get("limit")
     wanted = scene.history.cycles if len(summary["dissipation_per_cycle"]) else 0
@@ -250,10 +250,6 @@ def _finite(value: Any) -> Any:
     if isinstance(value, float) and not math.isfinite(value):
         return None
     return value
-
-
-PROBES = "probes"
-"""Folder of the files in a run's folder."""
 
 
 def write_probes(folder: Path, record: Record) -> list[Path]:

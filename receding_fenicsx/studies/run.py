@@ -34,7 +34,6 @@ from receding_fenicsx.scene.model import Scene
 from receding_fenicsx.scene.validate import validate
 from receding_fenicsx.store.hdf5 import read_system, write_record, write_system
 from receding_fenicsx.store.run_folder import (
-    PROBES,
     SYSTEM,
     shared_folder,
     write_probes,
@@ -349,7 +348,7 @@ def _write_record(
     """Write the record and the files of its probes; return its summary."""
     place, found = mpi.given(folder), mpi.given(record)
     write_record(place / "record.h5", found, overwrite=True)
-    write_probes(place / PROBES, found)
+    write_probes(place / "probes", found)
     return summary.summarise(found, extra)
 
 

@@ -30,9 +30,6 @@ from receding_fenicsx.studies.runner import Runner, digest_of
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-FAILED = "failed"
-"""Kind of a start whose path ends."""
-
 
 @dataclass(frozen=True, repr=False)
 class SteadyStates:
@@ -63,7 +60,7 @@ class SteadyStates:
     @property
     def interval(self) -> tuple[float, float]:
         """Smallest and largest dissipation per cycle of the steady states that were reached."""
-        D = self.dissipation[[kind not in (NOT_REACHED, FAILED) for kind in self.kind]]
+        D = self.dissipation[[kind not in (NOT_REACHED, "failed") for kind in self.kind]]
         return (float(D.min()), float(D.max())) if len(D) else (np.nan, np.nan)
 
     @property
@@ -154,7 +151,7 @@ def play_start(
         record, failure = error.record, str(error)
     D = record.cycles.dissipation
     return {
-        "kind": FAILED if failure else record.steady.kind,
+        "kind": "failed" if failure else record.steady.kind,
         "dissipation": np.nan if failure or not len(D) else float(D[-1]),
         "cycles": len(D),
         "state": _states(record).tolist(),
@@ -279,7 +276,7 @@ def starts_summary(states: SteadyStates) -> dict[str, Any]:
     where none dissipates.
     """
     low, high = states.interval
-    played = [k for k, kind in enumerate(states.kind) if kind != FAILED]
+    played = [k for k, kind in enumerate(states.kind) if kind != "failed"]
     patterns, of_start = np.unique(states.state[played], axis=0, return_inverse=True)
     first = [played[int(np.argmax(of_start == p))] for p in range(len(patterns))]
     kinds, spread = states.counts, (high - low) / high if high > 0.0 else None

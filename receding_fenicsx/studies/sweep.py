@@ -134,9 +134,6 @@ class SweepTable:
 Cell = float | int | str | bool | None
 """Value in a table; None where a case has no such number."""
 
-TABLE = "sweep.csv"
-"""File of the table in the folder of a sweep."""
-
 Measure = Callable[[Record], Mapping[str, Any]]
 """Function that takes the numbers of a case from its record."""
 
@@ -193,7 +190,7 @@ def sweep(
         def combine(runner: Runner) -> SweepTable:
             table = grid.table(runner.outcomes(grid.cases(runner.systems, measure), play_scene))
             if runner.folder is not None and runner.complete:
-                table.write_csv(runner.folder / TABLE, overwrite=True)
+                table.write_csv(runner.folder / "sweep.csv", overwrite=True)
             return table
 
         same = {"key": ", ".join(sorted(grid.keys)), "function measure": _identity(measure)}
@@ -201,7 +198,7 @@ def sweep(
             "over": dict(zip(grid.keys, grid.labels, strict=True)),
             "cases": len(grid.scenes),
         }
-        return Study("sweep", "sweep.json", scene, combine, same, content, (TABLE,))
+        return Study("sweep", "sweep.json", scene, combine, same, content, ("sweep.csv",))
 
     return run_study(begin, out, workers, options, measure)
 

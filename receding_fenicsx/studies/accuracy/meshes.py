@@ -21,13 +21,11 @@ from receding_fenicsx.errors import InputError, MeshMisfit
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.interface.law import State
 from receding_fenicsx.measures.ends import contact_betas, estimated_ends
-from receding_fenicsx.scene.model import MIN_REFINED_GROWTH, MOST_REFINEMENTS, Refinement, Scene
+from receding_fenicsx.scene.model import Refinement, Scene
 from receding_fenicsx.scene.symmetry import is_cylinder, is_horizontal
 
 T = TypeVar("T")
 
-CORNER_RATIO = 100.0
-"""Size of the elements of a contact edge over that at its ends, where tractions may be singular."""
 MIN_ELEMENTS = 8
 """Smallest number of contact elements of a mesh."""
 SEARCH_RATIO = 1.6
@@ -61,7 +59,7 @@ def scaled_mesh(scene: Scene, elements: int) -> Scene:
             replace(
                 place,
                 size=factor * place.size,
-                growth=place.growth and max(grown(place.growth), MIN_REFINED_GROWTH),
+                growth=place.growth and max(grown(place.growth), 1.01),
             )
             for place in mesh.places
         )
@@ -100,7 +98,7 @@ def graded_at_ends(scene: Scene, sizes: Sequence[float]) -> Scene:
     growth = min(1.0 + 24 / scene.mesh.contact_elements, 3.0)
     files = any(body.mesh is not None for body in scene.bodies)
     places += tuple(
-        Refinement(size / CORNER_RATIO, at, growth, contact.edge)
+        Refinement(size / 100.0, at, growth, contact.edge)
         for contact, size in zip(scene.contacts, sizes, strict=True)
         for at in (("ends", "corners") if files else ("ends",))
     )
@@ -124,7 +122,7 @@ def to_limit(scene: Scene) -> Scene:
 def doublings(scene: Scene) -> list[int]:
     """Return the elements of all meshes of a refined file, from the coarsest."""
     least = scene.mesh.contact_elements / 2 ** (scene.mesh.refinements or 0)
-    return [round(least * 2**k) for k in range(MOST_REFINEMENTS + 1)]
+    return [round(least * 2**k) for k in range(7)]
 
 
 def elements_near(scene: Scene, wanted: float, limits: tuple[float, float]) -> Iterator[int]:
@@ -191,7 +189,7 @@ def refined_at_zone_ends(
     scene: Scene,
     record: Record,
     ratio: float = 4.0,
-    corner_ratio: float = CORNER_RATIO,
+    corner_ratio: float = 100.0,
     growth: float = 1.5,
 ) -> Scene:
     """Return a scene with smaller elements where zones end in a coarser run of it, and at corners.

@@ -28,9 +28,6 @@ from receding_fenicsx.interface.system import ContactSystem
 from receding_fenicsx.scene.history import History
 from receding_fenicsx.scene.model import OutputOptions, SolverOptions
 
-ENDS = (NoEquilibrium, NoQuasiStaticContinuation)
-"""Ends of a path that are mechanics; any other failure is one of the solver, and is raised."""
-
 NO_DISSIPATION = 1e-10
 """Dissipation of a cycle, over ranges of load times displacement, below which it is round-off."""
 
@@ -94,18 +91,14 @@ def first_loading(
         played(np.zeros(0))  # a preload that fails is no macroslip
     low, high = 0.0, float(max(amplitudes))
     record: Record | None = None
-    try:
-        record = played(np.array([high]))
-        low = high
-    except ENDS as error:
-        reason = str(error)
-        while high - low > 1e-6 * high:
-            middle = 0.5 * (low + high)
-            try:
-                record = played(np.array([middle]))
-                low = middle
-            except ENDS as failed:
-                high, reason = middle, str(failed)
+    tried = high
+    while high - low > 1e-6 * high:
+        try:
+            record, low = played(np.array([tried])), tried
+        # any other failure is one of the solver
+        except (NoEquilibrium, NoQuasiStaticContinuation) as failed:
+            high, reason = tried, str(failed)
+        tried = 0.5 * (low + high)
     if record is None or low == 0.0:
         raise SolveError(f"load '{drive}': moves the contact at any load factor: {reason}")
     at_events = record.events.load[:, names.index(drive)]

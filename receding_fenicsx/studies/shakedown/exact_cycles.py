@@ -23,10 +23,6 @@ from receding_fenicsx.interface.tolerances import SLIP_ROUND_OFF
 from receding_fenicsx.scene.history import History
 from receding_fenicsx.scene.model import OutputOptions
 
-CYCLES = 400
-"""Most cycles of one verdict; a contact that is not steady then counts as slipping."""
-FACTORS = (1.0, 2.0, 4.0)
-"""Ranges that are tried, over the upper limit of the closed contact, before bisection."""
 ALL_NODES, MOST_NODES = 6, 20
 """Nodes of a contact up to which all may open in a program, and most that may."""
 BELOW = 0.999
@@ -38,7 +34,7 @@ def range_history(
     mean: Loads,
     range: Sequence[Loads],
     factor: float,
-    cycles: int = CYCLES,
+    cycles: int = 400,
 ) -> History:
     """Return the history that goes straight to the first vertex of a range and then round it.
 
@@ -60,7 +56,7 @@ def range_history(
 def shakes_down(system: ContactSystem, history: History, start: Array | None) -> bool:
     """Return whether exact cycles from rest or from an initial slip end without slip.
 
-    A path that ends or is not steady after ``CYCLES`` cycles counts as one that does not, and so
+    A path that ends or is not steady after all its cycles counts as one that does not, and so
     does a steady one that dissipates little over its first cycle, but more than round-off.
     """
     try:
@@ -93,7 +89,7 @@ def limit_by_cycles(
         return any(shakes_down(system, history, start) for start in (safe, None))
 
     low = 0.0
-    for high in (factor * upper for factor in FACTORS):
+    for high in (upper, 2.0 * upper, 4.0 * upper):
         if not ends(high):
             break
         low = high
@@ -114,7 +110,7 @@ def opening_limit(
 ) -> Opening:
     """Return the largest range found round which nodes open and close, and nothing slips.
 
-    A mixed-integer program finds it, up to ``FACTORS[-1]`` times the upper limit of the closed
+    A mixed-integer program finds it, up to four times the upper limit of the closed
     contact; exact cycles from its slip at ``BELOW`` times this range verify it.
 
     Args:
@@ -128,7 +124,7 @@ def opening_limit(
         InputError: the loads are not the system's, there are gaps, or too many nodes open.
         SolveError: no motion was found, or exact cycles slip.
     """
-    loads, top = load_range(system, mean, range), FACTORS[-1] * limits.upper
+    loads, top = load_range(system, mean, range), 4.0 * limits.upper
     if not 0.0 < top < np.inf or np.any(system.g0 > 0.0):
         raise InputError("opening_limit: needs a positive, finite upper limit and no initial gaps")
 
@@ -147,9 +143,8 @@ def opening_limit(
                 whole[record.events.node[record.events.new == SEPARATION]] = True
                 opens[mirror_of(system).index[whole]] = True
         if opens.sum() > MOST_NODES:
-            raise InputError(
-                f"opening_limit: {opens.sum()} nodes open, {MOST_NODES} at most are tried"
-            )
+            most = f"{opens.sum()} nodes open, {MOST_NODES} at most are tried"
+            raise InputError(f"opening_limit: {most}")
     found = largest_opening(system, loads, opens, top)
     D = float(dissipated(system, played(BELOW * found.value, found.slip)).max())
     if D > SLIP_ROUND_OFF:

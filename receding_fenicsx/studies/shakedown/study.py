@@ -152,8 +152,6 @@ def diagram_figure(diagram: Diagram, opening: Opening | None = None) -> Figure:
 
 RESULTS = ("shakedown.json", "safe_slip.csv", "shakedown.png")
 """Files of a study."""
-FOUND_BY = "by a mixed-integer program, verified by exact cycles"
-"""How the range with opening nodes is known."""
 
 
 @dataclass(frozen=True)
@@ -209,7 +207,7 @@ class ShakedownStudy:
             more += " (search cut short)" if found.cut else ""
             lines.append(
                 f"with opening  {found.value:.6g}{more}: nodes open and close without slip, found "
-                f"{FOUND_BY}"
+                "by a mixed-integer program, verified by exact cycles"
             )
         return "\n".join([*lines, *(f"note: {note}" for note in self.notes)])
 
@@ -445,7 +443,7 @@ def _summary(scene: Scene, result: ShakedownStudy) -> dict[str, Any]:
     if found is not None:
         opening = {
             **{key: value for key, value in vars(found).items() if key not in ("slip", "closed")},
-            "found": FOUND_BY,
+            "found": "by a mixed-integer program, verified by exact cycles",
             "verified_at": BELOW * found.value,
             "opening_nodes": np.flatnonzero(~found.closed.all(axis=0)).tolist(),
             "slip": mirror_of(result.system).odd(found.slip).tolist(),
