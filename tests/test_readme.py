@@ -1,5 +1,6 @@
 """What the documents tell to do works as it stands there: programs, commands, scripts, files."""
 
+import contextlib
 import functools
 import os
 import re
@@ -14,6 +15,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from cyclopts import MissingArgumentError
 
 import receding_fenicsx as rf
 from receding_fenicsx import cli
@@ -144,6 +146,38 @@ def test_scene_of_a_how_to_page_is_valid(beside_demos: Path, page: str) -> None:
     (scene,) = re.findall(r"```toml\n(.*?)```", text_of(f"docs/{page}.md"), re.S)
     (beside_demos / "scene.toml").write_text(scene, encoding="utf-8")
     assert cli.main(["check", "scene.toml"]) == 0
+
+
+def test_keys_of_the_scenes_in_the_documents_are_known() -> None:
+    # parts of scenes lack bodies and files; no key of them is unknown, and no value of a wrong kind
+    parts = [
+        part
+        for name in DOCUMENTS
+        if name != "docs/exchange.md"
+        for part in re.findall(r"```toml\n(.*?)```", text_of(name), re.S)
+    ]
+    assert len(parts) > 12
+    for part in parts:
+        try:
+            rf.from_toml(part)
+        except rf.InputError as error:
+            assert not re.search("unknown (key|table)|must be", str(error)), part
+
+
+def test_options_of_all_commands_in_the_documents_are_known() -> None:
+    found = {
+        line
+        for name in (*DOCUMENTS, *NOTEBOOKS)
+        for line in re.findall(
+            r"receding-fenicsx ([a-z]+ [^`\n]+)", text_of(name).replace("\\\n", "")
+        )
+    }
+    assert len(found) > 20
+    for line in found:
+        words = shlex.split(line.partition(" > ")[0].replace("...", ""), comments=True)
+        values = ["1/8" if "SLURM" in word else word for word in words]
+        with contextlib.suppress(MissingArgumentError):
+            cli.app.parse_args(values, exit_on_error=False, print_error=False)
 
 
 def run_program(folder: Path, program: str) -> str:
