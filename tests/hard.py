@@ -1,14 +1,13 @@
 """Hard cases: what is expected of each is written here before it is run.
 
-Every answer that the package accepts is checked by code that shares nothing with its solvers
-(``law.py``). Only overturning, gross sliding, a pulling load, a body that touches nowhere, and a
-jump that enumeration of all states confirms (``ways.py``) may be refused.
+Every answer that the package accepts is replayed (``replay.py``). Only overturning, gross sliding,
+a pulling load, a body that touches nowhere, and a jump that enumeration of all states confirms
+(``ways.py``) may be refused.
 """
 
 from __future__ import annotations
 
 import re
-import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cache, partial
@@ -19,14 +18,12 @@ from mpi4py import MPI
 
 import numpy as np
 from equations import Body
-from law import worst_slip, worst_violation
 from models import grid_system, pushed_block
-from replay import HELD_SHARE
+from replay import HELD_SHARE, objections
 from small import cyclic, table
 from ways import choices, rates
 
 import receding_fenicsx as rf
-from receding_fenicsx.evolution.record_data import States
 from receding_fenicsx.interface.system import eliminate_tangential
 
 SOLVED, SLIDES, PULLS, TIPS = "solved", "gross sliding", "pull the body off", "overturning"
@@ -35,13 +32,6 @@ MAY_JUMP = f"{SOLVED} or {JUMPS}"
 
 HERE = Path(__file__).parent
 DEMOS, TRIALS = HERE.parent / "demos", HERE / "trials"
-
-VIOLATION = 1e-9
-"""Violation of any law at any kept instant, over the largest nodal force, that is let pass."""
-ENERGY = 1e-8
-"""Error of a leg's energy identity, over dissipation and stored energy, that is let pass."""
-CONFIRMED_NEAR = 1e-4
-"""Distance from a limit, over the largest force, that counts as being on it where a path ends."""
 
 Played = tuple[rf.ContactSystem, rf.History]
 Check = Callable[[rf.Record], bool]
@@ -55,8 +45,8 @@ class Case:
         name: what it is.
         expected: "solved", or words of the refusals that are right; several are joined by " or ".
         make: returns the contact, of kind "frictional", and its history.
-        fast: takes well under a second.
-        check: what the record has to show besides the laws.
+        fast: takes about a second.
+        check: what the record of the modelled part has to show besides the laws.
     """
 
     name: str
@@ -66,62 +56,30 @@ class Case:
     check: Check = lambda _: True
 
 
-@dataclass(frozen=True)
-class Outcome:
-    """What became of a case."""
+def judge(case: Case) -> tuple[str, str, bool]:
+    """Play a case; return the outcome, what is said of it, and whether that was expected.
 
-    outcome: str
-    said: str
-    violation: float
-    energy: float
-    seconds: float
-    as_expected: bool
-
-
-def judge(case: Case) -> Outcome:
-    """Play a case and hold it against what was expected."""
-    begin, allowed, violation, energy = time.process_time(), case.expected.split(" or "), 0.0, 0.0
-    system, history = case.make()
+    Halves and radians are played as bodies of their own. Of fewer than 60 nodes all that happens in
+    the first cycle is replayed, of more its samples.
+    """
+    allowed, (system, history) = case.expected.split(" or "), case.make()
+    system = replace(system, half=False, axisymmetric=False)
     played = system if np.any(system.f) else eliminate_tangential(system)
-    output = rf.OutputOptions(samples_per_leg=24, cycles=(0, 1, 2, history.cycles))
+    output = rf.OutputOptions(samples_per_leg=24, cycles=(min(1, history.cycles),))
     try:
         record = rf.evolve(played, history, output=output)
     except rf.RecedingError as error:
-        outcome, said = "refused", str(error)
-        fine = any(word in said for word in allowed)
-        if isinstance(error, rf.NoQuasiStaticContinuation) and not confirmed(
-            system, history, error
-        ):
-            outcome, fine = "WRONG", False
-    else:
-        part = modelled(system, record)
-        found = worst_violation(system, part), worst_slip(system, part), record.residual_max
-        violation, energy = max(found), record.energy_error_max
-        D = record.cycles.dissipation
-        said = f"D_n/D_1 = {D[-1] / D[0]:.6f}" if np.any(D) else "no dissipation"
-        right = violation <= VIOLATION and energy <= ENERGY and case.check(record)
-        outcome, fine = (SOLVED, SOLVED in allowed) if right else ("WRONG", False)
-    return Outcome(outcome, said, violation, energy, time.process_time() - begin, fine)
+        jumps = isinstance(error, rf.NoQuasiStaticContinuation)
+        if jumps and not confirmed(system, history, error):
+            return "WRONG", str(error), False
+        return "refused", str(error), any(word in str(error) for word in allowed)
+    found = objections(system, history, record, between=system.n < 60)
+    if found or record.energy_error_max > 1e-8 or not case.check(record):
+        return "WRONG", "; ".join(found[:3]), False
+    return SOLVED, f"energy error {record.energy_error_max:.0e}", SOLVED in allowed
 
 
-def modelled(system: rf.ContactSystem, record: rf.Record) -> rf.Record:
-    """Cut a record of the whole contact, or of the full circle, down to what was modelled."""
-    if system.axisymmetric:
-        part = {name: getattr(record.samples, name) / (2.0 * np.pi) for name in ("P", "Q")}
-        return replace(record, samples=replace(record.samples, **part))
-    if not system.half:
-        return record
-    right = slice(len(record.x) - system.n, None)
-
-    def cut(states: States) -> States:
-        part = {name: getattr(states, name)[:, right].copy() for name in ("P", "Q", "v", "w")}
-        part["P"][:, 0] *= 0.5  # the axis node carries both halves
-        return replace(states, state=states.state[:, right], **part)
-
-    return replace(record, samples=cut(record.samples))
-
-
-def confirmed(system: rf.ContactSystem, history: rf.History, error: rf.SolveError) -> bool:
+def confirmed(system: rf.ContactSystem, history: rf.History, error: rf.RecedingError) -> bool:
     """Return whether no rates of any kind satisfy the law where the error says that none do.
 
     The exact path is followed to just before that place, all states are tried there.
@@ -135,26 +93,22 @@ def confirmed(system: rf.ContactSystem, history: rf.History, error: rf.SolveErro
     if s > 1e-8:
         corners.append((1.0 - s + 1e-8) * a + (s - 1e-8) * b)
     end = rf.evolve(system, table(system, corners)).turning_points
-    # the record is of the whole contact, the axis node carrying both halves
-    state, Q, P, v, w = (
-        getattr(end, name)[-1, -system.n :].copy() for name in ("state", "Q", "P", "v", "w")
-    )
-    P[0] *= 0.5 if system.half else 1.0
-    r, u = np.concatenate([Q, P]), np.concatenate([v, w])
+    r, u = np.concatenate([end.Q[-1], end.P[-1]]), np.concatenate([end.v[-1], end.w[-1]])
     force = max(np.abs(r).max(), HELD_SHARE * np.abs(system.r_star).max())
-    body, near = Body(system), np.full(2 * system.n, CONFIRMED_NEAR * force)
-    return not rates(body, b - a, choices(body, r, u, state, near), 4**8)
+    # on a limit within 1e-4 of the largest force
+    body, near = Body(system), np.full(2 * system.n, 1e-4 * force)
+    return not rates(body, b - a, choices(body, r, u, end.state[-1], near), 4**8)
 
 
 # -- the paper's block ----------------------------------------------------------------------------
 
-ELEMENTS = (("triangle", 2), ("quadrilateral", 2), ("triangle", 1), ("quadrilateral", 1))
+ELEMENTS = (("triangle", 2), ("quadrilateral", 1))
 
 
 @cache
 def block(*overrides: str) -> rf.ContactSystem:
-    """Condense the paper's block, 41 nodes of half of it, with friction."""
-    scene = rf.read_scene(DEMOS / "block.toml", ["mesh.contact_elements=40", *overrides])
+    """Condense the paper's block, 25 nodes of half of it, with friction."""
+    scene = rf.read_scene(DEMOS / "block.toml", ["mesh.contact_elements=24", *overrides])
     return rf.given(rf.condense(scene, MPI.COMM_SELF))
 
 
@@ -167,7 +121,7 @@ def cycled(*overrides: str, f: float | None = None, low: float = 1.0 / 3.0) -> P
 
 def meshed(nu: float, cell: str, degree: int) -> tuple[str, ...]:
     """Return the overrides of a Poisson's ratio and an element, with as many nodes."""
-    mesh = f'mesh.cell="{cell}"', f"mesh.degree={degree}", f"mesh.contact_elements={80 // degree}"
+    mesh = f'mesh.cell="{cell}"', f"mesh.degree={degree}", f"mesh.contact_elements={48 // degree}"
     return f"material.poisson={nu}", *mesh
 
 
@@ -249,10 +203,10 @@ def played(scene: rf.Scene) -> Played:
 
 
 def scene_of(loads: tuple[rf.Load, ...], path: tuple[Path_, Path_], **parts: Any) -> Played:
-    """Play a block of 4 by 1 of 40 quadratic elements under a table of loads, three cycles."""
+    """Play a block of 4 by 1 of 24 quadratic elements under a table of loads, three cycles."""
     names = tuple(dict.fromkeys(load.name for load in loads))
     history = rf.HistoryOptions("table", columns=names, rows=path[0], cycle_rows=path[1], cycles=3)
-    scene = rf.Scene(mesh=rf.MeshOptions(contact_elements=40), loads=loads, history=history)
+    scene = rf.Scene(mesh=rf.MeshOptions(contact_elements=24), loads=loads, history=history)
     return played(replace(scene, **parts))
 
 
@@ -262,7 +216,7 @@ def cylinder(f: float, degree: int, nu: float, path: tuple[Path_, Path_]) -> Pla
         (replace(PRESSED, span=(0.0, 1.0)),),
         path,
         material=rf.Material(1.0, nu, "axisymmetric"),
-        mesh=rf.MeshOptions(contact_elements=40, degree=degree),
+        mesh=rf.MeshOptions(contact_elements=24, degree=degree),
         contacts=(rf.Contact(friction=f),),
     )
 
@@ -271,11 +225,13 @@ def walls(f: float, both: bool) -> Played:
     """Press a block into a corner, or between two walls."""
     side = rf.Contact("left", friction=f, span=(-0.4, 0.5))
     floor = rf.Contact("bottom", friction=f, span=(-1.9, 1.9 if both else 2.0))
+    mesh = rf.MeshOptions(contact_elements=40)
     if both:
-        return scene_of((PRESSED,), CYCLE, contacts=(floor, side, replace(side, edge="right")))
+        contacts = (floor, side, replace(side, edge="right"))
+        return scene_of((PRESSED,), CYCLE, contacts=contacts, mesh=mesh)
     push = rf.Load("q", "right", None, traction=(-0.5, 0.0))
     path = (((1.0, 1.0),), ((1.0, 0.2), (0.3, 1.0), (1.0, 1.0)))
-    return scene_of((PRESSED, push), path, contacts=(floor, side))
+    return scene_of((PRESSED, push), path, contacts=(floor, side), mesh=mesh)
 
 
 def gapped(gap: str | float, whole: bool, path: tuple[Path_, Path_] = CYCLE) -> Played:
@@ -332,11 +288,11 @@ def alike(record: rf.Record) -> bool:
 
 CASES: tuple[Case, ...] = (
     *(Case(f"f = {f:g}, load range 1 to {low:.2g}", SOLVED, partial(cycled, f=f, low=low))
-      for f in (0.0, 1e-6, 0.05, 0.2, 0.5, 1.0, 2.0, 1e3) for low in (1.0 / 3.0, 0.01)),
+      for f in (0.0, 1e-6, 0.05, 0.5, 2.0, 1e3) for low in (1.0 / 3.0, 0.01)),
     *(Case(f"nu = {nu:g}, {cell}s of order {degree}", SOLVED,
            partial(cycled, *meshed(nu, cell, degree)),
-           check=lambda record: abs(record.turning_points.P[0].sum() - 2.0) <= 1e-8)
-      for nu in (0.0, 0.49, 0.4999) for cell, degree in ELEMENTS),
+           check=lambda record: abs(record.turning_points.P[0].sum() - 1.0) <= 1e-8)
+      for nu in (0.0, 0.4999) for cell, degree in ELEMENTS),
     *(Case(f"nu = 0.499, f = {f:g}, triangles of order {degree}, to {low:.2g}", MAY_JUMP,
            partial(cycled, *meshed(0.499, "triangle", degree), f=f, low=low), fast=low > 0.0)
       for f, low in ((1.0, 1.0 / 3.0), (3.0, 1.0 / 3.0), (3.0, 0.0)) for degree in (1, 2)),
@@ -366,7 +322,7 @@ CASES: tuple[Case, ...] = (
     Case("friction in patches", SOLVED, patches),
     *(Case(f"cylinder, f = {f:g}, order {degree}, nu = {nu:g}", SOLVED,
            partial(cylinder, f, degree, nu, path),
-           check=lambda record: abs(record.turning_points.P[0].sum() - np.pi) <= 1e-10)
+           check=lambda record: abs(record.turning_points.P[0].sum() - 0.5) <= 1e-10)
       for f, degree, nu, path in ((0.0, 1, 0.3, CYCLE), (0.35, 1, 0.3, CYCLE), (3.0, 2, 0.3, CYCLE),
                                   (0.35, 2, 0.499, CYCLE), (0.35, 2, 0.3, TO_ZERO))),
     *(Case(f"top {name}", SOLVED, partial(scene_of, (LOWERED,), path), check=check)

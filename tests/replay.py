@@ -178,13 +178,16 @@ class Replay:
         self.object(where, f"{what} (node {node})", float(size[j, i]), float(allowed))
 
 
-def objections(system: Any, history: Any, record: Any) -> list[str]:
+def objections(system: Any, history: Any, record: Any, between: bool = True) -> list[str]:
     """Return what contradicts the laws in a record; nothing where it is right."""
-    return replay(system, history, record).found
+    return replay(system, history, record, between).found
 
 
-def replay(system: Any, history: Any, record: Any) -> Replay:
-    """Hold a record against the laws; cycles without samples at their turning points only."""
+def replay(system: Any, history: Any, record: Any, between: bool = True) -> Replay:
+    """Hold a record against the laws; cycles without samples at their turning points only.
+
+    What happens between the kept instants is replayed too, if that is asked for.
+    """
     from replay_exact import follow
     from replay_steps import step
 
@@ -206,12 +209,13 @@ def replay(system: Any, history: Any, record: Any) -> Replay:
         leg = _leg(run, (cycle, number), u, state, row, (force, noise))
         force, noise = leg.force, leg.noise
         if cycle in kept:
-            (follow if record.method == "events" else step)(run, leg, totals)
+            if between:
+                (follow if record.method == "events" else step)(run, leg, totals)
             _check_instants(run, leg, record.samples, leg.rows)
         _check_instants(run, leg, ends, np.array([row]))
         u = np.concatenate([ends.v[row], ends.w[row]]).astype(np.longdouble)
         state = ends.state[row].astype(int)
-        if cycle in kept and (row + 1 == len(legs) or legs[row + 1][1] == 0):
+        if between and cycle in kept and (row + 1 == len(legs) or legs[row + 1][1] == 0):
             _check_cycle(run, leg, totals, start, (u, state))
             all_totals.append(totals)
     if len(all_totals) == len(set(ends.cycle.tolist())):

@@ -50,6 +50,20 @@ def small_system(
     )
 
 
+def random_system(seed: int, n: int, margin: float) -> ContactSystem:
+    """Return a random positive definite system, f |row of K_tn|_1 <= margin * min eig K_tt.
+
+    Two loads press mostly, so that contact, slip and separation all occur.
+    """
+    rng = np.random.default_rng(seed)
+    G = rng.standard_normal((2 * n, 3 * n))
+    K = G @ G.T / (3 * n) + 0.2 * np.eye(2 * n)
+    f = margin * np.linalg.eigvalsh(K[:n, :n]).min() / np.abs(K[:n, n:]).sum(axis=1).max()
+    loads = rng.standard_normal((2, 2 * n))
+    loads[0, n:] = np.abs(loads[0, n:]) + 0.3
+    return small_system(0.5 * (K + K.T), {"load0": loads[0], "load1": loads[1]}, f)
+
+
 def table(
     system: ContactSystem,
     path: Rows,

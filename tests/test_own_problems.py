@@ -8,7 +8,6 @@ from mpi4py import MPI
 
 import numpy as np
 import pytest
-from demo_runs import demo
 
 import receding_fenicsx as rf
 
@@ -102,24 +101,6 @@ def test_trapezoid_pad_recedes_to_the_contact_of_a_layer_whatever_the_load(pad: 
     assert middle == pytest.approx(layer.p[0], rel=5e-3)
 
 
-def test_pressure_at_an_undercut_foot_has_the_singularity_of_the_wedge(pad: Path) -> None:
-    """Pressure r^(lambda - 1) at a foot of angle 120 degrees, with lambda = 0.6157.
-
-    On a smooth rigid plane the corner is half of a free wedge of 240 degrees, opened symmetrically:
-    sin(lambda 240) + lambda sin(240) = 0 (Williams 1952). The next term is smaller by r^1.2 and
-    positive: the slope at a distance of 1.5 % of the foot is larger by up to 0.02.
-    """
-    head = 1.0 + 1.0 / np.tan(np.pi / 3.0)
-    shape = f"body.parameters={{foot = 1.0, head = {head}, loaded = 1.0}}"
-    changes = [shape, "mesh.contact_elements=400", "mesh.growth=1.3", "contact.friction=0.0"]
-    record = solve(rf.from_toml(PAD_SCENE, [*changes, "history.kind=monotonic"], pad))
-    near, far = -7, -13
-    r, p = 1.0 - record.x, record.turning_points.p[-1]
-    slope = 1.0 + np.log(p[near] / p[far]) / np.log(r[near] / r[far])
-    assert 0.6157 < slope < 0.6157 + 0.02
-    np.testing.assert_allclose(record.turning_points.P.sum(), 2.0, rtol=1e-12)
-
-
 # -- leaf spring ----------------------------------------------------------------------------------
 
 
@@ -141,23 +122,6 @@ def test_leaves_of_a_spring_touch_at_both_ends_as_beams_do(method: str) -> None:
 
 
 # -- lap joint ------------------------------------------------------------------------------------
-
-
-def test_double_lap_joint_dissipates_what_shear_lag_gives_to_second_order_in_its_height() -> None:
-    """F^3 / (24 q E A) a cycle and F / (2 q) on each side; derived in the demo."""
-    joint = demo("lap_joint")
-    errors = {}
-    for height in (0.5, 0.25):
-        record = joint["solve"](height)
-        if record is not None:
-            errors[height] = joint["compare"](record)
-    if errors:
-        assert all(abs(errors[0.25][name]) < most for name, most in joint["TOLERANCE"].items())
-        extrapolated = (4.0 * errors[0.25]["dissipation"] - errors[0.5]["dissipation"]) / 3.0
-        assert abs(extrapolated) < 0.002
-        # the ends of the slip zones are corners: first order
-        slip = errors[0.5]["slip length"] / errors[0.25]["slip length"]
-        assert slip == pytest.approx(2.0, rel=0.1)
 
 
 # -- axisymmetric punch with a friction map -------------------------------------------------------

@@ -67,7 +67,7 @@ assert np.allclose(directed.cycles.dissipation, exact, rtol=1e-12)
 
 # %% [markdown]
 # In the package: the law in `interface/law.py` (`Friction`), fields of `ContactSystem` (`interface/system.py`), the key of `Contact`
-# (`scene/model.py`) with its checks and its values at the nodes (`evolution/problem.py`), and `tests/law.py`, which states the law once more,
+# (`scene/model.py`) with its checks and its values at the nodes (`evolution/problem.py`), and `tests/equations.py`, which states the law once more,
 # independently. The exact path needs limits that are linear in P and Q and do not depend on time; several
 # of them, of which the lowest holds, are followed by `interface/shear_branches`.
 #

@@ -2,22 +2,16 @@
 
 import re
 from dataclasses import replace
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 from branch_problems import all_ends, different, random_problem
-from models import block_system
 from replay import replay
 from small import small_system, table
 from ways import TooMany
 
 import receding_fenicsx as rf
-from receding_fenicsx.interface.branches import choice
-from receding_fenicsx.interface.branches.choice import Chooser
 from receding_fenicsx.interface.law import BACKWARD, SEPARATION, STICK
-from receding_fenicsx.interface.lcp.all_solutions import Solutions, all_solutions
 
 pytestmark = pytest.mark.one_rank
 
@@ -65,19 +59,6 @@ def test_a_branch_ends_at_the_reversal_and_the_other_goes_all_the_way() -> None:
         assert replay(system, history, branch.record).found == []
     # all is unloaded before the last leg, on which node 0 has the same two answers
     assert [branch.taken for branch in tree] == [(1,), (2, 1), (2, 2)] and tree.complete
-
-
-def test_the_error_tells_of_the_choice_before() -> None:
-    system, history = two_nodes()
-    with pytest.raises(rf.NoQuasiStaticContinuation) as error:
-        rf.evolve(system, history)
-    text = "were made before, in cycle 0, leg 0, s = 0 (nodes [0], 1 of 2): another one may go on"
-    assert text in str(error.value)
-    # the path of a node whose first load has one answer may end too
-    node = small_system([[2, 1.5], [1.5, 2]], {"a": [1.0, 1.0], "b": [0.0, -1.0]}, 2.0)
-    with pytest.raises(rf.NoQuasiStaticContinuation) as error:
-        rf.evolve(node, table(node, [[0, 0], [1, 0], [0.25, 1]]))
-    assert "no choice between several continuations was made on the way" in str(error.value)
 
 
 def test_rules_take_the_continuation_they_name() -> None:
@@ -138,27 +119,6 @@ def test_a_limited_tree_says_that_there_may_be_more() -> None:
     assert "2 branches (there are more)" in str(tree)
 
 
-@pytest.mark.parametrize("from_rest", [True, False])
-@pytest.mark.parametrize("fails", [True, False])
-def test_a_search_that_fails_or_finds_not_all_leaves_doubt(
-    from_rest: bool, fails: bool, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def search(*args: Any) -> Solutions:
-        if fails:
-            raise np.linalg.LinAlgError
-        return replace(all_solutions(*args), complete=False)
-
-    monkeypatch.setattr(choice, "all_solutions", search)
-    # search at the first loading only, or at the other instants only
-    monkeypatch.setattr(Chooser, "_is_certified", lambda *_: from_rest)
-    if not from_rest:
-        monkeypatch.setattr(Chooser, "choose_static", lambda *args: args[-1])
-    system = block_system(8, 4, f=0.8)
-    tree = rf.branches(system, table(system, [[0.0], [1.0], [0.3]]))
-    assert len(tree) == 1 and tree.unsure and not tree.complete
-    assert "there may be more" in str(tree)
-
-
 def test_branches_are_those_that_all_sets_of_states_lead_to() -> None:
     several = 0
     for seed in range(36):
@@ -204,11 +164,3 @@ def test_looking_for_branches_changes_no_path_without_any() -> None:
             a, b = (getattr(r.turning_points, name) for r in (plain, branch.record))
             assert np.abs(a - b).max() <= 1e-12 * np.abs(a).max()
         assert np.array_equal(plain.turning_points.state, branch.record.turning_points.state)
-
-
-def test_choices_are_read_back_from_a_file(tmp_path: Path) -> None:
-    system = node_of_three_solutions()
-    record = rf.branches(system, table(system, [[0.0], [1.0]]))[1].record
-    rf.write_record(tmp_path / "record.h5", record)
-    again = rf.read_record(tmp_path / "record.h5")
-    assert len(record.choices) == 1 and again.choices == record.choices

@@ -14,11 +14,9 @@ import pytest
 from small import small_system
 
 from receding_fenicsx import condense, evolve, run, summarise
-from receding_fenicsx.arrays import Array
 from receding_fenicsx.errors import InputError, SolveError
 from receding_fenicsx.evolution import histories
 from receding_fenicsx.evolution.histories import CORNERS, with_corners
-from receding_fenicsx.evolution.problem import Problem
 from receding_fenicsx.interface.system import ContactSystem
 from receding_fenicsx.mpi import given
 from receding_fenicsx.scene.model import Contact, Harmonic, HistoryOptions, Load, Scene
@@ -109,23 +107,6 @@ def test_tolerance_out_of_reach_is_an_error(monkeypatch: pytest.MonkeyPatch) -> 
     with pytest.raises(SolveError, match="with 64 corners the error estimate") as caught:
         with_corners(system, replace(scene, history=replace(scene.history, tolerance=1e-9)))
     assert "\n" not in str(caught.value)
-
-
-@pytest.mark.one_rank
-def test_polygon_that_fails_is_the_one_that_is_run(monkeypatch: pytest.MonkeyPatch) -> None:
-    scene, system = spring()
-    found = histories._dissipation
-
-    def failing(problem: Problem, refined: Scene) -> tuple[Array, float]:
-        if refined.history.corners == 32:
-            raise SolveError("lift-off")
-        return found(problem, refined)
-
-    monkeypatch.setattr(histories, "_dissipation", failing)
-    refined, doubling = with_corners(system, scene)
-    assert refined.history.corners == 32
-    assert doubling is not None and doubling[:, 0].tolist() == [8, 16, 32]
-    assert np.isnan(doubling[-1, 1])
 
 
 # -- runs ----------------------------------------------------------------------------------------

@@ -80,13 +80,6 @@ def test_a_record_says_its_headline_numbers() -> None:
     assert f"cycle 9, leg 0  {first[0]} {first[1]:.4g} to {first[2]:.4g}" in text
 
 
-def test_a_system_says_its_loads_and_edges() -> None:
-    lines = {line.split()[0]: line.split()[1:] for line in repr(system()).splitlines()[1:]}
-    assert (lines["loads"], lines["edges"]) == (["p0"], ["-"])
-    named = repr(replace(system(), edge_names=("left", "right")))
-    assert any(line.split() == ["edges", "left,", "right"] for line in named.splitlines())
-
-
 def test_a_history_says_the_ranges_of_its_path_and_its_cycles() -> None:
     path = np.array([[0.0, 0.0], [1.0, 0.5]])
     loop = np.array([[1.0, 0.5], [-2.0, 3.0], [1.0, 0.5]])

@@ -6,13 +6,12 @@ import pytest
 from models import block_system
 from small import cyclic, small_system, table
 
-from receding_fenicsx.errors import InputError, NoEquilibrium, NotConverged, SolveError
+from receding_fenicsx.errors import InputError, NoEquilibrium, SolveError
 from receding_fenicsx.evolution import run_state
 from receding_fenicsx.evolution.evolve import evolve
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.interface.law import State
 from receding_fenicsx.interface.system import ContactSystem
-from receding_fenicsx.scene.history import History
 from receding_fenicsx.scene.model import OutputOptions, SolverOptions
 
 pytestmark = pytest.mark.one_rank
@@ -58,30 +57,6 @@ def test_the_usual_cycles_and_the_last_are_sampled() -> None:
     assert kept_cycles(evolve(BLOCK, cyclic(2))) == [0, 1, 2]
 
 
-def test_the_last_cycle_sampled_afterwards_is_the_last_cycle_itself() -> None:
-    output = OutputOptions(samples_per_leg=15)
-    after = evolve(BLOCK, cyclic(7), output=output)
-    during = evolve(BLOCK, cyclic(7), output=replace(output, cycles="all"))
-    rows, others = (np.flatnonzero(r.samples.cycle == 7) for r in (after, during))
-    assert len(rows) == len(others) == 30
-    for field in FIELDS:
-        a, b = getattr(after.samples, field)[rows], getattr(during.samples, field)[others]
-        assert np.abs(a - b).max() <= 1e-12 * np.abs(b).max(), field
-    assert np.array_equal(after.samples.state[rows], during.samples.state[others])
-    assert np.sum(after.events.cycle == 7) == np.sum(during.events.cycle == 7) > 50
-    # and sampling it leaves no trace in what was counted
-    assert after.n_events == during.n_events
-    assert np.array_equal(after.cycles.dissipation, during.cycles.dissipation)
-
-
-def test_until_steady_stops_and_samples_the_steady_cycle() -> None:
-    record = evolve(BLOCK, replace(cyclic(500), until_steady=True))
-    last = record.steady.cycle
-    assert record.steady.reached and 20 < last < 500
-    assert len(record.cycles.dissipation) == last
-    assert kept_cycles(record) == [0, 1, 2, 9, last]
-
-
 @pytest.mark.parametrize("chosen", [(3,), (0, 2), (), (1, 99)])
 def test_listed_cycles_and_no_others_are_kept(chosen: tuple[int, ...]) -> None:
     record = evolve(BLOCK, cyclic(4), output=OutputOptions(samples_per_leg=5, cycles=chosen))
@@ -110,25 +85,6 @@ def test_samples_are_spread_evenly_and_end_at_the_turning_points(method: str) ->
     assert s.p * record.weight == pytest.approx(s.P, abs=1e-15)
     assert s.P.sum(axis=1) == pytest.approx(2.0 * s.load[:, 0], rel=1e-11)
     assert np.abs(s.Q.sum(axis=1)).max() <= 1e-12
-
-
-def test_a_monotonic_history_has_no_cycles() -> None:
-    rise = History(("p0",), np.array([[0.0], [1.0]]), np.zeros((0, 1)))
-    record = evolve(BLOCK, rise)
-    assert len(record.cycles.dissipation) == 0 and not record.steady.reached
-    assert record.steady.kind == "not reached"
-    assert record.turning_points.cycle.tolist() == [0]
-    assert record.dissipation_first_loading > 0.0
-    # the first loading is proportional to the load: the energy of half the load is a quarter
-    half = evolve(BLOCK, replace(rise, path=0.5 * rise.path))
-    ratio = half.dissipation_first_loading / record.dissipation_first_loading
-    assert ratio == pytest.approx(0.25, rel=1e-11)
-
-
-def test_progress_hears_of_every_cycle() -> None:
-    heard: list[tuple[int, int]] = []
-    evolve(BLOCK, cyclic(3), progress=lambda n, of, _: heard.append((n, of)))
-    assert heard == [(1, 3), (2, 3), (3, 3)]
 
 
 @pytest.mark.parametrize("method", ["events", "gauss-seidel"])
@@ -160,14 +116,6 @@ def test_a_leg_that_breaks_its_energy_identity_is_an_error(monkeypatch: pytest.M
         evolve(BLOCK, cyclic(1))
     steps = SolverOptions(method="gauss-seidel", steps_per_leg=10)
     assert evolve(BLOCK, cyclic(1), steps).energy_error_max == 1e-5
-
-
-def test_a_step_that_does_not_converge_carries_the_record_too() -> None:
-    options = SolverOptions(method="gauss-seidel", steps_per_leg=1, max_sweeps=4, polish=False)
-    with pytest.raises(NotConverged, match="cycle 0, leg 0: Gauss-Seidel stopped") as caught:
-        evolve(BLOCK, cyclic(1), options)
-    assert isinstance(caught.value.record, Record)
-    assert len(caught.value.record.turning_points.s) == 0
 
 
 @pytest.mark.parametrize(
@@ -279,41 +227,6 @@ def test_a_landing_after_an_initial_slip_is_refused_by_node(method: str) -> None
     smooth = replace(system, f=np.array([0.4, 0.0]))
     end = evolve(smooth, history, options, initial_slip=np.array([1.0, 0.0])).turning_points
     assert end.P[0, 1] > 0.0
-
-
-@pytest.mark.parametrize("method", ["events", "gauss-seidel"])
-def test_open_nodes_bear_exactly_nothing(method: str) -> None:
-    record = evolve(BLOCK, cyclic(10), SolverOptions(method=method, steps_per_leg=5))
-    for states in (record.turning_points, record.samples):
-        is_open = states.state == State.SEPARATION
-        assert 0 < np.sum(is_open) < is_open.size
-        for name in ("P", "Q", "p", "q"):
-            assert np.all(getattr(states, name)[is_open] == 0.0), name
-            assert np.any(getattr(states, name)[~is_open] != 0.0), name
-
-
-@pytest.mark.parametrize("method", METHODS)
-@pytest.mark.parametrize("gap", [0.0, 0.3])
-def test_nothing_happens_before_the_first_load(method: str, gap: float) -> None:
-    system = laid_down(gap)
-    late, plain = (
-        evolve(system, table(system, path), SolverOptions(method=method))
-        for path in ([0.0, 0.0, 0.0, 1.0], [0.0, 1.0])
-    )
-    ends = late.turning_points
-    assert not ends.P[:2].any() and not ends.v[:2].any() and not ends.w[:2].any()
-    assert np.array_equal(ends.P[-1], plain.turning_points.P[-1])
-    assert late.dissipation_first_loading == plain.dissipation_first_loading
-
-
-@pytest.mark.parametrize("solver", [SolverOptions(), STEPS], ids=lambda s: s.method)
-def test_largest_errors_are_those_of_all_legs_so_far(solver: SolverOptions) -> None:
-    path = [0.0, 1.0, 0.3, 0.9, 0.2, 0.8, 0.5]
-    records = [evolve(BLOCK, table(BLOCK, path[:k]), solver) for k in range(2, len(path) + 1)]
-    for name in ("residual_max", "energy_error_max"):
-        largest = [getattr(record, name) for record in records]
-        assert largest == sorted(largest), name
-        assert largest[0] > 0.0 or largest[-1] > 0.0
 
 
 @pytest.mark.one_rank

@@ -1,6 +1,4 @@
 import dataclasses
-import errno
-import os
 from pathlib import Path
 
 import numpy as np
@@ -8,10 +6,10 @@ import pytest
 from models import block_system
 from small import cyclic, small_system
 
-from receding_fenicsx.errors import InputError, RecedingError
+from receding_fenicsx.errors import InputError
 from receding_fenicsx.evolution import journal as journal_module
 from receding_fenicsx.evolution.evolve import Progress, continue_history, evolve
-from receding_fenicsx.evolution.journal import Journal, JournalFile, is_checkpoint
+from receding_fenicsx.evolution.journal import Journal, JournalFile
 from receding_fenicsx.evolution.problem import problem_of_history
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.interface.system import ContactSystem, eliminate_tangential
@@ -128,17 +126,6 @@ def test_run_gone_on_with_is_the_undisturbed_one_in_every_bit(
     equal(play(system, cyclic(cycles), solver, journal=journal), undisturbed)
 
 
-def test_more_cycles_go_on_from_a_finished_run(tmp_path: Path) -> None:
-    undisturbed = play(BLOCK, cyclic(17), journal=Journal(5))
-    first = JournalFile(tmp_path / "journal", BLOCK, 5)
-    play(BLOCK, cyclic(12), journal=first)
-    first.write()
-    first.close()
-    again = JournalFile(tmp_path / "journal", BLOCK, 5)
-    assert len(again.cycles) == 11  # cycles 0 to 10: the last checkpoint
-    equal(play(BLOCK, cyclic(17), journal=again), undisturbed)
-
-
 def test_every_cut_leaves_the_checkpoints_before_it(tmp_path: Path) -> None:
     path, ends = tmp_path / "journal", []
     journal = JournalFile(path, BLOCK, 2)
@@ -195,60 +182,3 @@ def test_file_of_another_system_or_program_is_refused(tmp_path: Path) -> None:
         JournalFile(path, BLOCK, 5)
     with pytest.raises(InputError, match="cannot be written"):
         JournalFile(tmp_path / "none" / "journal", BLOCK, 5)
-
-
-def test_full_disk_is_said_and_leaves_the_last_checkpoint(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    path = tmp_path / "journal"
-    journal = interrupted(path, 6, cyclic(8))
-    size, finished = path.stat().st_size, len(journal.cycles)
-
-    def full(_: int) -> None:
-        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-
-    monkeypatch.setattr(os, "fsync", full)
-    with pytest.raises(RecedingError, match="No space left") as caught:
-        play(BLOCK, cyclic(30), journal=journal)
-    assert caught.value.exit_code == 1
-    assert path.stat().st_size == size
-    journal.close()
-    monkeypatch.undo()
-    assert len(JournalFile(path, BLOCK, 5).cycles) == finished
-
-
-def test_writing_takes_a_small_part_of_the_time_and_no_more_as_the_history_grows(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    clock = [0.0]
-    monkeypatch.setattr(journal_module, "WRITING_SHARE", 0.02)
-    monkeypatch.setattr("receding_fenicsx.evolution.journal.time.monotonic", lambda: clock[0])
-    journal = JournalFile(tmp_path / "journal", BLOCK, 1)
-    append, spent = journal._append, [0.0]
-
-    def slow(data: bytes) -> None:
-        append(data)
-        clock[0] += 0.5
-        spent[0] += 0.5
-
-    monkeypatch.setattr(journal, "_append", slow)
-
-    def tick(number: int, cycles: int, message: str) -> None:
-        clock[0] += 1.0
-
-    play(BLOCK, cyclic(200), journal=journal, progress=tick)
-    assert 0.5 < spent[0] <= 0.5 + 0.02 * clock[0]
-    # and where a cycle takes long beside its writing, every checkpoint is written
-    journal.write()
-    size = (tmp_path / "journal").stat().st_size
-    journal.write()
-    assert (tmp_path / "journal").stat().st_size == size
-
-
-def test_checkpoints_grow_sparser_but_never_leave_more_than_a_tenth_behind() -> None:
-    assert [n for n in range(101) if is_checkpoint(n, 10)] == list(range(0, 101, 10))
-    assert [n for n in range(200, 401) if is_checkpoint(n, 10)] == list(range(200, 401, 20))
-    for every in (1, 5, 7, 10):
-        at = np.array([n for n in range(20000) if is_checkpoint(n, every)])
-        assert np.all(np.diff(at) <= np.maximum(every, at[:-1] / 10))
-    assert len(at) < 100

@@ -8,18 +8,15 @@ import pytest
 from models import block_system
 from problems import limited, play, problem
 from replay import replay
-from small import cyclic, small_system, table
+from small import cyclic
 
 from receding_fenicsx.errors import InputError, SolveError
-from receding_fenicsx.evolution.evolve import continue_history, evolve
-from receding_fenicsx.evolution.journal import Journal, JournalFile
+from receding_fenicsx.evolution.evolve import evolve
 from receding_fenicsx.evolution.limit import search, tail
-from receding_fenicsx.evolution.problem import problem_of_history
 from receding_fenicsx.evolution.record import Record
-from receding_fenicsx.evolution.replay import state_at
 from receding_fenicsx.output.report.cycles import limit_rows
 from receding_fenicsx.output.report.summary import summarise
-from receding_fenicsx.scene.history import ended_by, history_from_scene
+from receding_fenicsx.scene.history import history_from_scene
 from receding_fenicsx.scene.model import HistoryOptions, Load, Scene, SolverOptions
 from receding_fenicsx.store.hdf5 import read_record, write_record
 
@@ -47,14 +44,6 @@ def test_the_limit_is_that_of_many_plain_cycles(limit: Record) -> None:
     assert limit.steady.reached and limit.steady.kind == plain.steady.kind == "cyclic slip"
 
 
-def test_an_instant_of_the_limit_cycle_is_replayed_from_its_own_end(limit: Record) -> None:
-    n, samples = len(limit.cycles.dissipation), limit.samples
-    row = int(np.flatnonzero((samples.cycle == n) & (samples.leg == 0))[20])
-    at = state_at(limit, BLOCK, cyclic(200), SolverOptions(), (n, 0, float(samples.s[row])))
-    half = samples.v.shape[1] - BLOCK.n
-    assert np.abs(at.v - samples.v[row, half:]).max() < 1e-10 * np.abs(at.v).max()
-
-
 def test_record_and_summary_hold_the_limit(limit: Record, tmp_path: Path) -> None:
     write_record(tmp_path / "record.h5", limit)
     assert read_record(tmp_path / "record.h5").limit == limit.limit
@@ -64,15 +53,6 @@ def test_record_and_summary_hold_the_limit(limit: Record, tmp_path: Path) -> Non
     assert summary["limit"]["reached"] is True and summary["limit"]["unique"] is True
     assert "found by" in limit_rows(summary)[0][1]
     assert "limit" not in summarise(evolve(BLOCK, cyclic(2)))
-
-
-def test_one_spring_has_its_limit_in_closed_form() -> None:
-    # spring 2 pressed by 1 and pulled between -0.5 and 0.5, f = 0.3: D = 4 f (pull - f) / 2
-    system = small_system([[2.0, 0.0], [0.0, 1.0]], {"press": [0, 1], "pull": [-1, 0]}, 0.3)
-    history = table(system, [[0, 0], [1, 0], [1, 0.5]], [[1, 0.5], [1, -0.5], [1, 0.5]], 50)
-    record = evolve(system, history, until="limit")
-    assert record.limit is not None and record.limit.reached
-    assert np.isclose(record.cycles.dissipation[-1], 4 * 0.3 * 0.2 / 2, rtol=1e-12)
 
 
 def test_a_search_that_fails_goes_on_playing(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -149,43 +129,3 @@ def test_a_node_that_would_slip_back_has_no_limit_by_the_search(
     record, plain = play(p), evolve(p.system, replace(p.history, until_limit=False), p.solver)
     assert record.limit is not None and record.limit.reached
     assert np.isclose(record.cycles.dissipation[-1], plain.cycles.dissipation[-1], rtol=1e-9)
-
-
-def test_an_interrupted_history_resumes_to_the_same_limit(tmp_path: Path) -> None:
-    problem_ = problem_of_history(BLOCK, ended_by(cyclic(200), "limit"))
-    whole = continue_history(problem_, Journal(1))
-
-    def stop(cycle: int, *_: object) -> None:
-        if cycle == 2:
-            raise KeyboardInterrupt
-
-    journal = JournalFile(tmp_path / "journal.bin", BLOCK, 1)
-    with pytest.raises(KeyboardInterrupt):
-        continue_history(problem_, journal, stop)
-    journal.write()
-    journal.close()
-    again = JournalFile(tmp_path / "journal.bin", BLOCK, 1)
-    assert len(again.cycles) == 3
-    resumed = continue_history(problem_, again)
-    again.close()
-    for key in ("v", "w", "P", "Q", "state"):
-        a, b = (getattr(r.turning_points, key) for r in (resumed, whole))
-        assert np.array_equal(a, b), key
-    assert resumed.limit == whole.limit
-
-
-def test_a_resumed_history_says_the_same_of_searches_before_it(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    monkeypatch.setattr(tail, "MAX_CYCLES", 2)
-    monkeypatch.setattr(search, "MAX_PLAYED", 2)
-    problem_ = problem_of_history(block_system(12, 6), ended_by(cyclic(8), "limit"))
-    journal = Journal(1)
-    whole = continue_history(problem_, journal).limit
-    assert whole is not None and not whole.reached
-    for finished in (3, 6, 9):
-        again = Journal(1)
-        again.cycles = journal.cycles[:finished]
-        resumed = continue_history(problem_, again).limit
-        assert resumed is not None
-        assert resumed.reason == whole.reason and resumed.cycles_played == whole.cycles_played

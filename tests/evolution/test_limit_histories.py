@@ -16,8 +16,6 @@ from models import (
 from small import table
 
 import receding_fenicsx as rf
-from receding_fenicsx.errors import SolveError
-from receding_fenicsx.evolution.limit import search
 from receding_fenicsx.interface.system import ContactSystem
 
 pytestmark = pytest.mark.one_rank
@@ -27,12 +25,6 @@ def polygon(corners: int, phase: float) -> np.ndarray:
     """Return corners of a cycle of press and push, out of phase."""
     angle = 2.0 * np.pi * (np.arange(corners + 1) % corners) / corners
     return np.stack([1.0 + 0.4 * np.cos(angle), 0.25 * np.sin(angle + phase)], axis=1)
-
-
-def block_scene(values: dict[str, float]) -> rf.Scene:
-    """Return the scene of the paper's block with other values."""
-    file = Path(__file__).parents[2] / "demos" / "block.toml"
-    return rf.read_scene(file, [f"{key}={value}" for key, value in values.items()])
 
 
 def assert_same(limit: rf.Record, plain: rf.Record) -> None:
@@ -70,20 +62,6 @@ def test_the_limit_of_a_wedge_damper_is_that_of_plain_cycles(elements: int) -> N
     assert found.limit is not None and len(found.limit.reason) < 200
 
 
-def test_a_search_that_fails_prints_no_load_factors_of_its_own(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    def ends(*_: object) -> None:
-        raise SolveError("the exact path lost accuracy before load factors [1.0, 2e-08, 3e-08]")
-
-    monkeypatch.setattr(search, "trace", ends)
-    block, loop = under_four_loads(12)
-    path = [[0.0] * 4, [1.0, 0.0, 0.0, 0.0], loop[0]]
-    record = rf.evolve(block, table(block, path, loop, 10), until="limit")
-    assert record.limit is not None and not record.limit.jumped
-    assert "ends early" in record.limit.reason and "e-08" not in record.limit.reason
-
-
 @pytest.mark.parametrize(
     ("made", "seed"),
     [(under_four_loads, seed) for seed in (12, 38, 338, 428, 738, 4239, 91729, 702941)]
@@ -119,44 +97,3 @@ def test_nodes_that_pass_a_limit_after_fifty_cycles_are_foreseen() -> None:
     v, w = limit.turning_points.v[-1], plain.turning_points.v[-1]
     assert limit.limit is not None and limit.limit.reached
     assert np.abs(v - w).max() < 1e-9 * np.abs(w).max()
-
-
-def test_a_node_that_slips_both_ways_settles_on_its_friction_limit() -> None:
-    # played plainly its last slip back is in cycle 12
-    scene = block_scene(
-        {
-            "mesh.contact_elements": 80,
-            "contact.friction": 0.9129,
-            "material.poisson": 0.1908,
-            "history.minimum": 0.5168,
-            "history.cycles": 400,
-            "solver.steady_tolerance": 1e-11,
-        }
-    )
-    system = rf.condense(scene)
-    if system is None:
-        return
-    found = rf.evolve(system, scene, until="limit")
-    plain = rf.evolve(system, scene, until="steady")
-    assert found.limit is not None and found.limit.reached
-    assert found.steady.kind == plain.steady.kind == "shakedown"
-    v, w = found.turning_points.v[-1], plain.turning_points.v[-1]
-    assert np.abs(v - w).max() < 1e-9 * np.abs(w).max()
-
-
-def test_round_off_of_a_contact_that_shakes_down_is_no_walk() -> None:
-    scene = block_scene(
-        {
-            "mesh.contact_elements": 320,
-            "contact.friction": 1.0847,
-            "material.poisson": 0.3361,
-            "history.minimum": 0.7621,
-            "history.cycles": 100,
-        }
-    )
-    system = rf.condense(scene)
-    if system is None:
-        return
-    record = rf.evolve(system, scene, until="limit")
-    assert record.limit is not None and record.limit.reached, record.limit
-    assert record.steady.kind == "shakedown"

@@ -1,14 +1,11 @@
 """Cycles to come as an affine map of the last one: against the same cycles, played."""
 
-from itertools import pairwise
-
 import numpy as np
 import pytest
-from models import block_system, tall_under_four_loads
-from small import cyclic, table
+from models import block_system
+from small import cyclic
 
 from receding_fenicsx.evolution.evolve import evolve
-from receding_fenicsx.evolution.limit import search
 from receding_fenicsx.evolution.limit.tail import NoLimit, TracedCycle, follow, trace
 from receding_fenicsx.evolution.replay import turning_point
 from receding_fenicsx.interface.exact.segments import Segments
@@ -49,22 +46,3 @@ def test_a_tail_of_fewer_cycles_than_it_needs_is_no_limit() -> None:
     cycle, force, _ = traced(1 / 3, 10)
     with pytest.raises(NoLimit, match="another order"):
         follow(cycle, force, 1e-10 * force)
-
-
-def test_releases_in_another_order_are_played(monkeypatch: pytest.MonkeyPatch) -> None:
-    # a node released before its neighbours sticks again where it comes first, 36 cycles later
-    block, loop = tall_under_four_loads(7600021)
-    path = [[0.0] * 4, [1.0, 0.0, 0.0, 0.0], loop[0]]
-    monkeypatch.setattr(search.LimitSearch, "is_due", lambda _, number: number == 9)
-    record = evolve(block, table(block, path, loop, 12), until="limit")
-    assert record.limit is not None and not record.limit.jumped
-    assert "another order" in record.limit.reason
-
-
-def test_a_cycle_without_events_is_its_own_limit() -> None:
-    system, history = block_system(12, 6, f=50.0), cyclic(3, 0.9)
-    record = evolve(system, history)
-    start = turning_point(record, system, -1)
-    cycle = trace(Segments(frictional_form(system)), start, history.loop, float(start.P.max()))
-    assert len(cycle.stops) == len(list(pairwise(history.loop)))
-    assert np.array_equal(follow(cycle, 1.0, 1e-10).u, start.u)

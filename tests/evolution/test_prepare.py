@@ -77,34 +77,6 @@ def test_another_friction_gap_or_history_is_played_without_touching_the_body(
     assert cli.main([*again, "--set", "contact.friction=0.35"]) == 0
 
 
-def test_the_body_is_drawn_from_a_saved_system_only_when_asked_for(
-    system: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    drawn: list[bool] = []
-
-    def draw(*_: object, body: bool, **__: object) -> None:
-        drawn.append(body)
-
-    monkeypatch.setattr("receding_fenicsx.studies.run.draw_run", draw)
-    saved, all_, figures = (
-        ["--system", str(system)],
-        ["--pictures", "all"],
-        ["--pictures", "figures"],
-    )
-    for extra, body in (
-        (saved, [False]),
-        ([*saved, *all_], [True]),
-        ([*saved, "--pictures", "none"], []),
-        ([], [True]),
-        (figures, [False]),
-    ):
-        drawn.clear()
-        arguments = ["run", BLOCK, *SMALL, *extra, "--overwrite"]
-        assert cli.main([*arguments, "--out", str(system.parent / "run")]) == 0
-        assert drawn == body
-        comm.Barrier()
-
-
 @pytest.mark.one_rank
 def test_reuse_needs_neither_dolfinx_nor_petsc_nor_gmsh(system: Path) -> None:
     arguments = ["run", BLOCK, *SMALL, "--system", str(system), "--pictures", "none"]

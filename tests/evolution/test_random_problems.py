@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from equations import BACKWARD, FORWARD, OPEN, STICK, Body
+from equations import BACKWARD, FORWARD, OPEN, STICK
 from problems import (
     ACCEPTED,
     FALSE,
@@ -26,12 +26,10 @@ from problems import (
     sprung,
     table_of,
 )
-from problems import verdict as verdict_of
 from replay import objections
 from small import small_system, table
 from stack_problems import FAMILIES
 
-from receding_fenicsx.errors import NoQuasiStaticContinuation, SolveError
 from receding_fenicsx.evolution.evolve import evolve
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.interface.exact import loop
@@ -83,10 +81,11 @@ SINGLE = {
         {ACCEPTED, REFUSED},
     ),
     # load steps lead to a jump, the exact path from the leg's start does not; a block of pivots is
-    # singular; a free body that is unloaded in load steps does not float off
+    # singular; a free body that is unloaded in load steps does not float off; sweeps cycle; the body
+    # drifts without friction, which dissipates nothing
     "accepted": (
         same,
-        "20076 1050272 1120300 464364 621228 71000404 71000611 74000110",
+        "20076 1050272 1120300 464364 621228 71000404 71000611 74000110 1248 1643 20638",
         {ACCEPTED},
     ),
     # a body that was displaced far comes to rest; round-off of such displacements is no jump,
@@ -129,21 +128,6 @@ def test_nearly_singular_bodies_are_solved_but_for_one_lost_in_round_off() -> No
     assert found.count(Outcome(ACCEPTED, "no jump")) >= len(found) - 1
 
 
-def test_jumps_that_are_hardly_told_from_round_off_are_no_objection() -> None:
-    """Which one is refused, if any, depends on the linear algebra library; none may be wrong."""
-    accepted = 0
-    for p in map(problem, (412483, 413139, 413433)):
-        try:
-            record = play(p)
-        except SolveError:
-            continue
-        accepted += 1
-        assert verdict_of(p, record) == Outcome(ACCEPTED, "with jumps")
-        many = replace(record, jumps=record.jumps + 100)
-        assert objected(p.system, p.history, many, "jumps, there are")
-    assert accepted >= 2
-
-
 @pytest.mark.parametrize("cleared", [False, True], ids=["", "round-off removed at every event"])
 def test_an_event_at_the_place_of_a_jump_is_left_out(
     cleared: bool, monkeypatch: pytest.MonkeyPatch
@@ -155,17 +139,6 @@ def test_an_event_at_the_place_of_a_jump_is_left_out(
     assert judge(p) == Outcome(ACCEPTED, "with jumps")
     events = play(p).events
     assert not np.any((events.cycle == 5) & (events.leg == 2) & (events.node == 5))
-
-
-@pytest.mark.parametrize("number", [1036, 1527])
-def test_jumps_inside_load_steps_dissipate_nothing(number: int) -> None:
-    p = problem(number)
-    record = play(p)
-    assert record.jumps > 0 and verdict_of(p, record) == Outcome(ACCEPTED, "with jumps")
-    record = copied(record)
-    record.cycles.dissipation_density[0] *= 2.0
-    record.cycles.dissipation[0] *= 2.0
-    assert objected(p.system, p.history, record, "dissipation is off")
 
 
 def copied(record: Record) -> Record:
@@ -214,12 +187,6 @@ def stepper() -> tuple[Any, Any, Record]:
     return system, history, evolve(system, history, options, OutputOptions(STEPS, "all"))
 
 
-def test_records_that_are_right_meet_no_objection() -> None:
-    for system, history, record in (slider(), jumper(), stepper()):
-        assert objections(system, history, record) == []
-        assert record.n_events > 0
-
-
 def slips(record: Record) -> tuple[int, int]:
     """Return row and node of a sample that slips backward, or forward."""
     state = record.samples.state
@@ -244,14 +211,6 @@ def turn_slip(record: Record) -> None:
     new[new >= FORWARD] = 7 - new[new >= FORWARD]
 
 
-def turn_slip_and_forces(record: Record) -> None:
-    turn_slip(record)
-    for part in (record.samples, record.turning_points):
-        slipping = part.state >= FORWARD
-        part.Q[slipping] *= -1.0
-        part.q[slipping] *= -1.0
-
-
 def drop_event(record: Record) -> None:
     middle = len(record.events.s) // 2
     for f in fields(record.events):
@@ -259,28 +218,9 @@ def drop_event(record: Record) -> None:
     record.n_events -= 1
 
 
-def swap_events(record: Record) -> None:
-    e = record.events
-    same_leg = (np.diff(e.cycle) == 0) & (np.diff(e.leg) == 0)
-    first = int(np.flatnonzero((np.diff(e.s) > 0.0) & same_leg)[0])
-    for f in fields(record.events):
-        column = getattr(record.events, f.name)
-        column[[first, first + 1]] = column[[first + 1, first]]
-
-
 def move_event(record: Record) -> None:
     j = int(np.flatnonzero((record.events.s > 0.1) & (record.events.s < 0.9))[0])
     record.events.s[j] += 1e-7  # part of the leg: 5e-8 of a gap, which all laws forbid
-
-
-def skip_turning_point(record: Record) -> None:
-    t = record.turning_points
-    for f in fields(t):
-        setattr(t, f.name, getattr(t, f.name)[:-1])
-
-
-def miss_first_dissipation(record: Record) -> None:
-    record.dissipation_first_loading *= 1.0 + 1e-6
 
 
 Spoil = Callable[[Record], None]
@@ -288,9 +228,7 @@ Value = tuple[str, str, Any, Callable[[Any], Any]]
 SPOILT: list[tuple[Value | Spoil, str, str]] = [
     (("samples", "Q", slips, lambda x: -x), "equilibrium fails", "equilibrium fails"),
     (turn_slip, "a slipping node is off its limit", "slips against its state"),
-    (turn_slip_and_forces, "slips against its direction", ""),
     (drop_event, "do not lead to the states|the node is in", "the events are not the changes"),
-    (swap_events, "an event stands after a later one", ""),
     (move_event, "lies beyond its place", ""),
     (
         ("samples", "v", sticks, lambda x: x + 1e-9),
@@ -304,12 +242,9 @@ SPOILT: list[tuple[Value | Spoil, str, str]] = [
         "a slipping node is off its limit",
         "",
     ),
-    (("samples", "p", slips, lambda x: x * (1.0 + 1e-9)), "p is not P over weight", ""),
     (("samples", "v", slips, lambda x: x * np.nan), "equilibrium fails", ""),
-    (("samples", "load", (3, 0), lambda x: x + 1e-9), "is not the history's", ""),
     (("cycles", "dissipation", 1, lambda x: x * (1.0 + 1e-6)), "dissipation is off", ""),
     (("cycles", "dissipation", 1, lambda x: x * 1.1), "dissipation is off", "dissipation is off"),
-    (("cycles", "dissipation", slice(9), lambda x: -x), "the energy identity fails", ""),
     (
         ("cycles", "dissipation_density", (0, [0, 2]), lambda x: x + 1e-6 * np.array([1, -1])),
         "dissipation is off",
@@ -320,8 +255,6 @@ SPOILT: list[tuple[Value | Spoil, str, str]] = [
         "a slip increment is not v's",
         "",
     ),
-    (miss_first_dissipation, "dissipation is off", ""),
-    (skip_turning_point, "not the ends of the history's legs", ""),
 ]
 """What is spoilt, and the objections to it in an exact record, and to it in load steps."""
 
@@ -364,79 +297,3 @@ def test_a_jump_that_is_not_counted_is_seen() -> None:
     assert objected(system, history, replace(record, jumps=2), "counts 2 jumps, there are 1")
     off = replace(record, released=record.released * (1.0 + 1e-5))
     assert objected(system, history, off, "released energy is off")
-
-
-def test_a_jump_where_a_way_on_exists_is_seen() -> None:
-    """The states after the jump are taken on half-way before the place where the path ends."""
-    system, history, record = jumper()
-    body, leg = Body(system), 1
-    s_0 = 0.5 * record.events.s[record.events.leg == leg][-1]
-    early = copied(record)
-    early.events.s[early.events.leg == leg] = s_0
-    early.events.load[early.events.leg == leg] = [1.0 - 0.75 * s_0, s_0]
-    opened = body.states(np.array([OPEN]))
-    for j in np.flatnonzero((early.samples.leg == leg) & (early.samples.s > s_0)):
-        u = opened.solve(early.samples.load[j].astype(np.longdouble), np.zeros(1), np.zeros(2))
-        early.samples.v[j], early.samples.w[j] = u[0], u[1]
-        for name in ("P", "Q", "p", "q"):
-            getattr(early.samples, name)[j] = 0.0
-        early.samples.state[j] = OPEN
-    p = replace(problem(0), system=system, history=history)
-    said = verdict_of(p, early)
-    assert said.verdict == WRONG
-
-
-def test_a_load_step_that_jumps_silently_is_seen() -> None:
-    """A record in steps that sticks up to where the path ends, and is open from there on."""
-    system, history = one_node()
-    weak = replace(system, f=np.array([1.2]))
-    options = SolverOptions(method="gauss-seidel", steps_per_leg=STEPS)
-    record = copied(evolve(weak, history, options, OutputOptions(STEPS, "all")))
-    p = replace(problem(0), history=history, solver=options)
-    body, samples = Body(system), record.samples
-    ends = np.flatnonzero((samples.leg == 1) & (samples.s > 4.0 / 11.0))
-    sticks = np.flatnonzero((samples.leg == 1) & (samples.s <= 4.0 / 11.0))
-    fills = (samples, sticks, STICK), (samples, ends, OPEN), (record.turning_points, [1], OPEN)
-    for part, rows, state in fills:
-        for j in rows:
-            load = part.load[j].astype(np.longdouble)
-            u = body.states(np.array([state])).solve(load, np.zeros(1), np.zeros(2))
-            part.v[j], part.w[j], part.state[j] = u[0], u[1], state
-            r = body.reactions(load, u) if state == STICK else np.zeros(2)
-            part.Q[j], part.P[j] = part.q[j], part.p[j] = r
-    for f in fields(record.events):
-        setattr(record.events, f.name, getattr(record.events, f.name)[:0])
-    event = {"cycle": 0, "leg": 1, "s": samples.s[ends[0]], "node": 0, "old": STICK, "new": OPEN}
-    for name, value in event.items():
-        setattr(record.events, name, np.array([value]))
-    record.events.load = samples.load[ends[:1]]
-    record.n_events = 1
-    assert objections(system, history, record) == []
-    assert "jumps silently" in verdict_of(replace(p, system=system), record).reason
-
-
-def test_a_refusal_with_a_way_on_is_seen(monkeypatch: pytest.MonkeyPatch) -> None:
-    import problems
-
-    system, history, record = slider()
-    p = replace(problem(0), system=system, history=history)
-
-    def refuse(_: Problem) -> Record:
-        t = copied(record).turning_points
-        for f in fields(t):
-            setattr(t, f.name, getattr(t, f.name)[:1])
-        error = NoQuasiStaticContinuation("no way on (s = 0.5 of the leg)")
-        error.record = replace(record, turning_points=t)
-        raise error
-
-    monkeypatch.setattr(problems, "play", refuse)
-    assert judge(p).verdict == FALSE
-
-
-def test_a_path_that_ends_is_refused_truly_at_its_place() -> None:
-    system, history = one_node()
-    p = replace(problem(0), system=system, history=history, solver=SolverOptions())
-    said = judge(p)
-    assert said.verdict == "refused" and "s = 0.363636364" in said.said
-    with pytest.raises(Exception, match="no quasi-static continuation"):
-        play(p)

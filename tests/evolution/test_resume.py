@@ -17,12 +17,12 @@ import numpy as np
 import pytest
 
 from receding_fenicsx import cli, environment
-from receding_fenicsx.errors import InputError, Interrupted
+from receding_fenicsx.errors import Interrupted
 from receding_fenicsx.evolution import journal
 from receding_fenicsx.scene.model import Scene
 from receding_fenicsx.scene.toml_file import read_scene
 from receding_fenicsx.store.hdf5 import read_record
-from receding_fenicsx.store.run_folder import is_finished, read_summary
+from receding_fenicsx.store.run_folder import read_summary
 from receding_fenicsx.studies import run as study
 
 BLOCK = Path(__file__).parents[2] / "demos" / "block.toml"
@@ -100,34 +100,6 @@ def test_interrupted_run_leaves_a_usable_record_and_goes_on_bitwise(
         assert told["uniqueness"] == read_summary(whole / "summary.json")["uniqueness"]
         assert told["uniqueness"]["margin"] > 1.0
     comm.Barrier()
-
-
-def test_finished_run_goes_on_for_more_cycles(shared_tmp_path: Path) -> None:
-    whole, out = shared_tmp_path / "whole", shared_tmp_path / "run"
-    study.run(small("history.cycles=17"), whole, study.RunOptions(pictures=False), comm)
-    study.run(small("history.cycles=12"), out, study.RunOptions(pictures=False), comm)
-    comm.Barrier()
-    study.run(small("history.cycles=17"), out, study.RunOptions(pictures=False, resume=True), comm)
-    comm.Barrier()
-    if comm.rank == 0:
-        same_bits(out, whole)
-        assert read_record(out / "record.h5").scene_toml.count("cycles = 17") == 1
-    # nothing is left to do but samples of another cycle
-    wanted = replace(small("history.cycles=17").output, cycles=(4,))
-    asked = replace(small("history.cycles=17"), output=wanted)
-    if comm.rank == 0:
-        assert not is_finished(out, asked)
-    comm.Barrier()
-    study.run(asked, out, study.RunOptions(pictures=False, resume=True), comm)
-    comm.Barrier()
-    if comm.rank == 0:
-        assert is_finished(out, asked)
-        record = read_record(out / "record.h5")
-        assert set(record.samples.cycle) == {4} and len(record.cycles.dissipation) == 17
-    with pytest.raises(InputError, match=r"a run with another \[contact\] friction"):
-        study.run(
-            small("contact.friction=0.2"), out, study.RunOptions(pictures=False, resume=True), comm
-        )
 
 
 def test_resuming_from_the_command_line(

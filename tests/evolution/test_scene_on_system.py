@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import shutil
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -85,12 +84,6 @@ def test_a_bare_evolution_has_the_states_of_the_whole_one() -> None:
     assert np.isnan(bare.uniqueness.margin)
 
 
-def test_a_scene_counts_whatever_stands_in_the_system() -> None:
-    other = replace(body(), f=np.full(body().n, 0.9), g0=np.full(body().n, 0.1))
-    record = evolve(other, block())
-    assert np.all(record.f == 0.35) and np.all(record.g0 == 0.0)
-
-
 def test_a_path_of_load_factors_claims_no_scene() -> None:
     record = evolve(body(), history_from_scene(block("contact.friction=0.9")))
     assert np.all(record.f == 0.35)
@@ -115,21 +108,6 @@ def test_a_scene_of_another_body_is_refused(change: str, words: str) -> None:
         evolve(body(), block(change))
     text = str(refused.value)
     assert words in text and "condense" in text and "\n" not in text
-
-
-def test_a_mesh_file_of_another_content_is_another_body(tmp_path: Path) -> None:
-    geometry = (ROOT / "meshes" / "punch.geo").read_text()
-    scenes = []
-    for name, text in (("a", geometry), ("b", geometry), ("c", geometry + "\n// another\n")):
-        shutil.copy(ROOT / "demos" / "punch.toml", tmp_path / f"{name}.toml")
-        (tmp_path / f"{name}.geo").write_text(text)
-        changes = [f'body.mesh="{name}.geo"', "mesh.contact_elements=16", "contact.friction=0.3"]
-        scenes.append(read_scene(tmp_path / f"{name}.toml", changes))
-    system = condense(scenes[0])
-    assert system is not None
-    assert evolve(system, scenes[1]).scene_toml == to_toml(scenes[1])
-    with pytest.raises(InputError, match="another mesh file"):
-        evolve(system, scenes[2])
 
 
 def test_what_is_neither_a_scene_nor_a_path_or_doubly_given_is_refused() -> None:

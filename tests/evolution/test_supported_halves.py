@@ -61,31 +61,6 @@ def test_a_half_on_a_support_has_the_tractions_of_the_whole(bodies: int) -> None
         assert "corners" not in ours and "corners" not in known
 
 
-def test_a_corner_held_at_a_point_is_still_a_corner() -> None:
-    half = scene(True, 1)
-    held = (rf.Support("x", point=(0.0, 0.0)),)
-    record = study.run(replace(half, supports=held))
-    if record is None:
-        return
-    assert np.all(record.turning_points.Q[:, 0] == 0.0)
-    assert summarise(record)["turning_points"][0]["corners"][0]["x"] == record.x[0]
-
-
-def test_a_node_held_normally_has_no_pressure() -> None:
-    """What a clamped side carries at the corner of the contact is no contact pressure."""
-    clamped, half = (rf.Support("xy", edge="left"),), scene(True, 1)
-    rough: dict[str, float | str | dict[str, list[float]]] = {"forward": 0.35, "backward": 0.3}
-    contacts = tuple(replace(contact, friction=rough) for contact in half.contacts)
-    record = study.run(replace(half, supports=clamped, contacts=contacts))
-    if record is None:
-        return
-    assert record.f_backward is not None
-    assert record.f[0] == record.f_backward[0] == 0.0 < record.f_backward[1]
-    table = record.turning_points
-    assert np.all(table.P[:, 0] == 0.0) and np.all(table.Q[:, 0] == 0.0)
-    assert np.all(table.P >= 0.0)
-
-
 @pytest.mark.parametrize("friction", [0.0, 0.4])
 @pytest.mark.parametrize("method", ["events", "gauss-seidel"])
 def test_top_that_is_lifted_takes_no_force_and_may_come_down_again(

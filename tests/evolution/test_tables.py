@@ -6,8 +6,6 @@ from functools import cache
 import models
 import numpy as np
 import pytest
-from law import random_system
-from small import table
 
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.evolution import tables
@@ -38,29 +36,6 @@ def test_turning_points_are_found_by_the_size_of_the_load() -> None:
         assert high.load_displacement["p0"] == table.load_displacement[rows[1], 0]
         assert np.array_equal(found.at(cycle).state, high.state)
         assert found.at(cycle - 4).cycle == cycle
-
-
-def test_stored_instants_are_found_by_load_or_by_position() -> None:
-    found, samples = record(), record().samples
-    for row in np.flatnonzero((samples.cycle == 1) & (samples.s > 0.0))[::7]:
-        leg, s = int(samples.leg[row]), float(samples.s[row])
-        by_s = found.at(1, leg=leg, s=s)
-        by_load = found.at(1, load=float(samples.load[row, 0]), leg=leg)
-        for moment in (by_s, by_load):
-            assert (moment.leg, moment.s) == (leg, s)
-            assert np.array_equal(moment.Q, samples.Q[row])
-    # the largest load is the measure of what is the same
-    assert found.at(2, load=0.25 + 8e-10).leg == 0
-
-
-def test_extremes_of_several_loads_do_not_depend_on_their_units() -> None:
-    system = random_system(3, 4, 0.4)
-    loop = [[0.5, 0.0], [1.0, 0.1], [0.3, 0.4], [0.5, 0.0]]
-    found = evolve(system, table(system, [[0.0, 0.0], loop[0]], loop, 1))
-    for units in ([1.0, 1.0], [1e3, 1.0], [1.0, 1e3]):
-        points = found.turning_points
-        other = replace(found, turning_points=replace(points, load=points.load * units))
-        assert (other.at(1, "maximum").leg, other.at(1, "minimum").leg) == (1, 2)
 
 
 @pytest.mark.parametrize(
@@ -116,29 +91,6 @@ def test_no_load_hides_a_column_of_its_name_or_is_hidden(which: str) -> None:
     for k, name in enumerate(CLASHING):
         factors = getattr(found, which).load[:, k]
         assert np.array_equal(table[f"load.{name}"], np.repeat(factors, rows // len(factors)))
-
-
-def test_no_load_hides_a_variable_of_a_data_set() -> None:
-    found = loaded_by(CLASHING)
-    data = found.to_xarray()
-    assert np.array_equal(data.P.values, found.turning_points.P)
-    assert np.array_equal(data.x.values, found.x)
-    for k, name in enumerate(CLASHING):
-        assert np.array_equal(data[f"load.{name}"].values, found.turning_points.load[:, k])
-        assert np.array_equal(data.load_factor.sel(load=name), found.turning_points.load[:, k])
-        assert np.array_equal(
-            data[f"load_displacement.{name}"], found.turning_points.load_displacement[:, k]
-        )
-
-
-def test_table_of_cycles_sums_to_the_dissipation() -> None:
-    found = record()
-    table = found.to_table("cycles")
-    weights = np.tile(found.weight, 3)
-    for cycle, total in enumerate(found.cycles.dissipation, 1):
-        here = table["cycle"] == cycle
-        assert np.sum((table["dissipation_density"] * weights)[here]) == pytest.approx(total)
-        assert np.all(table["dissipation"][here] == total)
 
 
 def test_missing_library_or_table_is_named(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from contextlib import suppress
 from dataclasses import fields, replace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -12,43 +10,23 @@ from models import block_system
 from small import cyclic, small_system, table
 from unique_paths import FALSE, KINDS, tally
 
-from receding_fenicsx.errors import NoQuasiStaticContinuation, SolveError
+from receding_fenicsx.errors import SolveError
 from receding_fenicsx.evolution.evolve import continue_history, evolve
 from receding_fenicsx.evolution.journal import Journal
 from receding_fenicsx.evolution.problem import problem_of_history
-from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.evolution.record_data import PathUniqueness
-from receding_fenicsx.interface.exact.segments import States
 from receding_fenicsx.interface.system import ContactSystem
-from receding_fenicsx.interface.uniqueness.watch import UniquenessWatch
 from receding_fenicsx.output.report.checks import uniqueness_rows, uniqueness_summary
 from receding_fenicsx.scene.history import History
 from receding_fenicsx.scene.model import SolverOptions
 
 pytestmark = pytest.mark.one_rank
 
-THREE = small_system([[1.0, 0.9], [0.9, 1.0]], {"press": [1.3, 1.0]}, 1.5)
-"""One node that may stick, slip backward or open under its first load."""
-
 
 def found(system: ContactSystem, *args: object) -> PathUniqueness:
     unique = evolve(system, *args).uniqueness  # type: ignore[arg-type]
     assert unique is not None
     return unique
-
-
-def test_the_node_of_three_solutions_is_told_to_have_three() -> None:
-    record = evolve(THREE, table(THREE, [0.0, 1.0]))
-    unique = record.uniqueness
-    assert unique is not None and not unique.certified
-    assert (unique.solutions, unique.first_loading, unique.first_loading_proved) == (3, 3, True)
-    assert (unique.cycle, unique.leg, unique.s, unique.nodes.tolist()) == (0, 0, 0.0, [0])
-    told = {"method": "events", **uniqueness_summary(record)}
-    lines = dict(uniqueness_rows(told))
-    assert lines["only path from its start"] == "not certified"
-    assert lines["first doubt"] == (
-        "cycle 0, leg 0, s = 0, nodes 0; at most 3 solutions found at one instant"
-    )
 
 
 @pytest.mark.parametrize("proved", [True, False])
@@ -65,29 +43,6 @@ def test_a_certificate_says_where_the_first_loading_is_not_proved(proved: bool) 
     assert lines["first loading"] == f"1 solution found, {rest}"
 
 
-def test_two_uncoupled_nodes_that_branch_at_their_first_load() -> None:
-    K = np.kron([[2.0, 1.5], [1.5, 2.0]], np.eye(2))
-    system = small_system(K, {"a": [1.0, 2.0, 0.5, 2.0], "b": [0.5, 0.0, 0.0, 0.0]}, 2.0)
-    history = table(system, [(0, 0), (1, 0), (0, 1), (0, 0), (1, 0)])
-    with pytest.raises(NoQuasiStaticContinuation) as caught:
-        evolve(system, history)
-    assert isinstance(caught.value.record, Record)
-    unique = caught.value.record.uniqueness
-    assert unique is not None
-    # the branches part at node 0, as the first load is applied
-    assert (unique.certified, unique.solutions, unique.nodes.tolist()) == (False, 2, [0])
-    assert (unique.cycle, unique.leg, unique.s) == (0, 0, 0.0)
-
-
-def test_rates_of_a_touching_node_are_counted_where_the_certificate_fails() -> None:
-    # the same node, resting in its place by a load that only holds it: a rate problem, g0 beside it
-    K = np.kron([[1.0, 0.9], [0.9, 1.0]], np.eye(2))
-    system = small_system(K, {"press": [1.3, 0.0, 1.0, 1.0]}, 1.5, g0=[0.0, 100.0])
-    unique = found(system, table(system, [0.0, 1.0]))
-    assert (unique.certified, unique.solutions, unique.first_loading) == (False, 3, 0)
-    assert unique.nodes.tolist() == [0]
-
-
 def test_the_block_is_certified_whole_and_half_and_the_whole_has_no_larger_margin() -> None:
     half, whole = block_system(20, 10), block_system(40, 10, half=False)
     a, b = found(half, cyclic(3)), found(whole, cyclic(3))
@@ -95,23 +50,6 @@ def test_the_block_is_certified_whole_and_half_and_the_whole_has_no_larger_margi
     # slip modes of the whole body include the mirror-symmetric ones
     assert 1.0 < b.margin <= a.margin * (1.0 + 1e-6)
     assert not a.first_loading_proved and a.first_loading == 1
-
-
-def test_margin_in_friction_scales_with_it_where_the_states_stay() -> None:
-    # backward slip of one node: 2 - phi f .8 = 0
-    system = small_system([[2.0, 0.8], [0.8, 1.0]], {"P": [0.0, 1.0], "Q": [1.0, 0.0]}, 0.5)
-    history = table(system, [(0, 0), (1, 0), (1, 1)])
-    for f in (0.1, 0.2, 0.4):
-        unique = found(replace(system, f=np.array([f])), history)
-        assert unique.certified and unique.margin == pytest.approx(2.5 / f, rel=1e-12)
-    scaled = replace(system, K=system.K * 2.0**30, r_star=system.r_star * 2.0**30)
-    assert found(scaled, history).margin == found(system, history).margin
-
-
-def test_without_friction_the_answer_is_proved_to_be_the_only_one() -> None:
-    system = block_system(20, 10, f=0.0)
-    unique = found(system, cyclic(1))
-    assert unique.certified and unique.first_loading_proved and unique.margin == np.inf
 
 
 def test_load_steps_prove_nothing_of_what_happens_within_them() -> None:
@@ -157,40 +95,6 @@ def test_a_run_with_doubts_tells_the_same_when_it_is_resumed() -> None:
         assert_told_alike(whole, again)
         doubts += whole is not None and not whole.certified
     assert doubts > 0
-
-
-def test_legs_judged_from_where_they_differ_from_the_last_tell_the_same(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    part, every, doubts, unlike = 0, 0, 0, UniquenessWatch._unlike_the_last
-
-    def counted(self: UniquenessWatch, way: bytes, start: States, *rest: Any) -> Any:
-        nonlocal part, every
-        states, rows = unlike(self, way, start, *rest)
-        every, part = every + len(rest[0]), part + len(rest[0].select(rows))
-        return states, rows
-
-    def whole(self: UniquenessWatch, way: bytes, start: States, *rest: Any) -> Any:
-        return start, slice(None)
-
-    blocks = [(block_system(n, 4, f=f), cyclic(12)) for n, f in ((16, 0.35), (24, 1.2))]
-    for system, history in [*map(in_doubt, range(12)), *blocks]:
-        problem, told = problem_of_history(system, history, SolverOptions(on_jump="static")), []
-        with suppress(SolveError):
-            for way in (counted, whole):
-                monkeypatch.setattr(UniquenessWatch, "_unlike_the_last", way)
-                told.append(continue_history(problem, Journal()).uniqueness)
-            assert_told_alike(*told)
-            doubts += told[0] is not None and not told[0].certified
-    assert doubts > 0 and part < 0.8 * every
-
-
-def test_a_jump_is_a_doubt() -> None:
-    K = np.kron([[2.0, 1.5], [1.5, 2.0]], np.eye(1))
-    system = small_system(K, {"a": [1.0, 0.5], "b": [0.5, 0.0]}, 2.0)
-    history = table(system, [(0, 0), (1, 0), (0, 1)])
-    record = evolve(system, history, SolverOptions(on_jump="static"))
-    assert record.jumps and record.uniqueness is not None and not record.uniqueness.certified
 
 
 def pair(a: float, b: float, f: float) -> ContactSystem:

@@ -83,18 +83,6 @@ def test_integrals_of_the_logarithm_are_those_of_quadrature() -> None:
     assert np.isclose(signs[0, 5], -0.5 * 0.19 * 0.5 * 0.3)
 
 
-def test_integrals_of_two_hats_do_not_depend_on_the_other_elements() -> None:
-    """Not on how many there are either, of which so many are looked at together."""
-    x = graded(700)
-    whole = surface_integrals(x, np.stack([np.arange(699), np.arange(1, 700)], axis=1))
-    for first in (0, 450):
-        part = slice(first, first + 250)
-        own = surface_integrals(x[part], np.stack([np.arange(249), np.arange(1, 250)], axis=1))
-        for all_, found in zip(whole, own, strict=True):
-            inner = all_[part, part][1:-1, 1:-1]
-            np.testing.assert_allclose(found[1:-1, 1:-1], inner, atol=1e-13 * np.abs(inner).max())
-
-
 def test_far_elements_have_enough_points(monkeypatch: pytest.MonkeyPatch) -> None:
     x = graded(60, 0.5)
     lower = np.arange(59)
@@ -122,21 +110,6 @@ def test_stiffness_is_symmetric_and_keeps_rigid_motions(order: int, side: int) -
     assert np.linalg.eigvalsh(found.K).min() > -1e-13 * size
     # the reactions balance the far force, without a moment
     assert np.allclose(modes_of(x).T @ found.r_star[0], [0.0, 1.0, 0.0], atol=1e-12)
-
-
-def test_free_far_field_does_not_know_the_datum() -> None:
-    x = np.linspace(-1.0, 1.0, 41)
-    part = surface(x)
-    near, deep = (
-        condense_far_field(
-            SurfaceStiffness(part, compliance(part, STEEL, 1, d)).A, modes_of(x), pressed()
-        )
-        for d in (2.0, 2e4)
-    )
-    assert np.allclose(near.K, deep.K, atol=1e-11 * np.abs(near.K).max())
-    assert np.allclose(near.r_star, deep.r_star, atol=1e-11)
-    # the datum goes deeper by c1 ln(1e4)
-    assert np.isclose((deep.compliance - near.compliance)[0, 0], STEEL.c1 * np.log(1e4))
 
 
 def bonded_errors(n: int, plane_stress: bool) -> tuple[float, float]:

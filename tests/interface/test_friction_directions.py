@@ -5,15 +5,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from law import random_system
-from small import small_system, table
+from small import random_system, small_system, table
 
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.evolution.evolve import evolve
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.interface.equilibrium import furthest
-from receding_fenicsx.interface.gauss_seidel.compliance_form import step_problem
-from receding_fenicsx.interface.law import Friction, State
+from receding_fenicsx.interface.law import State
 from receding_fenicsx.interface.system import ContactSystem
 from receding_fenicsx.scene.model import OutputOptions, SolverOptions
 
@@ -63,14 +61,6 @@ def test_a_pressed_node_pulled_to_and_fro_slips_at_two_different_limits(
         assert again[-1] == pytest.approx(begin, rel=1e-12)
 
 
-def directed(seed: int, n: int) -> ContactSystem:
-    """Return a random system whose friction differs forward and backward at most nodes."""
-    rng = np.random.default_rng(seed)
-    system = random_system(seed, n, 0.45)
-    forward, backward = (system.f * rng.choice([0.0, 0.2, 0.7, 1.0], n) for _ in range(2))
-    return replace(system, f=forward, f_backward=backward)
-
-
 CORNERS = [[[0.0, 0.0], [1.0, 0.3]], [[1.0, 0.3], [0.6, -1.0], [0.3, 0.8], [1.0, 0.3]]]
 
 
@@ -96,22 +86,6 @@ def test_a_free_body_slides_where_the_friction_of_that_direction_is_overcome() -
         found = furthest(body, pressed, np.array([1.0, pull]))
         assert found is not None and found.kind == "gross sliding"
         assert found.s == pytest.approx(limit, rel=1e-12)
-
-
-def test_margins_and_reactions_are_each_others_inverse() -> None:
-    rng = np.random.default_rng(0)
-    friction = Friction(*rng.uniform(0.0, 1.0, (2, 20)))
-    Q, P = rng.standard_normal((2, 20))
-    A, B = friction.margins(Q, P)
-    a, b = friction.shares
-    assert a * A - b * B == pytest.approx(Q, rel=1e-12, abs=1e-14)
-    assert A + B == pytest.approx(friction.opening(P), rel=1e-12, abs=1e-14)
-
-
-def test_a_problem_with_one_coefficient_cannot_hold_two() -> None:
-    system = directed(0, 4)
-    with pytest.raises(InputError, match="friction differs forward and backward"):
-        step_problem(system, np.ones(2))
 
 
 def test_a_negative_backward_friction_is_refused() -> None:

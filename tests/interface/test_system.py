@@ -9,70 +9,14 @@ from small import cyclic, small_system, table
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.evolution.evolve import evolve
 from receding_fenicsx.interface.residual import (
-    law_residual,
     reachable,
     round_off,
 )
 from receding_fenicsx.interface.system import (
     ContactSystem,
     eliminate_tangential,
-    frictional_form,
     reactions,
 )
-
-F = 0.3
-
-
-def four_nodes() -> tuple[ContactSystem, np.ndarray, np.ndarray, np.ndarray]:
-    """Return a system and valid r, u and slip: stick, separation, forward and backward slip."""
-    system = small_system(np.eye(8) * 3.0, {"load": np.zeros(8)}, F, [0.0, 0.1, 0.2, 0.4])
-    P = np.array([2.0, 0.0, 0.7, 1.3])
-    Q = np.array([-0.5, 0.0, -F * 0.7, F * 1.3])
-    w = np.array([0.0, 0.05, -0.2, -0.4])
-    slip = np.array([0.0, 0.8, 0.3, -0.6])
-    return system, np.concatenate([Q, P]), np.concatenate([slip, w]), slip
-
-
-@pytest.mark.parametrize(
-    ("what", "entry", "value", "residual", "at"),
-    [
-        ("stick beyond the cone", "r", -0.9, 0.9 - F * 2.0, 0),  # |Q| - f P
-        ("slip of a stuck node", "slip", 0.01, 0.03, 0),  # k dv, inside the cone
-        ("open node under shear", "r", 0.2, 0.2, 1),  # |Q|, no pressure
-        ("closed gap under pressure below zero", "r", -0.4, 0.4, 4),
-        ("pressure across a gap", "r", 0.1, 0.1, 5),  # min(P, k gap) = min(0.1, 0.45)
-        ("penetration", "u", -0.25, 0.45, 5),  # k |gap| = 3 * 0.15
-        ("slip along the friction", "slip", -0.05, 0.15, 2),  # k |dv|
-        ("slip under too little friction", "r", 0.1, 0.1 + F * 0.7, 2),
-        ("backward slip that goes forward", "slip", 0.02, 0.06, 3),
-    ],
-)
-def test_residual_measures_each_violation(
-    what: str, entry: str, value: float, residual: float, at: int
-) -> None:
-    system, r, u, slip = four_nodes()
-    where = {"r": r, "u": u, "slip": slip}[entry]
-    where[at] = value
-    now = law_residual(system, r, u, slip, system.local_stiffness)
-    assert now[at] == pytest.approx(residual, rel=1e-13), what
-    assert now.argmax() % 4 == at % 4
-
-
-def test_held_freedoms_have_no_residual() -> None:
-    system, r, u, slip = four_nodes()
-    held = np.zeros(8, dtype=bool)
-    held[[0, 6]] = True
-    r[0], r[6] = 99.0, -99.0
-    now = law_residual(replace(system, held=held), r, u, slip, system.local_stiffness)
-    assert now[0] == 0.0 and now[6] == 0.0
-
-
-def test_reactions_by_hand() -> None:
-    K = [[4.0, 1.0], [1.0, 3.0]]
-    system = small_system(K, {"a": [1.0, 2.0], "b": [-1.0, 0.5]}, 0.2)
-    r = reactions(system, np.array([2.0, 3.0]), np.array([0.1, -0.2]))
-    # Q = 2 - 3 + 0.4 - 0.2, P = 4 + 1.5 + 0.1 - 0.6
-    assert r == pytest.approx([-0.8, 5.0])
 
 
 def test_round_off_bounds_the_error_of_the_product() -> None:
@@ -102,15 +46,6 @@ def test_a_millionth_of_what_soft_springs_carry_may_be_round_off() -> None:
     noise = 32.0 * round_off(system, u, 1.0)
     assert 1e-6 < reachable(system, u, 1.0) <= 1e-6 * force < noise
     assert reachable(system, u, force) == 1e-6
-
-
-def test_frictional_form_holds_the_eliminated_freedoms() -> None:
-    normal = eliminate_tangential(block_system(20, 10, f=0.0))
-    form = frictional_form(normal)
-    assert form.K.shape == (42, 42) and form.r_star.shape == (1, 42)
-    assert form.held[:21].all() and not form.held[21:].any()
-    assert np.array_equal(form.K[21:, 21:], normal.K) and not form.K[:21].any()
-    assert frictional_form(form) is form
 
 
 def test_pushing_a_frictionless_body_along_the_plane_is_refused() -> None:

@@ -64,25 +64,6 @@ def test_a_block_hanging_from_the_plane_has_the_widths_of_one_lying_on_it() -> N
         assert contact_betas(turned) == pytest.approx((beta,))
 
 
-def test_two_signs_of_beta_give_an_interval_that_holds_both() -> None:
-    record = record_of("bottom", "top")
-    if record is None:
-        return
-    for key in KEYS:
-        each = [half_width_estimates(record, 0, (beta,))[key] for beta in (BETA, -BETA)]
-        both = half_width_estimates(record, 0, (BETA, -BETA))[key]
-        assert each[0]["value"] != each[1]["value"]
-        assert both["interval"] == [
-            min(one["interval"][0] for one in each),
-            max(one["interval"][1] for one in each),
-        ]
-        assert (
-            each[0]["value"]
-            != both["value"]
-            == pytest.approx(0.5 * (each[0]["value"] + each[1]["value"]))
-        )
-
-
 def test_estimates_stand_in_the_summary_beside_the_nodal_widths() -> None:
     record = record_of("bottom", "top")
     if record is None:
@@ -102,13 +83,6 @@ def test_estimates_stand_in_the_summary_beside_the_nodal_widths() -> None:
     assert ends[-1]["value"] == pytest.approx(point[KEYS[0]]["value"], abs=1e-12)
     # not the frictionless width, which is that of another contact
     assert abs(point[KEYS[0]]["value"] - closed_forms.BLOCK.half_width) > 10 * spacing
-
-
-def test_long_histories_have_fitted_ends_at_their_beginning_and_end() -> None:
-    points = summarise(evolve(block_system(16, 4), cyclic(25)))["turning_points"]
-    fitted = [point["cycle"] for point in points if "zone_ends" in point]
-    assert sorted(set(fitted)) == [*range(21), 25]
-    assert all((KEYS[0] in point) == ("zone_ends" in point) for point in points)
 
 
 def test_a_contact_off_the_middle_has_zones_and_no_half_width(tmp_path: Path) -> None:
@@ -153,24 +127,6 @@ def test_a_contact_without_force_has_no_half_width(method: str) -> None:
         assert unloaded[key] is unloaded[key.removesuffix("_estimate")] is None
         for point in (loaded, again):
             assert point[key]["value"] > 0.0 and point[key.removesuffix("_estimate")] > 0.0
-
-
-def test_intervals_on_a_coarse_mesh_hold_the_widths_of_a_fine_one_under_friction() -> None:
-    coarse, fine = (record_of("bottom", "top", n, 1.1) for n in (160, 480))
-    if coarse is None or fine is None:
-        return
-    betas, spacing = contact_betas(coarse), coarse.x[1] - coarse.x[0]
-    # loaded, unloaded to a third, loaded again
-    for row in range(3):
-        for key in KEYS:
-            one, other = (
-                half_width_estimates(coarse, row, betas)[key],
-                half_width_estimates(fine, row, betas)[key],
-            )
-            assert one["fitted"] and other["fitted"]
-            low, high = one["interval"]
-            assert low <= other["value"] <= high
-            assert abs(one["value"] - other["value"]) < 0.3 * spacing
 
 
 def test_slip_of_a_settled_cycle_that_is_negligible_is_shown_as_stick() -> None:

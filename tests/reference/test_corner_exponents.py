@@ -32,11 +32,6 @@ def test_half_plane_under_the_edge_of_a_punch(nu: float, kinematics: str) -> Non
         assert m == pytest.approx(-0.5 - math.atan(slip * beta) / math.pi, abs=1e-9)
 
 
-def test_clamped_free_corner_of_williams() -> None:
-    # 90 degrees, nu = 0.3: lambda = 0.7112 (Williams 1952)
-    assert corner_exponent(90.0, kolosov(0.3)).real == pytest.approx(-0.2888, abs=5e-5)
-
-
 @pytest.mark.parametrize("angle", [100.0, 135.0, 170.0])
 def test_smooth_corner_is_half_of_a_symmetric_notch(angle: float) -> None:
     lam = corner_exponent(angle, 1.8, 0.0).real + 1.0
@@ -141,29 +136,6 @@ def test_fit_on_graded_edges_finds_the_exponent(f: float) -> None:
     assert "-0.2888" in rf.run_table(summary, everything=True)
 
 
-@pytest.mark.parametrize("f", [0.1, 0.3])
-def test_fit_at_corners_that_slip(f: float) -> None:
-    """Pressed without shear, both corners slip outwards; sheared, one of them inwards."""
-    record = sheared(f)
-    if record is None:
-        return
-    kappa = kolosov(0.3)
-    expected = {sign: corner_exponent(90.0, kappa, sign * f).real for sign in (-1, 1)}
-    seen = set()
-    for row in range(len(record.turning_points.s)):
-        for corner in corners_of(record, row).get("corners", []):
-            if corner["state"] == "stick":
-                continue
-            outwards = np.sign(corner["x"]) * (1 if corner["state"] == "forward slip" else -1)
-            assert corner["exponent"] == pytest.approx(expected[int(outwards)])
-            if outwards > 0:
-                assert corner["fitted"] == pytest.approx(expected[1], rel=0.005)
-                seen.add(corner["x"])
-            elif corner["fitted"] is not None:
-                assert corner["fitted"] == pytest.approx(expected[-1], rel=0.02)
-    assert seen == {-1.0, 1.0}
-
-
 @pytest.mark.parametrize("f", [0.0, 0.3])
 @pytest.mark.parametrize("surface", ["bottom", "top"])
 def test_ends_of_a_punch_on_a_half_plane_are_straight_angles(surface: str, f: float) -> None:
@@ -199,11 +171,3 @@ kind = "monotonic"
         assert (corner["state"] == "contact") == (f == 0.0)
         assert corner["exponent"] == pytest.approx(exact, abs=1e-9)
         assert corner["fitted"] == pytest.approx(exact, rel=0.01)
-
-
-def test_corner_without_pressure_is_not_told() -> None:
-    scene = rf.read_scene(DEMOS / "block.toml", ["history.cycles=1", "mesh.contact_elements=40"])
-    record = rf.run(scene)
-    if record is not None:
-        assert corners_of(record, 0) == {}
-        assert "singular" not in rf.run_table(rf.summarise(record), everything=True)

@@ -1,10 +1,7 @@
 """The compiled loop: room, memory, columns left out, ties, and rates that are wrong."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
-from law import random_system
 from legs import asking, assert_same, play
 from models import block_system
 
@@ -15,7 +12,6 @@ from receding_fenicsx.interface.exact.path import EventPath
 from receding_fenicsx.interface.system import ContactSystem
 
 CYCLES = [[0.0], [1.0], *[[0.6], [1.0]] * 6]
-TWO_LOADS = [[0.0, 0.0], [1.0, 0.0], *[[0.9, 0.1], [0.95, -0.1], [1.0, 0.0]] * 4]
 
 
 def loop_of(path: EventPath) -> Loop:
@@ -73,25 +69,3 @@ def test_wrong_rates_in_the_memory_do_not_pass_unnoticed(error: float) -> None:
     loop_of(path).memory.rates[:, 2 * system.n :] *= 1.0 + error
     with pytest.raises(SolveError, match="lost accuracy"):
         path.trace_leg(now.end, (np.array([1.0]), np.array([0.6])), now.force_scale)
-
-
-def test_nodes_on_a_limit_by_chance_are_ties() -> None:
-    """A body and its twin, uncoupled: where a node of one has an event, the other has a tie."""
-    one = random_system(3, 6, 0.4)
-    n = one.n
-    twin = np.r_[np.arange(n), np.arange(n)]
-    index = np.r_[twin, n + twin]
-    other = np.tile(np.arange(2 * n) >= n, 2)
-    K = one.K[np.ix_(index, index)] * (other[:, None] == other[None])
-    system = replace(
-        one,
-        K=K,
-        r_star=one.r_star[:, index],
-        held=one.held[index],
-        rigid=np.zeros((4 * n, 0)),
-        **{name: getattr(one, name)[twin] for name in ("x", "points", "weight", "f", "g0")},
-    )
-    leg = play(EventPath(system), TWO_LOADS[:3])[-1]
-    # what comes to its limit in one body finds the node of its twin on its own
-    events = {(round(s, 9), node % n) for s, node, old, _ in leg.events if s > 0.0 and old == 1}
-    assert events and events <= {(round(s, 9), node % n) for s, node, _, _ in leg.ties}

@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 import pytest
-from law import random_system
 from legs import asking
 from models import block_system
 from small import small_system, table
@@ -17,27 +15,19 @@ from receding_fenicsx.evolution.evolve import evolve
 from receding_fenicsx.interface.exact import static
 from receding_fenicsx.interface.exact.pivot_matrix import (
     SINGULAR_PIVOT,
-    PivotMatrix,
     SingularExchange,
 )
 from receding_fenicsx.interface.exact.segments import (
-    MAX_REFINEMENTS,
-    RATE_IMBALANCE,
-    REFINEMENTS_BEFORE_REBUILD,
     Segments,
 )
 from receding_fenicsx.interface.exact.tableau import (
-    MAX_AGE,
-    A,
-    B,
     Tableau,
-    V,
     W,
 )
 from receding_fenicsx.interface.exact.walk import Walk
 from receding_fenicsx.interface.law import State
 from receding_fenicsx.interface.system import ContactState
-from receding_fenicsx.interface.tolerances import ACCEPTED_RESIDUAL, RATE_TOLERANCE
+from receding_fenicsx.interface.tolerances import ACCEPTED_RESIDUAL
 
 STICK, OPEN, FORWARD, BACKWARD = (int(state) for state in State)
 UP = np.array([1.0])
@@ -57,30 +47,6 @@ def spoil_rates(monkeypatch: pytest.MonkeyPatch, spoil: Spoil) -> None:
         return q
 
     monkeypatch.setattr(Segments, "_rates", spoiled)
-
-
-@pytest.mark.parametrize("part", [0.5, 2.0])
-@pytest.mark.parametrize(("kind", "state"), [(A, STICK), (B, STICK), (W, OPEN), (V, FORWARD)])
-def test_a_rate_counts_above_its_part_of_all_rates_only(
-    monkeypatch: pytest.MonkeyPatch, part: float, kind: int, state: int
-) -> None:
-    node = BLOCK.n // 2
-    label = kind * BLOCK.n + node
-
-    def slow(segments: Segments, _: np.ndarray, q: np.ndarray) -> None:
-        q[label] = 0.0
-        size = np.linalg.norm(q * segments.weight)
-        q[label] = -part * RATE_TOLERANCE * size / segments.weight[label]
-
-    spoil_rates(monkeypatch, slow)
-    states = np.full(BLOCK.n, STICK, dtype=np.int8)
-    states[node] = state
-    segment = Segments(BLOCK).at(states, UP)
-    found = node in segment.reversed_nodes if kind == V else label in segment.falling
-    assert found == (part > 1.0)
-    if found and kind != V:
-        place = segment.falling.tolist().index(label)
-        assert segment.q[label] < 0.0 and place >= 0
 
 
 @pytest.mark.parametrize("part", [0.5, 2.0])
@@ -130,71 +96,6 @@ def test_round_off_of_a_walk_is_cleared_on_the_way(monkeypatch: pytest.MonkeyPat
         evolve(BLOCK, history)
 
 
-@pytest.mark.parametrize("error", [0.1 * RATE_IMBALANCE, 1e-10, 1e-7])
-def test_rates_that_do_not_balance_are_refined(
-    monkeypatch: pytest.MonkeyPatch, error: float
-) -> None:
-    states = np.full(BLOCK.n, STICK, dtype=np.int8)
-    states[5:12], states[12:20], states[20:] = FORWARD, BACKWARD, OPEN
-    plain = Segments(BLOCK)
-    expected = plain.at(states, UP).q
-    assert plain.refinements == 0
-    rates = Tableau.rates
-
-    def wrong(self: Tableau, direction: np.ndarray) -> np.ndarray:
-        q = rates(self, direction)
-        free = q != 0.0
-        free[2 * BLOCK.n :] = False
-        forces = np.linalg.norm((q * plain.weight)[2 * BLOCK.n :])
-        sign = np.where(np.arange(len(q)) % 2, 1.0, -1.0)
-        return q + np.where(free, error * sign * forces / plain.weight / np.sqrt(free.sum()), 0.0)
-
-    monkeypatch.setattr(Tableau, "rates", wrong)
-    segments = Segments(BLOCK)
-    found = segments.at(states, UP).q
-    assert (segments.refinements > 0) == (error > RATE_IMBALANCE)
-    # one step does for displacements and forces alike
-    assert segments.refinements <= 1
-    size = np.linalg.norm(expected * plain.weight)
-    assert np.abs((found - expected) * plain.weight).max() <= 2.0 * RATE_IMBALANCE * size
-
-
-def test_a_tableau_that_needs_much_refining_is_renewed(monkeypatch: pytest.MonkeyPatch) -> None:
-    system = random_system(1, 6, 0.4)
-    segments, direction = Segments(system), np.array([1.0, 0.2])
-    states = np.array([STICK, FORWARD, OPEN, STICK, BACKWARD, STICK], dtype=np.int8)
-    expected = segments.at(states, direction).q
-    tableau = segments.tableau(states)
-    before = tableau.rebuilds
-    tableau.matrix.T[:, -2:] *= 1.0 + 1e-9  # what the two loads do
-    for k in range(40):
-        segments.at(states, direction * 2.0**k)
-        if tableau.rebuilds > before:
-            break
-        assert segments.refinements <= REFINEMENTS_BEFORE_REBUILD * 2 * system.n + MAX_REFINEMENTS
-    assert tableau.rebuilds == before + 1
-    n = segments.refinements
-    assert segments.at(states, 3.0 * direction).q == pytest.approx(3.0 * expected, rel=1e-13)
-    assert segments.refinements == n == 0
-
-
-def test_a_tableau_is_renewed_after_many_exchanges() -> None:
-    system = random_system(2, 6, 0.4)
-    one = np.array([STICK, FORWARD, OPEN, STICK, BACKWARD, STICK], dtype=np.int8)
-    other = one.copy()
-    other[0] = FORWARD
-    tableau = Tableau(system, one)
-    fresh, direction = Tableau(system, one).rates(np.array([1.0, 0.2])), np.array([1.0, 0.2])
-    # an error that exchanges carry on for ever
-    tableau.matrix.T *= 1.0 + 1e-9
-    limit = MAX_AGE * 2 * system.n
-    for k in range(1, limit + 3):
-        tableau.move_to(other if k % 2 else one)
-        assert tableau.rebuilds == (1 if k <= limit + 1 else 2), k
-    tableau.move_to(one)
-    assert tableau.rates(direction) == pytest.approx(fresh, rel=1e-13, abs=1e-15)
-
-
 @pytest.mark.parametrize("part", [0.5, 2.0])
 def test_states_with_almost_no_stiffness_are_singular_but_for_soft_springs(part: float) -> None:
     """Forward slip of node 0 meets the stiffness K_tt + f K_nt, next to one of order 1.
@@ -240,38 +141,3 @@ def test_a_guessed_static_answer_is_taken_only_where_it_satisfies_the_law(
     # the wrong one is not believed, another method finds the right one
     assert np.array_equal(found.state, expected.state)
     assert np.abs(found.r - expected.r).max() < 1e-11 * np.abs(expected.r).max()
-
-
-def test_a_renewal_that_fails_leaves_no_half_made_tableau(monkeypatch: pytest.MonkeyPatch) -> None:
-    segments = Segments(BLOCK)
-    state = np.full(BLOCK.n, STICK, dtype=np.int8)
-    state[1:], state[-20:] = FORWARD, OPEN
-    expected = Segments(BLOCK).at(state, UP).q
-    segments.tableau(state)
-    segments.refinements = 2 * BLOCK.n
-    with monkeypatch.context() as singular:
-        singular.setattr(PivotMatrix, "exchange", lambda *_: False)
-        with pytest.raises(SingularExchange):
-            segments.at(state, UP)
-    segments.refinements = 0
-    assert segments.at(state, UP).q == pytest.approx(expected, rel=1e-12, abs=1e-12)
-
-
-def test_newtons_method_ends_where_sets_of_states_oscillate(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    tried: list[np.ndarray] = []
-    solve = static.solve_directly
-
-    def noted(*args: Any) -> np.ndarray | None:
-        tried.append(args[-1].copy())
-        return solve(*args)
-
-    monkeypatch.setattr(static, "solve_directly", noted)
-    rest = ContactState(np.zeros(2 * BLOCK.n), np.zeros(2 * BLOCK.n), np.ones(BLOCK.n, np.int8))
-    assert static.states_by_newton(BLOCK, rest, UP) is not None
-    tried.clear()
-    assert static.states_by_newton(BLOCK, rest, UP, FORWARD) is None
-    a, b, c = tried[-3:]
-    assert 2 * np.count_nonzero(a != c) < np.count_nonzero(b != c)
-    assert len({one.tobytes() for one in tried}) == len(tried) < static.MAX_STATE_SETS

@@ -8,10 +8,6 @@ from small import cyclic, small_system, table
 
 import receding_fenicsx as rf
 from receding_fenicsx.interface.gauss_seidel.node_problem import NodeProblem
-from receding_fenicsx.interface.gauss_seidel.sweeps import (
-    GaussSeidelOptions,
-    solve_step,
-)
 from receding_fenicsx.interface.residual import law_residual
 
 BLOCK = block_system(20, 10)
@@ -81,18 +77,6 @@ def test_running_out_of_sweeps_names_residual_and_node() -> None:
     assert float(found[3]) == pytest.approx(BLOCK.x[int(found[2])], rel=1e-5)
 
 
-def test_a_small_last_change_alone_is_not_enough() -> None:
-    # sweeps whose last change is under 1e-2 leave a residual far above the tolerance
-    start = rf.ContactState(np.zeros(42), np.zeros(42), np.ones(21, dtype=np.int8))
-    loose = GaussSeidelOptions(1.0, False, change_tolerance=1e-2, residual_tolerance=1e-8)
-    lazy = replace(loose, residual_tolerance=1.0)
-    load = np.ones(1)
-    strict_step = solve_step(BLOCK, start, load, loose)
-    assert strict_step.residual <= 1e-8
-    lazy_step = solve_step(BLOCK, start, load, lazy)
-    assert lazy_step.residual > 1e-4 and lazy_step.sweeps < strict_step.sweeps
-
-
 # Touch-down. K = [[2, 1], [1, 2]], g0 = 1. Held reactions (0, 3) move the free node along (1, -2)
 # per unit load: it closes the gap at load 1/2 with v = 1/2, where Q = 2 v - 1 = 0 for any load: it
 # sticks there. Held reactions (-3, 3) move it along (3, -3): it lands at load 1/3 with v = 1. With
@@ -111,27 +95,7 @@ def test_a_node_that_slips_after_touch_down_dissipates_from_there(steps: int) ->
     assert record.dissipation_first_loading == pytest.approx(0.24, rel=1e-12)
 
 
-def test_the_reference_point_of_a_touch_down_lies_on_the_straight_path() -> None:
-    # The last position is off the free path: v = 0.3, w = -0.5, gap 1/2. The zero-traction trial
-    # at load 1 is v0 = 1, w0 = -2, gap -1, so v_ref = 0.3 + 0.7 * 0.5 / 1.5; at the plane
-    # |Q| = |2 v_ref - 1| < P.
-    node = small_system(FREE_NODE, {"load": [0.0, 3.0]}, 1.0, 1.0)
-    start = rf.ContactState(np.array([0.3, -0.5]), np.zeros(2), np.array([2], dtype=np.int8))
-    step = solve_step(node, start, np.ones(1), GaussSeidelOptions())
-    assert step.end.v[0] == pytest.approx(0.3 + 0.7 / 3.0, rel=1e-14)
-    assert step.end.state[0] == rf.State.STICK and step.dissipation[0] == 0.0
-
-
 def test_the_error_of_the_energy_identity_falls_with_the_step() -> None:
     errors = [rf.evolve(BLOCK, cyclic(1), gauss_seidel(n)).energy_error_max for n in (10, 40, 160)]
     assert errors[1] < 0.4 * errors[0] and errors[2] < 0.4 * errors[1]
     assert errors[2] < 1e-4
-
-
-@pytest.mark.parametrize("method", ["gauss-seidel", "events"])
-def test_scaling_the_load_factors_is_scaling_the_loads(method: str) -> None:
-    options = rf.SolverOptions(method=method, steps_per_leg=6)
-    reference = rf.evolve(BLOCK, cyclic(2), options)
-    grown = rf.evolve(BLOCK, cyclic(2, 2.0**30 / 3, 2.0**30), options)
-    assert np.array_equal(grown.turning_points.P, 2.0**30 * reference.turning_points.P)
-    assert np.array_equal(grown.turning_points.v, 2.0**30 * reference.turning_points.v)

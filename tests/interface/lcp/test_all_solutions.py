@@ -17,15 +17,6 @@ from receding_fenicsx.interface.system import ContactSystem
 NONE = np.zeros(0, dtype=np.intp)
 
 
-def test_the_node_of_three_solutions_sticks_slips_back_or_opens() -> None:
-    # stick: Q = 1.3 <= 1.5; slip: 1.3 + v = 1.5 (1 + .9 v), v = -.2 / .35, P = .486; open:
-    # K u = -r* with u = (-2.1, .895), so that the gap grows
-    system = small_system([[1.0, 0.9], [0.9, 1.0]], {"press": [1.3, 1.0]}, 1.5)
-    found = all_solutions(system, system.r_star[0], Undecided(NONE, NONE, np.arange(1), NONE), NONE)
-    assert sorted(found.states[:, 0].tolist()) == [STICK, SEPARATION, BACKWARD]
-    assert found.complete
-
-
 @pytest.mark.parametrize("n", [3, 24])
 def test_only_a_search_that_finds_all_solutions_says_so(n: int) -> None:
     # K_tt - f K_nt = -.35: each node by itself may stick or slip back

@@ -1,17 +1,13 @@
-from dataclasses import replace
 from itertools import product
 
 import numpy as np
 import pytest
-from models import block_system
 from small import small_system
 
-from receding_fenicsx.interface.gauss_seidel.sweeps import GaussSeidelOptions, solve_step
-from receding_fenicsx.interface.law import BACKWARD, FORWARD, SEPARATION, STICK, Friction, State
+from receding_fenicsx.interface.law import BACKWARD, FORWARD, SEPARATION, STICK
 from receding_fenicsx.interface.lcp import contact
 from receding_fenicsx.interface.lcp.contact import Undecided, solve_states
 from receding_fenicsx.interface.lcp.lemke import is_solution, lemke, solve
-from receding_fenicsx.interface.system import ContactState, reactions
 
 NONE = np.zeros(0, dtype=np.intp)
 
@@ -96,42 +92,6 @@ def test_solve_is_indifferent_to_the_unit_of_each_pair() -> None:
         assert scaled * d == pytest.approx(z, rel=1e-6, abs=1e-8)
 
 
-@pytest.mark.parametrize("f", [0.05, 0.2, 0.35, 0.7, 1.0, 1.5])
-def test_the_static_states_are_those_of_gauss_seidel(f: float) -> None:
-    system = block_system(24, 12, f=f)
-    n = system.n
-    start = ContactState(np.zeros(2 * n), np.zeros(2 * n), np.ones(n, dtype=np.int8))
-    load = np.ones(1)
-    end = solve_step(system, start, load, GaussSeidelOptions()).end
-    loose = np.flatnonzero(~system.held[:n])
-    nodes = Undecided(NONE, NONE, loose, np.flatnonzero(system.held[:n]))
-    state = solve_states(system, reactions(system, load, np.zeros(2 * n)), nodes, NONE)
-    assert state is not None
-    assert np.array_equal(state, end.state)
-    # separation at little friction only: more of it holds the edges down
-    assert np.any(state == State.SEPARATION) == (f < 0.5)
-    assert {State.STICK, State.FORWARD_SLIP} <= set(state.tolist())
-
-
-def test_nodes_known_to_be_on_one_side_of_the_cone_keep_one_pair() -> None:
-    # Rates of two sliders without coupling: v is free to grow at A = 0, or the node sticks
-    system = block_system(4, 2, f=0.3, half=False)
-    one = np.array([1], dtype=np.intp)
-    K = np.diag([2.0, 2.0, 2.0, 2.0, 2.0, 5.0, 5.0, 5.0, 5.0, 5.0])
-    plain = replace(system, K=K)
-    push = np.zeros(10)
-    for sign, undecided, slips in (
-        (-1.0, Undecided(one, NONE, NONE, NONE), State.FORWARD_SLIP),
-        (1.0, Undecided(NONE, one, NONE, NONE), State.BACKWARD_SLIP),
-    ):
-        push[1] = sign
-        onward = solve_states(plain, push, undecided, NONE)
-        back = solve_states(plain, -push, undecided, NONE)
-        assert onward is not None and back is not None
-        assert (onward[1], back[1]) == (slips, State.STICK)
-        assert not np.delete(onward, 1).any()
-
-
 def test_large_unknowns_excuse_no_violation() -> None:
     M, z = np.array([[1.0, -1.0], [-1.0, 1.0]]), np.full(2, 1e7)
     assert is_solution(M, np.zeros(2), z)
@@ -142,44 +102,6 @@ def test_large_unknowns_excuse_no_violation() -> None:
 
 
 ANY = (STICK, SEPARATION, FORWARD, BACKWARD)
-KINDS = [ANY, (STICK, FORWARD), (STICK, BACKWARD)]
-
-
-def tried(
-    S: np.ndarray, s: np.ndarray, f: np.ndarray, may: contact.Choices, smooth: bool = False
-) -> list[int] | None:
-    """Return the first of all sets of states of nodes that keeps the law of rates."""
-    kind = np.full(len(f), smooth)
-    for sets in contact.batches(may):
-        found, _ = contact.solutions(S, s, Friction(f, f), sets, may, kind)
-        if len(found):
-            return found[0].tolist()
-    return None
-
-
-def complementary(S: np.ndarray, s: np.ndarray, f: np.ndarray, kinds: list[int]) -> bool:
-    """Return whether the same problem has a solution as linear complementarity (Klarbring)."""
-    m = len(f)
-    t, n = np.eye(2 * m)[:m], np.eye(2 * m)[m:]
-    A, B = t + f[:, None] * n, f[:, None] * n - t
-    pairs = [
-        [(A[i], t[i]), (B[i], -t[i]), (n[i], n[i])][slice(*[(0, 3), (0, 1), (1, 2)][kinds[i]])]
-        for i in range(m)
-    ]
-    E, Z = (np.array([pair[k] for node in pairs for pair in node]) for k in (0, 1))
-    return len(all_solutions(E @ S @ Z.T, E @ s)) > 0
-
-
-def test_trying_all_sets_finds_a_solution_exactly_where_complementarity_has_one() -> None:
-    solved = 0
-    for seed in range(150):
-        m, rng = 1 + seed % 3, np.random.default_rng(seed)
-        G, s, f = rng.standard_normal((2 * m, 3 * m)), rng.standard_normal(2 * m), rng.random(m)
-        kinds = rng.integers(0, 3, m).tolist()
-        found = tried(G @ G.T, s, 12.0 * f, [KINDS[kind] for kind in kinds])
-        assert (found is not None) == complementary(G @ G.T, s, 12.0 * f, kinds), seed
-        solved += found is not None
-    assert 60 < solved < 140
 
 
 def test_where_no_cover_leads_to_an_answer_all_sets_are_tried(

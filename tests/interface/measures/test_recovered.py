@@ -7,9 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 from demo_runs import demo, sheared_cylinders
-from models import block_system
 from nodal import nodal_forces, with_middles
-from small import cyclic
 
 import receding_fenicsx as rf
 from receding_fenicsx.evolution.moment import moment_of
@@ -57,32 +55,6 @@ def test_parabola_is_recovered_on_unequal_elements(shape: str) -> None:
     assert np.abs(p - known)[6:-6].max() < 0.2 * np.abs(P / weight - known)[6:-6].max()
     assert np.array_equal(p[:2], (P / weight)[:2])
     assert np.allclose(q, -0.3 * p, rtol=1e-14)
-
-
-def test_friction_that_varies_keeps_both_resultants_of_a_sliding_contact() -> None:
-    x, weight, P = nodal(np.linspace(-1.0, 1.0, 17), lambda at: np.sqrt(1.2 - at**2))
-    f = 0.3 + 0.2 * np.sin(2.0 * x)
-    p, q = recover(sliding(f, x, weight, P))
-    assert not np.allclose(p, P / weight, rtol=1e-6)
-    assert np.abs(np.abs(q) - f * p).max() < 1e-15
-    assert weight @ p == pytest.approx(P.sum(), rel=1e-14)
-    assert weight @ q == pytest.approx(-(f * P).sum(), rel=1e-14)
-
-
-@pytest.mark.parametrize("slip", [[(0, 9)], [(24, 33)], [(12, 21)], [(0, 6), (14, 20)]])
-def test_slip_with_stick_on_any_side_keeps_both_resultants(slip: list[tuple[int, int]]) -> None:
-    x, weight, P = nodal(np.linspace(-1.0, 1.0, 17), lambda at: np.sqrt(1.2 - at**2))
-    state = np.full(len(x), STICK)
-    for begin, end in slip:
-        state[begin:end] = FORWARD
-    f = np.full(len(x), 0.3)
-    Q = -f * P * np.where(state == STICK, 0.6, 1.0)
-    p, q = recover(Tractions(x, weight, P, Q, state, f))
-    assert np.abs(p - P / weight).max() > 1e-5
-    assert weight @ p == pytest.approx(P.sum(), rel=1e-14)
-    assert weight @ q == pytest.approx(Q.sum(), rel=1e-14)
-    assert np.abs(q + f * p)[state == FORWARD].max() < 1e-15
-    assert np.all(np.abs(q) <= f * p + 1e-15)
 
 
 def test_no_recovery_breaks_the_law_that_the_nodal_forces_keep() -> None:
@@ -168,12 +140,3 @@ def test_resultants_and_the_law_of_friction_are_kept_at_every_instant() -> None:
             assert room.min() >= -1e-13 * p.max()
             assert np.abs(room[moment.state >= FORWARD]).max(initial=0.0) <= 1e-13 * p.max()
             assert not p[moment.state == OPEN].any()
-
-
-def test_instant_of_another_record_is_refused() -> None:
-    record = sheared_cylinders()
-    if record is None:
-        return
-    other = rf.evolve(block_system(8, 4), cyclic(0))
-    with pytest.raises(rf.InputError, match="record of its contact edge"):
-        rf.recovered_tractions(other, record.at())

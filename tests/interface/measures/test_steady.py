@@ -96,41 +96,52 @@ def watch(
     return watching
 
 
-def test_a_decaying_response_is_steady_after_two_quiet_cycles() -> None:
-    ends = [(R * (1 + 10.0**-n), V) for n in range(12)]
-    found = watch(ends)
-    # A_n = 9 10^-n /(1 + 10^-n): below 1e-8 at n = 9 and 10
-    assert (found.cycle, found.period, found.kind) == (10, 1, "cyclic slip")
-    assert found.change[2] == pytest.approx(9e-3 / 1.001)
+NUMBERS = np.arange(140)
+QUIET = [(R, V)] * 45
+TURNS = [(R * (1.0 + 0.1 * (n % 2)), V) for n in range(12)]
 
 
-def test_no_slip_but_round_off_is_shakedown() -> None:
-    # 1e-11 of 2.5
-    for D, kind in ((0.0, "shakedown"), (2e-11, "shakedown"), (3e-11, "cyclic slip")):
-        assert watch([(R, V)] * 4, D).kind == kind
-
-
-def test_a_displacement_gained_every_cycle_is_ratchetting() -> None:
-    assert watch([(R, V + 0.03 * n) for n in range(5)]).kind == "ratchetting"
-    assert watch([(R, V + 0.9e-7 * n) for n in range(5)]).kind == "cyclic slip"
-    assert watch([(R, V + 1.1e-7 * n) for n in range(5)]).kind == "ratchetting"
-
-
-def test_a_dissipation_that_decays_is_not_steady_before_it_is_none() -> None:
-    # forces and displacements that differ by less than round-off do not tell it
-    D = [0.5**n for n in range(45)]
-    found = watch([(R, V)] * 45, D)
-    # 0.5^n below 2.5e-11 from n = 36, for two cycles
-    assert (found.cycle, found.kind) == (37, "shakedown")
-    assert watch([(R, V)] * 37, D[:37]).kind == "not reached"
-
-
-def test_a_drift_that_decays_is_not_steady_before_it_is_small() -> None:
-    # cycle n gains 0.1 * 0.9^(n-1) under constant forces: below 1e-6 of the slip 0.1 from n = 133
-    ends = [(R, V - 0.9**n) for n in range(140)]
-    found = watch(ends)
-    assert (found.cycle, found.kind) == (134, "cyclic slip")
-    assert watch(ends[:134]).kind == "not reached"
+@pytest.mark.parametrize(
+    ("ends", "D", "expected"),
+    [
+        # A_n = 9 10^-n /(1 + 10^-n): below 1e-8 at n = 9 and 10
+        ([(R * (1 + 10.0**-n), V) for n in range(12)], 0.1, (10, 1, "cyclic slip")),
+        # no slip but round-off, 1e-11 of 2.5
+        *((QUIET[:4], D, (1, 1, "shakedown")) for D in (0.0, 2e-11)),
+        (QUIET[:4], 3e-11, (1, 1, "cyclic slip")),
+        # gained every cycle, more than a millionth of the slip
+        ([(R, V + 0.9e-7 * n) for n in range(5)], 0.1, (2, 1, "cyclic slip")),
+        ([(R, V + 1.1e-7 * n) for n in range(5)], 0.1, (2, 1, "ratchetting")),
+        # dissipation 0.5^n is below 2.5e-11 from n = 36, for two cycles
+        (QUIET, 0.5 ** NUMBERS[:45], (37, 1, "shakedown")),
+        (QUIET[:37], 0.5 ** NUMBERS[:37], None),
+        # cycle n gains 0.1 * 0.9^(n-1): below 1e-6 of the slip 0.1 from n = 133
+        ([(R, V - 0.9**n) for n in NUMBERS], 0.1, (134, 1, "cyclic slip")),
+        ([(R, V - 0.9**n) for n in NUMBERS[:134]], 0.1, None),
+        # two cycles in turn: change over two is known from cycle 2 on, two periods are four cycles
+        ([(R + n % 2, V + 0.01 * (n % 2)) for n in range(8)], 0.1, (5, 2, "cyclic slip")),
+        ([(R + n % 2, V + 0.03 * n) for n in range(8)], 0.1, (5, 2, "ratchetting")),
+        (TURNS, np.where(NUMBERS[:12] % 2, 0.5, 0.1), (5, 2, "cyclic slip")),
+        (TURNS, np.where(NUMBERS[:12] % 2, 0.5, 0.1 * 0.9 ** NUMBERS[:12]), None),
+        # one quiet cycle is not two
+        ([(R * (1 + 1e-6 * n), V) for n in range(30)], 0.1, None),
+        ([(R * (1 + 1e-6 * (n // 2)), V) for n in range(30)], 0.1, None),
+        # cycles that end without force are measured by the force within
+        ([(1e-13 * R * (-1) ** n, V) for n in range(5)], 0.3, (2, 1, "cyclic slip")),
+        ([(0.0 * R, V)] * 3, 1e-15, (1, 1, "shakedown")),
+    ],
+)
+def test_a_cycle_is_steady_once_it_has_been_repeated(
+    ends: list[tuple[np.ndarray, np.ndarray]],
+    D: np.ndarray | float,
+    expected: tuple[int, int, str] | None,
+) -> None:
+    found = watch(ends, D)
+    if expected is None:
+        assert (found.cycle, found.kind) == (-1, "not reached")
+    else:
+        assert (found.period, found.kind) == expected[1:]
+        assert found.cycle == expected[0]
 
 
 # -- closed forms beside nodes of other scales ----------------------------------------------------
@@ -193,39 +204,6 @@ def test_a_walk_on_a_faint_ground_spring_is_ratchetting_and_on_a_strong_one_not_
         if walks:
             assert record.cycles.slip_increment[1:] == pytest.approx(0.2, rel=1e-6)
             assert record.steady.cycle == 2
-
-
-def test_two_cycles_in_turn_are_a_period_of_two() -> None:
-    found = watch([(R + (n % 2), V + 0.01 * (n % 2)) for n in range(8)])
-    assert (found.period, found.kind) == (2, "cyclic slip")
-    # change over two cycles is known from cycle 2 on, and two periods are four cycles
-    assert found.cycle == 5
-    walking = watch([(R + (n % 2), V + 0.01 * (n % 2) + 0.02 * n) for n in range(8)])
-    assert (walking.period, walking.kind) == (2, "ratchetting")
-
-
-def test_of_two_cycles_in_turn_the_dissipation_of_both_has_to_repeat() -> None:
-    ends = [(R * (1.0 + 0.1 * (n % 2)), V) for n in range(12)]
-    assert watch(ends, [0.5 if n % 2 else 0.1 * 0.9**n for n in range(12)]).kind == "not reached"
-    assert watch(ends, [0.5 if n % 2 else 0.1 for n in range(12)]).kind == "cyclic slip"
-
-
-def test_a_response_that_keeps_changing_is_not_reached() -> None:
-    found = watch([(R * (1 + 1e-6 * n), V) for n in range(30)])
-    assert (found.cycle, found.kind) == (-1, "not reached")
-    # one quiet cycle is not two
-    ends = [(R * (1 + 1e-6 * (n // 2)), V) for n in range(30)]
-    assert watch(ends).cycle == -1
-
-
-@pytest.mark.parametrize("left", [0.0, 1e-17, 1e-13])
-def test_cycles_that_end_without_force_are_told_by_the_force_within(left: float) -> None:
-    rng = np.random.default_rng(1)
-    ends = [(left * rng.standard_normal(4), V) for _ in range(5)]
-    found = watch(ends, 0.3)
-    assert (found.cycle, found.kind) == (2, "cyclic slip")
-    # what such a cycle dissipates is round-off
-    assert watch([(np.zeros(4), V)] * 3, 1e-15).kind == "shakedown"
 
 
 # -- the block ------------------------------------------------------------------------------------

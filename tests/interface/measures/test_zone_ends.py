@@ -7,7 +7,6 @@ from functools import partial
 import numpy as np
 import pytest
 from nodal import nodal_forces, with_middles
-from scipy.integrate import quad
 
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.interface.law import State
@@ -72,18 +71,6 @@ def test_power_of_the_pressure_is_that_of_outward_and_inward_slip(f: float) -> N
     inwards = replace(inwards, Q=-inwards.Q, state=swapped)
     found = contact_half_width_estimate(inwards)
     assert abs(found.value - 0.712) < 0.04 * (x[1] - x[0])
-
-
-@pytest.mark.parametrize("f_beta", [-0.4, -0.05, 0.1, 0.6])
-def test_power_of_a_slipping_contact_solves_the_integral_equation(f_beta: float) -> None:
-    # contact on a rigid plane, slip outwards: (1/pi) int p(s)/(x - s) ds = -f beta p(x). With
-    # p = t^m, 0 < t < 1, from its end and all terms that are regular there taken off
-    m = 0.5 - math.atan(f_beta) / math.pi
-    for d in (0.02, 0.1):
-        principal = quad(lambda t: t**m, 0.0, 2.0 * d, weight="cauchy", wvar=d)[0]
-        principal += quad(lambda t, d=d: t**m / (t - d), 2.0 * d, 1.0)[0]
-        regular = sum(d**k / (m - k) for k in range(60))
-        assert (principal - regular) / math.pi == pytest.approx(-f_beta * d**m, abs=1e-7)
 
 
 def test_stick_ends_of_cattaneo_and_mindlin_are_found() -> None:
@@ -163,26 +150,6 @@ def test_a_contact_of_a_single_node_has_its_end_there() -> None:
     at = Tractions(0.0 * one, one, one, 0.0 * one, np.array([STICK]), one)
     for found in (contact_half_width_estimate(at), stick_half_width_estimate(at)):
         assert (found.value, found.low, found.high) == (0.0, 0.0, 0.0)
-
-
-def test_where_all_slips_one_way_no_zone_of_stick_is_hidden_between_nodes() -> None:
-    x = edge(1, 20)
-    at = replace(stuck(0.4, 0.5, x, 1), state=np.full(len(x), FORWARD))
-    found = stick_half_width_estimate(at)
-    assert (found.value, found.low, found.high) == (0.0, 0.0, 0.0)
-
-
-def test_where_the_outer_zone_sticks_there_is_the_nodal_bracket_only() -> None:
-    x = edge(2, 100)
-    at = pressed(0.7123, 0.5, 2, x, f=0.3)
-    stuck = np.where(at.state == OPEN, OPEN, STICK)
-    at = replace(at, Q=0.0 * at.Q, state=stuck)
-    last = int(np.flatnonzero(stuck == STICK)[-1])
-    end = zone_end(at, last, 1)
-    assert not end.fitted
-    assert end.value == 0.5 * (x[last] + x[last + 1])
-    assert end.low <= x[last] < x[last + 1] <= end.high
-    assert end.high - end.low < 1.7 * (x[last + 1] - x[last])
 
 
 def test_unknown_constants_give_the_bracket_under_friction_and_a_fit_without() -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from itertools import pairwise, product
+from itertools import product
 
 import numpy as np
 import pytest
@@ -14,15 +14,12 @@ from ways import rates
 from receding_fenicsx.evolution.evolve import evolve
 from receding_fenicsx.interface.law import BACKWARD, FORWARD, SEPARATION, STICK
 from receding_fenicsx.interface.lcp.contact import choices
-from receding_fenicsx.interface.system import Changes, ContactSystem
+from receding_fenicsx.interface.system import ContactSystem
 from receding_fenicsx.interface.uniqueness.certificate import Certificate, certify
 from receding_fenicsx.interface.uniqueness.instants import (
-    InstantsOfLegs,
     Sides,
     bits_of,
-    nodes_of,
 )
-from receding_fenicsx.interface.uniqueness.watch import LARGE_MARGIN, Uniqueness, UniquenessWatch
 
 RATES = 4
 """Load rates for which the solutions of an instant are counted."""
@@ -30,17 +27,6 @@ RATES = 4
 
 def one(state: int) -> np.ndarray:
     return np.array([state], dtype=np.int8)
-
-
-def test_simultaneous_changes_lead_to_the_states_after_the_last_of_each_node() -> None:
-    rng = np.random.default_rng(0)
-    for _ in range(50):
-        before = rng.integers(STICK, BACKWARD + 1, 20).astype(np.int8)
-        state, changes = before.copy(), []
-        for i, new in zip(rng.integers(20, size=30).tolist(), rng.integers(1, 5, 30), strict=True):
-            changes.append((i, int(state[i]), int(new)))
-            state[i] = new
-        assert Sides.of(before).after(changes) == Sides.of(state)
 
 
 def test_margin_of_one_node_is_its_stiffness_over_friction_times_coupling() -> None:
@@ -73,15 +59,6 @@ def test_margin_is_that_of_the_stiffness_with_separated_nodes_condensed_out() ->
     judge = Certificate(system)
     assert certify(judge, [Sides.of(state)], 0.9999 * found) is not None
     assert certify(judge, [Sides.of(state)], 1.0001 * found) is None
-
-
-def test_a_slide_that_nothing_resists_has_no_margin() -> None:
-    K = np.zeros((4, 4))
-    K[:2, :2], K[2:, 2:] = [[1, -1], [-1, 1]], np.eye(2)
-    system = small_system(K, {"a": np.ones(4)}, 0.3, rigid=[[1.0, 1.0, 0.0, 0.0]])
-    slide = np.array([FORWARD, FORWARD], dtype=np.int8)
-    assert Certificate(system).margin(slide) == (0.0, (0, 1))
-    assert Certificate(system).margin(np.array([FORWARD, STICK], dtype=np.int8))[0] == np.inf
 
 
 def test_a_node_that_drags_an_open_one_along_a_free_slide_has_no_certificate() -> None:
@@ -189,77 +166,6 @@ def test_every_set_in_a_pattern_has_the_margin_that_one_factorisation_shows() ->
                 tally["turned"] += turned != 0
                 tally["open and slipping"] += pattern.may_open != pattern.opened and one.open != 0
     assert min(tally.values()) > 10, tally
-
-
-def test_sets_judged_together_are_definite_as_each_alone() -> None:
-    tally = {True: 0, False: 0}
-    for seed in range(40):
-        rng = np.random.default_rng(1000 + seed)
-        n = 3
-        G = rng.standard_normal((2 * n, 3 * n))
-        K = rng.uniform(0.02, 0.3) * G @ G.T / n + np.eye(2 * n)
-        K += np.kron([[0, 1], [1, 0]], np.diag(rng.uniform(-0.9, 0.9, n)))
-        system = small_system(K, {"a": np.zeros(2 * n)}, rng.uniform(0.5, 3.0, n))
-        watch = UniquenessWatch(system, Uniqueness())
-        every = product((STICK, SEPARATION, FORWARD, BACKWARD), repeat=n)
-        sets = [Sides.of(np.array(state, np.int8)) for state in every]
-        rng.shuffle(sets)
-        watch.judge(sets)
-        margins = {one: watch.certificate.margin(one.states(n))[0] for one in sets}
-        assert watch.indefinite == {one for one in sets if margins[one] <= 1.0 + 1e-9}, seed
-        lowest = min((m for m in margins.values() if 0.0 < m <= LARGE_MARGIN), default=np.inf)
-        assert watch.found.margin == pytest.approx(lowest, rel=1e-8)
-        for one in sets:
-            tally[one in watch.indefinite] += 1
-    assert min(tally.values()) > 100, tally
-
-
-def test_instants_are_the_start_and_each_place_of_change_and_met_ones_are_left_out() -> None:
-    system = small_system(np.eye(6), {"a": np.ones(6)}, 0.5)
-    legs = InstantsOfLegs()
-    start = np.array([STICK, FORWARD, SEPARATION], dtype=np.int8)
-    rows = [
-        (0.0, 1, FORWARD, STICK),
-        (0.2, 0, STICK, BACKWARD),
-        (0.5, 2, SEPARATION, STICK),
-        (0.5, 1, STICK, FORWARD),
-    ]
-    events, none = Changes.of(rows), Changes.none()
-    found = legs.new(b"x", start, events, none)
-    states = [(s, i.states(3).tolist(), nodes_of(i.touching)) for s, i in found]
-    assert states == [
-        (0.0, [STICK, FORWARD, SEPARATION], []),
-        (0.2, [BACKWARD, STICK, SEPARATION], []),
-        (0.5, [BACKWARD, FORWARD, STICK], [2]),
-    ]
-    assert legs.new(b"x", start, events, none) == []
-    assert len(legs.new(b"another direction", start, events, none)) == 3
-    judge = Certificate(system)
-    for rubbing, sides in (
-        (judge.rubbing, {SEPARATION, FORWARD, BACKWARD}),
-        (0, {STICK, SEPARATION}),
-    ):
-        explicit = [one.states(3).tolist() for one in found[2][1].explicit(rubbing)]
-        assert sorted(explicit) == sorted([BACKWARD, FORWARD, side] for side in sides)
-    # a tie counts as much as a change, and so do changes within round-off of one another
-    ties = [(0.2, 2, SEPARATION, SEPARATION), (0.5 - 1e-12, 0, BACKWARD, SEPARATION)]
-    found = legs.new(b"x", start, events, Changes.of(ties))
-    states = [(s, i.states(3).tolist(), nodes_of(i.touching)) for s, i in found]
-    assert states == [
-        (0.2, [BACKWARD, STICK, STICK], [2]),
-        (0.5 - 1e-12, [STICK, FORWARD, STICK], [0, 2]),
-    ]
-
-
-@pytest.mark.parametrize("ends", [(FORWARD, BACKWARD), (BACKWARD, FORWARD)])
-@pytest.mark.parametrize("between", [(STICK,), (STICK, SEPARATION), ()])
-def test_slip_that_turns_round_at_one_place_leaves_its_node_touching_in_any_number_of_events(
-    ends: tuple[int, int], between: tuple[int, ...]
-) -> None:
-    states = [ends[0], *between, ends[1]]
-    events = Changes.of((0.3, 0, old, new) for old, new in pairwise(states))
-    _, (_, found) = InstantsOfLegs().new(b"x", one(ends[0]), events, Changes.none())
-    assert nodes_of(found.touching) == [0]
 
 
 @pytest.mark.parametrize("loads", ["ab", "ba", "aba"])
