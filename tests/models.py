@@ -113,31 +113,6 @@ def grid_system(
     )
 
 
-def tall_under_four_loads(seed: int) -> tuple[ContactSystem, list[list[float]]]:
-    """Return the same for a random block, shallow to square, with friction up to 1.8."""
-    rng = np.random.default_rng(seed)
-    nx = int(rng.choice([16, 24, 32]))
-    ny = max(2, int(rng.choice([nx // 8, nx // 2, nx])))
-    f = rng.uniform(0.1, 1.8)
-    block = block_system(nx, ny, f, rng.uniform(0.0, 0.48), bool(rng.random() < 0.3))
-    n, rows = block.n, [block.r_star[0]]
-    for _ in range(3):
-        normal = 0.5 * rng.normal() * np.cos(rng.integers(1, 4) * np.pi * block.x / 2)
-        tangential = 0.3 * rng.normal() * np.sin(rng.integers(1, 3) * np.pi * block.x / 2)
-        rows.append(np.concatenate([block.weight * tangential, block.weight * normal]))
-    loaded = replace(
-        block,
-        r_star=np.where(block.held, 0.0, np.array(rows)),
-        load_names=("p0", "a", "b", "c"),
-        f=f * (1.0 + 0.3 * rng.uniform(-1.0, 1.0, n)),
-        load_compliance=np.zeros((4, 4)),
-        load_sign=np.ones(4),
-    )
-    count = int(rng.integers(2, 5))
-    corners = [[rng.uniform(0.6, 1.4), *rng.uniform(-0.5, 0.5, 3)] for _ in range(count)]
-    return loaded, [*corners, corners[0]]
-
-
 def pushed_block() -> ContactSystem:
     """Return the whole block, its contact pushed to the right by a load of its own."""
     whole = block_system(24, 6, half=False)
@@ -156,21 +131,43 @@ def under_four_loads(seed: int) -> tuple[ContactSystem, list[list[float]]]:
     half, nx = bool(rng.random() < 0.5), int(rng.choice([16, 24, 32, 48]))
     f, poisson = rng.uniform(0.1, 1.0), rng.uniform(0.0, 0.48)
     block = block_system(nx, nx // 4, f, poisson, half)
-    n, rows = block.n, [block.r_star[0]]
+    rows = []
     for _ in range(3):
         normal = 0.6 * rng.normal(size=2)[0] * np.cos(rng.integers(1, 3) * np.pi * block.x / 2)
-        tangential = 0.3 * rng.normal() * np.sin(np.pi * block.x / 2)
-        rows.append(np.concatenate([block.weight * tangential, block.weight * normal]))
+        rows.append((0.3 * rng.normal() * np.sin(np.pi * block.x / 2), normal))
+    return _loaded(rng, block, rows)
+
+
+def tall_under_four_loads(seed: int) -> tuple[ContactSystem, list[list[float]]]:
+    """Return the same for a block that is shallow to square, with friction up to 1.8."""
+    rng = np.random.default_rng(seed)
+    nx = int(rng.choice([16, 24, 32]))
+    ny = max(2, int(rng.choice([nx // 8, nx // 2, nx])))
+    f = rng.uniform(0.1, 1.8)
+    block = block_system(nx, ny, f, rng.uniform(0.0, 0.48), bool(rng.random() < 0.3))
+    rows = []
+    for _ in range(3):
+        normal = 0.5 * rng.normal() * np.cos(rng.integers(1, 4) * np.pi * block.x / 2)
+        shear = 0.3 * rng.normal() * np.sin(rng.integers(1, 3) * np.pi * block.x / 2)
+        rows.append((shear, normal))
+    return _loaded(rng, block, rows)
+
+
+def _loaded(
+    rng: np.random.Generator, block: ContactSystem, rows: list[tuple[np.ndarray, np.ndarray]]
+) -> tuple[ContactSystem, list[list[float]]]:
+    """Return a block under tractions more, with friction that varies, and a random loop."""
+    forces = [np.concatenate([block.weight * q, block.weight * p]) for q, p in rows]
     loaded = replace(
         block,
-        r_star=np.where(block.held, 0.0, np.array(rows)),
+        r_star=np.where(block.held, 0.0, np.array([block.r_star[0], *forces])),
         load_names=("p0", "a", "b", "c"),
-        f=f * (1.0 + 0.3 * rng.uniform(-1.0, 1.0, size=n)),
+        f=block.f * (1.0 + 0.3 * rng.uniform(-1.0, 1.0, block.n)),
         load_compliance=np.zeros((4, 4)),
         load_sign=np.ones(4),
     )
     count = int(rng.integers(2, 5))
-    corners = [[rng.uniform(0.6, 1.4), *rng.uniform(-0.5, 0.5, size=3)] for _ in range(count)]
+    corners = [[rng.uniform(0.6, 1.4), *rng.uniform(-0.5, 0.5, 3)] for _ in range(count)]
     return loaded, [*corners, corners[0]]
 
 

@@ -33,29 +33,17 @@ RELEASED = 1e-6
 
 
 class Leg(NamedTuple):
-    """One leg of a record, and where it starts from.
-
-    Attributes:
-        cycle: cycle.
-        number: leg within the cycle.
-        ends: load factors at its start and end.
-        u: (2N,) displacements at its start.
-        state: (N,) states at its start.
-        row: row of its end in the turning points.
-        rows: rows of its samples.
-        force: largest nodal force up to its end.
-        noise: (2N,) what rounding is worth in the reactions, anywhere so far: gaps keep theirs.
-    """
+    """One leg of a record, and where it starts from."""
 
     cycle: int
-    number: int
-    ends: tuple[Array, Array]
-    u: Array
-    state: Array
-    row: int
-    rows: Array
-    force: float
-    noise: Array
+    number: int  # within the cycle
+    ends: tuple[Array, Array]  # load factors
+    u: Array  # (2N,) displacements at its start
+    state: Array  # (N,) states at its start
+    row: int  # of its end in the turning points
+    rows: Array  # of its samples
+    force: float  # largest nodal force up to its end
+    noise: Array  # (2N,) worth of rounding in the reactions, anywhere so far: gaps keep theirs
 
     def load(self, s: float) -> Array:
         """Return the load factors at s."""
@@ -69,42 +57,21 @@ class Leg(NamedTuple):
 
 @dataclass
 class Totals:
-    """What the replay sums up over a cycle.
+    """What the replay sums up over a cycle."""
 
-    Attributes:
-        dissipation: (N,) by node.
-        work: integral of sum lambda r* . du.
-        moved: the sizes of all energies.
-        released: energy lost in jumps.
-        jumps: jumps.
-        hidden: changes that the round-off of former displacements may hide: jumps or none.
-        unsure: energy lost in those.
-        condition: largest condition of the states' equations.
-        known: False where a jump or a drift could not be followed.
-        largest: largest displacement.
-        misfit: work of the contact forces on what replayed legs end off the record's.
-        divided: energies of load steps that changed states: they may have been divided.
-        adrift: (N,) nodes that have slipped in an unknown rigid drift of the body: it dissipates
-            nothing in all, the share of a node is unknown.
-    """
-
-    dissipation: Array
-    work: float = 0.0
-    moved: float = 0.0
-    released: float = 0.0
+    dissipation: Array  # (N,) by node
+    adrift: Array  # (N,) nodes that slipped in a rigid drift: the share of a node is unknown
+    work: float = 0.0  # integral of sum lambda r* . du
+    moved: float = 0.0  # the sizes of all energies
+    released: float = 0.0  # energy lost in jumps
     jumps: int = 0
-    hidden: int = 0
-    unsure: float = 0.0
-    condition: float = 1.0
-    known: bool = True
-    largest: float = 0.0
-    misfit: float = 0.0
-    divided: float = 0.0
-    adrift: Array = field(init=False)
-
-    def __post_init__(self) -> None:
-        """Begin with no drift."""
-        self.adrift = np.zeros(len(self.dissipation), dtype=bool)
+    hidden: int = 0  # changes that round-off of former displacements may hide: jumps or none
+    unsure: float = 0.0  # energy lost in those
+    condition: float = 1.0  # largest condition of the states' equations
+    known: bool = True  # False where a jump or a drift could not be followed
+    largest: float = 0.0  # displacement
+    misfit: float = 0.0  # work of the contact forces on what replayed legs end off the record's
+    divided: float = 0.0  # energies of load steps that changed states: they may have been divided
 
 
 class Jump(NamedTuple):
@@ -128,28 +95,19 @@ class Step(NamedTuple):
 
 @dataclass
 class Replay:
-    """A record held against the laws.
+    """A record held against the laws."""
 
-    Attributes:
-        system: anything with the arrays K, r_star, f, g0, held, weight of a condensed body.
-        history: anything with path, loop, cycles, until_steady.
-        record: of the whole contact, all nodes modelled.
-        found: what contradicts the laws.
-        jumps: jumps met on the way (exact records).
-        steps: load steps (the others).
-        doubt: (2N,) what rounding is worth in displacements, as forces, in any states so far.
-    """
-
-    system: Any
-    history: Any
-    record: Any
-    found: list[str] = field(default_factory=list)
-    jumps: list[Jump] = field(default_factory=list)
-    steps: list[Step] = field(default_factory=list)
+    system: Any  # anything with the arrays K, r_star, f, g0, held, weight of a condensed body
+    history: Any  # anything with path, loop, cycles, until_steady
+    record: Any  # of the whole contact, all nodes modelled
+    found: list[str] = field(default_factory=list)  # what contradicts the laws
+    jumps: list[Jump] = field(default_factory=list)  # met on the way (exact records)
+    steps: list[Step] = field(default_factory=list)  # load steps (the others)
 
     def __post_init__(self) -> None:
         """Prepare the body."""
         self.body = Body(self.system)
+        # (2N,) worth of rounding in displacements, as forces, in any states so far
         self.doubt = np.zeros(2 * self.body.n)
 
     def object(self, place: str, what: str, size: float = 0.0, allowed: float = 0.0) -> None:
@@ -205,7 +163,7 @@ def replay(system: Any, history: Any, record: Any, between: bool = True) -> Repl
         if number == 0:
             if cycle > 0 and record.limit is not None and cycle == record.limit.cycle:
                 u, state = _limit_start(run, u, state)
-            totals, start = Totals(np.zeros(n)), (u, state)
+            totals, start = Totals(np.zeros(n), np.zeros(n, dtype=bool)), (u, state)
         leg = _leg(run, (cycle, number), u, state, row, (force, noise))
         force, noise = leg.force, leg.noise
         if cycle in kept:

@@ -1,7 +1,6 @@
 """Limit of infinitely many cycles against plain playing, closed forms and bad input."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -18,7 +17,6 @@ from receding_fenicsx.output.report.cycles import limit_rows
 from receding_fenicsx.output.report.summary import summarise
 from receding_fenicsx.scene.history import history_from_scene
 from receding_fenicsx.scene.model import HistoryOptions, Load, Scene, SolverOptions
-from receding_fenicsx.store.hdf5 import read_record, write_record
 
 pytestmark = pytest.mark.one_rank
 
@@ -42,17 +40,6 @@ def test_the_limit_is_that_of_many_plain_cycles(limit: Record) -> None:
     assert np.array_equal(D[:2], last[:2])
     assert np.array_equal(limit.turning_points.v[:5], plain.turning_points.v[:5])
     assert limit.steady.reached and limit.steady.kind == plain.steady.kind == "cyclic slip"
-
-
-def test_record_and_summary_hold_the_limit(limit: Record, tmp_path: Path) -> None:
-    write_record(tmp_path / "record.h5", limit)
-    assert read_record(tmp_path / "record.h5").limit == limit.limit
-    summary = summarise(limit)
-    D = limit.cycles.dissipation
-    assert summary["limit"]["dissipation_ratio"] == D[-1] / D[0]
-    assert summary["limit"]["reached"] is True and summary["limit"]["unique"] is True
-    assert "found by" in limit_rows(summary)[0][1]
-    assert "limit" not in summarise(evolve(BLOCK, cyclic(2)))
 
 
 def test_a_search_that_fails_goes_on_playing(monkeypatch: pytest.MonkeyPatch) -> None:

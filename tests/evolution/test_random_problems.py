@@ -81,7 +81,7 @@ SINGLE = {
         {ACCEPTED, REFUSED},
     ),
     # load steps lead to a jump, the exact path from the leg's start does not; a block of pivots is
-    # singular; a free body that is unloaded in load steps does not float off; sweeps cycle; the body
+    # singular; a free body that is unloaded in load steps does not float off; sweeps cycle; a body
     # drifts without friction, which dissipates nothing
     "accepted": (
         same,

@@ -5,7 +5,6 @@ import os
 import re
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import h5py
 import numpy as np
@@ -24,6 +23,7 @@ from receding_fenicsx.output.plots.labels import describe_factors
 from receding_fenicsx.output.report.html import report_html
 from receding_fenicsx.output.report.summary import run_table, summarise
 from receding_fenicsx.scene.history import history_from_scene
+from receding_fenicsx.scene.model import SolverOptions
 from receding_fenicsx.scene.toml_file import from_toml, to_toml
 from receding_fenicsx.store.hdf5 import (
     new_hdf5,
@@ -78,11 +78,32 @@ def differences(a: object, b: object, path: str = "") -> list[str]:
 def test_record_reads_back_bitwise(record: Record, tmp_path: Path) -> None:
     _, short = evolved("history.kind=monotonic", "output.cycles=[]")
     assert len(short.cycles.dissipation) == 0
+    node = small_system([[1.0, 0.9], [0.9, 1.0]], {"p0": [1.3, 1.0]}, 1.5)
+    forked = evolve(node, table(node, [0.0, 1.0]), SolverOptions(branch=2))
+    assert forked.choices
     long = dataclasses.replace(record, scene_toml=f"{record.scene_toml}# {100_000 * 'x'}\n")
-    for one in (record, short, long):
+    for one in (record, short, forked, long):
         write_record(tmp_path / "record.h5", one, overwrite=True)
         assert differences(one, read_record(tmp_path / "record.h5")) == []
         assert os.listdir(tmp_path) == ["record.h5"]
+
+
+def test_record_file_has_the_agreed_layout(record: Record, tmp_path: Path) -> None:
+    write_record(tmp_path / "record.h5", record)
+    n, of_cycles = len(record.x), ("dissipation_density", "slip_increment")
+    with h5py.File(tmp_path / "record.h5") as file:
+        for part in (file["turning_points"], file["samples"]):
+            rows = len(part["s"])
+            for keys, shape in (
+                (("cycle", "leg", "s"), (rows,)),
+                (("state", "P", "Q", "p", "q", "v", "w"), (rows, n)),
+                (("load", "load_displacement"), (rows, 1)),
+            ):
+                assert {part[key].shape for key in keys} == {shape}
+        assert {"cycle", "leg", "s", "load", "node", "old", "new"} <= set(file["events"])
+        assert {file["cycles"][key].shape for key in of_cycles} == {(3, n)}
+        assert {"x", "points", "f", "g0", "weight"} <= set(file["nodes"])
+        assert list(file.attrs["load_names"]) == ["p0"] and file.attrs["format_version"] == 1
 
 
 def test_files_are_not_overwritten_unless_asked(record: Record, tmp_path: Path) -> None:
@@ -171,37 +192,6 @@ def test_files_with_any_changed_bit_or_cut_anywhere_are_refused(
         path.write_bytes(whole[:length])
         with pytest.raises(InputError, match=r"file\.h5: is damaged"):
             READERS[kind](path)
-
-
-def change_text(file: h5py.File) -> None:
-    file.attrs["scene_toml"] = file.attrs["scene_toml"].replace("0.35", "0.85")
-
-
-def change_a_number(file: h5py.File) -> None:
-    file.attrs["half"] = not file.attrs["half"]
-
-
-def rename(file: h5py.File) -> None:
-    file.move("edge" if "edge" in file else "events/old", "other")
-
-
-def swap_rows(file: h5py.File) -> None:
-    x = file["x" if "x" in file else "nodes/x"]
-    x[...] = x[()][::-1]
-
-
-@each_kind
-@pytest.mark.parametrize("change", [change_text, change_a_number, rename, swap_rows])
-def test_files_that_another_program_changed_are_refused(
-    kind: str, change: Callable[[h5py.File], None], written: dict[str, Path], tmp_path: Path
-) -> None:
-    path = tmp_path / "file.h5"
-    path.write_bytes(written[kind].read_bytes())
-    READERS[kind](path)
-    with h5py.File(path, "r+") as file:
-        change(file)
-    with pytest.raises(InputError, match=rf"file\.h5: is damaged, was changed, or is not .*{kind}"):
-        READERS[kind](path)
 
 
 @each_kind
@@ -295,33 +285,6 @@ def test_no_number_that_rounds_to_zero_has_a_sign(record: Record) -> None:
         assert not re.search(minus_zero, re.sub(r"<style>.*?</style>", "", text, flags=re.S))
     factors = describe_factors(("p0", "torque"), np.array([-0.0, -0.0]))
     assert not re.search(minus_zero, factors)
-
-
-@pytest.mark.parametrize(("metre", "pascal"), [(1e-3, 1e8), (1e-2, 1e-7), (1e3, 1e-3)])
-def test_table_shows_as_many_figures_in_any_units(
-    record: Record, metre: float, pascal: float
-) -> None:
-    shown = summarise(record)
-    other = copy.deepcopy(shown)
-    for point in other["turning_points"]:
-        for key in ("contact_half_width", "stick_half_width"):
-            point[key] *= metre
-            below = point.get(f"{key}_estimate")
-            if below and below["fitted"]:
-                below["value"] *= metre
-                below["interval"] = [metre * end for end in below["interval"]]
-        for key in ("p_max", "q_min", "q_max"):
-            point[key] *= pascal
-        point["zones"] = [[name, metre * a, metre * b] for name, a, b in point["zones"]]
-
-    def numbers(summary: dict[str, Any]) -> list[list[float]]:
-        rows = [line.split() for line in run_table(summary).splitlines()[2:5]]
-        return [[float(cell) for cell in row[2:6]] for row in rows]
-
-    scales = np.array([metre, metre, pascal, pascal])
-    once, again = np.array(numbers(shown)), np.array(numbers(other)) / scales
-    assert np.all(once.max(axis=0) > 0.0)
-    assert np.abs(once - again).max(axis=0) == pytest.approx(0.0, abs=1.1e-4)
 
 
 # -- comparison with the paper -------------------------------------------------------------------

@@ -1,13 +1,19 @@
 """The cores of the validation demos, against what is known."""
 
+from pathlib import Path
+
+import numpy as np
 import pytest
 from demo_runs import demo, sheared_cylinders
 from scipy.optimize import brentq
 
+import receding_fenicsx as rf
 from receding_fenicsx.measures.ends import half_width_estimates
 from receding_fenicsx.reference import closed_forms
 from receding_fenicsx.reference.layer import contact_half_width
 from receding_fenicsx.studies.run import condense
+
+TESTS = Path(__file__).parents[1]
 
 
 @pytest.mark.parametrize(
@@ -110,3 +116,41 @@ def test_sheared_cylinders_stick_and_slip_as_cattaneo_and_mindlin_say() -> None:
     # sliding between the two reversals is paid for by the loop that Q and its displacement enclose
     assert record.cycles.dissipation[0] > 0.0
     assert record.cycles.dissipation[1] == pytest.approx(record.cycles.dissipation[0], rel=1e-9)
+
+
+@pytest.mark.parametrize("method", ["events", "gauss-seidel"])
+def test_leaves_of_a_spring_touch_at_both_ends_as_beams_do(method: str) -> None:
+    """Guided at x = 0, lengths a = 60, supported at its end, and b = 50; F = 2 at x = c = 1.
+
+    The leaves touch at x = 0 and b. There their deflections from x = 0 agree: with the force R at b
+    R b^3 / 3 - F b^2 (3 a - b) / 6 = F c^2 (3 b - c) / 6 - R b^3 / 3. Nodes open one after the
+    other on the way to these states.
+    """
+    scene = TESTS / "trials" / "leaf_spring.toml"
+    changes = [f'solver.method="{method}"', "solver.steps_per_leg=4"]
+    record = rf.given(rf.run(rf.read_scene(scene, changes)))
+    P, (a, b, c, F) = record.turning_points.P[-1], (60.0, 50.0, 1.0, 2.0)
+    R = (F * b**2 * (3 * a - b) + F * c**2 * (3 * b - c)) / (4.0 * b**3)
+    assert P[-3:].sum() == pytest.approx(R, rel=2e-3)
+    assert P[:3].sum() == pytest.approx(F - R, rel=2e-3)
+    assert P.sum() == pytest.approx(F, rel=1e-7)
+
+
+def test_friction_inside_the_stick_zone_of_a_round_punch_does_not_matter() -> None:
+    """Friction 0.6 on r < 0.5 and 0.2 beyond: all as with 0.2 alone, Spence's stick radius 0.6983.
+
+    Friction enters the law only where a limit is reached. With f = 0.2 all of r < 0.6983 sticks
+    below its limit at every load, so a higher limit there changes nothing.
+    """
+    changes = ["mesh.contact_elements=80", "mesh.growth=1.3", "history.rows=[[1.0]]"]
+    scene = TESTS.parent / "demos" / "punch_axisymmetric.toml"
+    constant, mapped = (
+        rf.given(rf.run(rf.read_scene(scene, [*changes, f"contact.friction={f}"])))
+        for f in ("0.2", "where(x < 0.5, 0.6, 0.2)")
+    )
+    known = closed_forms.PUNCH_STICK["axisymmetric"][0.3, 0.2]
+    found = rf.summarise(mapped)["turning_points"][0]["stick_half_width_estimate"]["value"]
+    assert found == pytest.approx(known, rel=0.015)
+    for name in ("p", "q", "v", "w"):
+        values = [getattr(record.turning_points, name) for record in (constant, mapped)]
+        np.testing.assert_allclose(values[1], values[0], atol=1e-13)

@@ -93,7 +93,6 @@ def test_a_lever_turned_over_under_load_jumps(method: str, held: bool, gap: floa
     assert record.turning_points.P[-1, [0, 2]] == pytest.approx([2.0, 0.0], abs=1e-9)
 
 
-
 def test_a_body_that_slides_is_not_held_by_round_off_of_its_stiffness() -> None:
     # to the coupling c = 1.3e-16 of v and P, v = 4e16 would be a pressure that friction needs
     K = [[8e-33, 1.3e-16], [1.3e-16, 2.1]]

@@ -73,18 +73,6 @@ def test_no_recovery_breaks_the_law_that_the_nodal_forces_keep() -> None:
         assert weight @ q == pytest.approx(Q.sum(), abs=1e-13)
 
 
-def test_order_one_and_beside_ends_the_nodal_values_remain() -> None:
-    x = np.linspace(0.0, 1.0, 9)
-    weight = np.full(9, 0.125)
-    weight[[0, -1]] /= 2.0
-    at = sliding(np.full(9, 0.3), x, weight, weight * (2.0 - x**2))
-    assert np.array_equal(recover(at)[0], at.P / weight)
-    # a step of the pressure that the states do not show is no zigzag: nothing moves across it
-    x, weight, P = nodal(np.linspace(-1.0, 1.0, 17), lambda at: np.where(at < 0.0, 2.0, 1.0))
-    p, _ = recover(sliding(np.full(len(x), 0.3), x, weight, P))
-    assert np.abs(p - P / weight).max() < 1e-14
-
-
 # -- Cattaneo and Mindlin ------------------------------------------------------------------------
 
 

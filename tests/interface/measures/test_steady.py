@@ -1,10 +1,9 @@
-from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from models import block_system
-from small import cyclic, small_system, table, walker
+from small import cyclic, small_system, table
 
 import receding_fenicsx as rf
 from receding_fenicsx.evolution.evolve import evolve
@@ -15,7 +14,6 @@ from receding_fenicsx.interface.measures.steady import (
     fit_power_law,
     limit_of_decay,
 )
-from receding_fenicsx.scene.model import SolverOptions
 
 SMALL = block_system(40, 20)
 
@@ -84,7 +82,7 @@ V = np.array([0.4, -0.2])
 
 
 def watch(
-    ends: list[tuple[np.ndarray, np.ndarray]], D: Sequence[float] | float = 0.1, force: float = 5.0
+    ends: list[tuple[np.ndarray, np.ndarray]], D: np.ndarray | float = 0.1, force: float = 5.0
 ) -> SteadyWatch:
     """Return a watch that has seen ends of cycles; under P = 1 and f = 1 a node slips by D.
 
@@ -107,8 +105,8 @@ TURNS = [(R * (1.0 + 0.1 * (n % 2)), V) for n in range(12)]
         # A_n = 9 10^-n /(1 + 10^-n): below 1e-8 at n = 9 and 10
         ([(R * (1 + 10.0**-n), V) for n in range(12)], 0.1, (10, 1, "cyclic slip")),
         # no slip but round-off, 1e-11 of 2.5
-        *((QUIET[:4], D, (1, 1, "shakedown")) for D in (0.0, 2e-11)),
-        (QUIET[:4], 3e-11, (1, 1, "cyclic slip")),
+        *((QUIET[:4], D, (2, 1, "shakedown")) for D in (0.0, 2e-11)),
+        (QUIET[:4], 3e-11, (2, 1, "cyclic slip")),
         # gained every cycle, more than a millionth of the slip
         ([(R, V + 0.9e-7 * n) for n in range(5)], 0.1, (2, 1, "cyclic slip")),
         ([(R, V + 1.1e-7 * n) for n in range(5)], 0.1, (2, 1, "ratchetting")),
@@ -128,7 +126,7 @@ TURNS = [(R * (1.0 + 0.1 * (n % 2)), V) for n in range(12)]
         ([(R * (1 + 1e-6 * (n // 2)), V) for n in range(30)], 0.1, None),
         # cycles that end without force are measured by the force within
         ([(1e-13 * R * (-1) ** n, V) for n in range(5)], 0.3, (2, 1, "cyclic slip")),
-        ([(0.0 * R, V)] * 3, 1e-15, (1, 1, "shakedown")),
+        ([(0.0 * R, V)] * 3, 1e-15, (2, 1, "shakedown")),
     ],
 )
 def test_a_cycle_is_steady_once_it_has_been_repeated(
@@ -184,26 +182,6 @@ def test_slips_are_judged_by_themselves(seed: int, until: str) -> None:
             assert last * K / F**2 == pytest.approx(D, rel=1e-5, abs=1e-11)
             seen.append(steady.cycle)
         assert seen[0] == seen[1] and abs(seen[2] - seen[0]) <= 1
-
-
-@pytest.mark.parametrize("method", ["events", "gauss-seidel"])
-def test_a_walk_on_a_faint_ground_spring_is_ratchetting_and_on_a_strong_one_not_steady(
-    method: str,
-) -> None:
-    """Two feet gain 0.4/k a cycle, as in test_events; a spring to the ground hardly slows them."""
-    body, solver = walker(k=2.0), SolverOptions(method=method, steps_per_leg=8)
-    path = [[0, 0, 0], [1, 0, 0], [1, 0.5, 0], [1, 0.5, 0.9]]
-    loop = [[1, 0.5, 0.9], [1, 0.5, -0.9], [1, 0.5, 0.9]]
-    for spring in (0.0, 1e-9, 1e-8, 1e-6, 1e-1) if method == "events" else (0.0, 1e-8, 1e-6):
-        held = body.K + np.diag([2.0 * spring, 2.0 * spring, 0.0, 0.0])
-        rigid = body.rigid if spring == 0.0 else body.rigid[:, :0]
-        on_spring = replace(body, K=held, rigid=rigid)
-        record = evolve(on_spring, table(on_spring, path, loop, 30), solver)
-        walks = spring <= 1e-8
-        assert record.steady.kind == ("ratchetting" if walks else "not reached")
-        if walks:
-            assert record.cycles.slip_increment[1:] == pytest.approx(0.2, rel=1e-6)
-            assert record.steady.cycle == 2
 
 
 # -- the block ------------------------------------------------------------------------------------

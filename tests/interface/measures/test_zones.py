@@ -1,74 +1,59 @@
+"""Zones and half widths of nodal states: their ends lie midway between nodes."""
+
 import numpy as np
 import pytest
+from nodal import nodal_forces, with_middles
 
 import receding_fenicsx as rf
-from receding_fenicsx.interface.measures.zones import contact_zones
-
-STICK, OPEN, FORWARD, BACKWARD = rf.State
+from receding_fenicsx.interface.measures.zones import begins_on_axis, contact_zones
 
 
-def test_zone_ends_lie_midway_between_nodes() -> None:
+def coded(states: str) -> np.ndarray:
+    """Return states from their letters: stick, open, forward, backward."""
+    return np.array([1 + "SOFB".index(letter) for letter in states], dtype=np.int8)
+
+
+def test_zones_end_midway_between_nodes() -> None:
     x = np.array([-2.0, -1.0, -0.5, 0.0, 0.5, 1.0, 2.0])
-    state = np.array([OPEN, BACKWARD, STICK, STICK, STICK, FORWARD, OPEN])
-    assert rf.zones(x, state) == [
+    assert rf.zones(x, coded("OBSSSFO")) == [
         ("separation", -2.0, -1.5),
         ("backward slip", -1.5, -0.75),
         ("stick", -0.75, 0.75),
         ("forward slip", 0.75, 1.5),
         ("separation", 1.5, 2.0),
     ]
-    assert rf.contact_half_width(x, state) == 1.5
-    assert rf.stick_half_width(x, state) == 0.75
+    assert rf.contact_half_width(x, coded("OBSSSFO")) == 1.5
+    assert rf.stick_half_width(x, coded("OBSSSFO")) == 0.75
+    assert rf.zones(x[4:], coded("OOO")) == [("separation", 0.5, 2.0)]
+    assert rf.zones(x[:0], coded("")) == []
 
 
-def test_one_zone_fills_the_edge() -> None:
-    x = np.array([0.0, 1.0, 4.0])
-    assert rf.zones(x, np.full(3, OPEN)) == [("separation", 0.0, 4.0)]
-    assert rf.contact_half_width(x, np.full(3, OPEN)) == 0.0
-    assert rf.contact_half_width(x, np.full(3, STICK)) == 2.0
-    assert rf.zones(x[:0], np.zeros(0, dtype=np.int8)) == []
+HALF_WIDTHS = {
+    # as many nodes on the one side of the middle as on the other, or one more
+    **{"FFSSSFF": 1.5, "FFSSSSF": 2.0, "FSSSSFF": 2.0, "FFFSFFF": 0.5, "SSSSSSS": 3.0},
+    **{"FFFSSSF": np.nan, "FFFFSSF": np.nan, "SSFFFSS": np.nan, "FSFFSSF": np.nan, "FFFFFFF": 0.0},
+}
 
 
-def test_a_contact_in_several_pieces_has_no_half_width() -> None:
-    x = np.arange(7.0)
-    state = np.array([OPEN, STICK, OPEN, OPEN, STICK, FORWARD, OPEN])
-    assert np.isnan(rf.contact_half_width(x, state))
-    middle = np.array([STICK, OPEN, FORWARD, STICK, BACKWARD, OPEN, STICK])
-    assert np.isnan(rf.contact_half_width(x, middle))
-    assert rf.stick_half_width(x, middle) == 0.5
-
-
-def test_only_a_stick_zone_around_the_middle_has_a_half_width() -> None:
-    x = np.linspace(-3.0, 3.0, 7)
-    outer = np.array([STICK, STICK, FORWARD, BACKWARD, FORWARD, STICK, STICK])
-    assert np.isnan(rf.stick_half_width(x, outer))
-    assert rf.stick_half_width(x, np.where(outer == STICK, FORWARD, outer)) == 0.0
-    # as many nodes on the one side as on the other, or one more
-    ends = {(-1, 1): 1.5, (-1, 2): 2.0, (-2, 1): 2.0, (0, 2): None, (0, 0): 0.5, (1, 2): None}
-    for (first, last), half in ends.items():
-        state = np.where((x >= first) & (x <= last), STICK, FORWARD)
-        found = rf.stick_half_width(x, state)
-        assert np.isnan(found) if half is None else found == half, (first, last)
-        assert rf.contact_half_width(x, np.where(state == STICK, STICK, OPEN)) == pytest.approx(
-            found, nan_ok=True
-        )
+@pytest.mark.parametrize(("states", "half"), HALF_WIDTHS.items())
+def test_only_a_zone_around_the_middle_has_a_half_width(states: str, half: float) -> None:
+    x, expected = np.arange(-3.0, 4.0), pytest.approx(half, nan_ok=True)
+    assert rf.stick_half_width(x, coded(states)) == expected
+    assert rf.contact_half_width(x, coded(states.replace("F", "O"))) == expected
+    # without friction nothing sticks
+    assert rf.stick_half_width(x, coded(states), np.zeros(7)) == 0.0
+    alone = rf.stick_half_width(x, coded(states), 0.3 * (x == 0.0))
+    assert alone == (0.5 if states[3] == "S" else 0.0)
 
 
 def test_a_disc_of_stick_begins_on_the_axis() -> None:
     r = np.arange(5.0)
-    assert rf.stick_half_width(r, np.array([1, 1, 1, 3, 2]), begins_on_axis=True) == 2.5
-    assert np.isnan(rf.stick_half_width(r, np.array([3, 1, 1, 3, 2]), begins_on_axis=True))
-
-
-def test_nodes_without_friction_do_not_stick() -> None:
-    x = np.linspace(-2.0, 2.0, 5)
-    state = np.array([OPEN, STICK, STICK, STICK, OPEN])
-    assert rf.stick_half_width(x, state, np.zeros(5)) == 0.0
-    assert rf.stick_half_width(x, state, np.array([0.3, 0.0, 0.3, 0.0, 0.3])) == 0.5
+    assert rf.stick_half_width(r, coded("SSSFO"), begins_on_axis=True) == 2.5
+    assert np.isnan(rf.stick_half_width(r, coded("FSSFO"), begins_on_axis=True))
 
 
 def test_closed_nodes_without_friction_are_in_contact_and_do_not_stick() -> None:
-    x, closed = np.arange(6.0), np.array([2, 1, 1, 1, 3, 2])
+    x, closed = np.arange(6.0), coded("OSSSFO")
     f = np.array([0.0, 0.0, 0.0, 0.3, 0.3, 0.3])
     expected = [
         ("separation", 0.0, 0.5),
@@ -78,5 +63,23 @@ def test_closed_nodes_without_friction_are_in_contact_and_do_not_stick() -> None
         ("separation", 4.5, 5.0),
     ]
     assert contact_zones(x, closed, f) == expected
-    assert [name for name, _, _ in contact_zones(x, np.ones(6, int), 0.0 * f)] == ["contact"]
     assert contact_zones(x[1:], closed[1:], f[1:], True)[0] == ("contact", 0.0, 2.5)
+
+
+@pytest.mark.parametrize("degree", [1, 2])
+@pytest.mark.parametrize("slope", [1.0, 0.3])
+@pytest.mark.parametrize(
+    ("begin", "ends"),
+    [(0.0, np.arange(6.0)), (0.0, np.array([0.0, 1.0, 4.0, 9.0])), (0.0, np.arange(2.0))]
+    + [(begin, np.arange(6.0)) for begin in (0.5, 1.0, 7.0)],
+)
+def test_only_an_edge_with_a_point_at_radius_zero_begins_on_the_axis(
+    begin: float, ends: np.ndarray, slope: float, degree: int
+) -> None:
+    """On a plane (slope 1) and on a cone; all weights may have a common factor."""
+    s = with_middles(ends) if degree == 2 else ends
+    radius = begin + slope * s
+    weight = 2.0 * np.pi * nodal_forces(s, degree, lambda at: begin + slope * at)
+    # at order 2 the node on the axis has no weight, and is no contact node
+    kept = weight > 1e-9 * weight.max()
+    assert begins_on_axis(radius[kept], weight[kept]) == (begin == 0.0)
