@@ -1,6 +1,6 @@
 """Hard cases: expected outcome, outcome, and violation of the laws.
 
-**Problem.** About 120 cases that are hard for a contact solver. Their expected outcomes were
+**Problem.** About 110 cases that are hard for a contact solver. Their expected outcomes were
 written down before any run (``tests/hard.py``). Only overturning, gross sliding, a pulling load, a
 body that touches nowhere, and jumps that an enumeration of all states confirms may be refused.
 
