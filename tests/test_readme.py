@@ -169,7 +169,7 @@ def test_options_of_all_commands_in_the_documents_are_known() -> None:
         line
         for name in (*DOCUMENTS, *NOTEBOOKS)
         for line in re.findall(
-            r"receding-fenicsx ([a-z]+ [^`\n]+)", text_of(name).replace("\\\n", "")
+            r'receding-fenicsx ([a-z]+ [^`"\n]+)', text_of(name).replace("\\\n", "")
         )
     }
     assert len(found) > 20
