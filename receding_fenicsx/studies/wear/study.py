@@ -5,10 +5,8 @@ from __future__ import annotations
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from receding_fenicsx import mpi
 from receding_fenicsx.arrays import Array, check_types
@@ -29,7 +27,7 @@ from receding_fenicsx.studies.runner import Runner, Study, StudyOptions, run_stu
 from receding_fenicsx.studies.wear.convected import Convected
 from receding_fenicsx.studies.wear.figure import fatigue_figure, profiles_figure, zones_figure
 from receding_fenicsx.studies.wear.result import WearStudy, ends_of_edges
-from receding_fenicsx.studies.wear.steps import NodePairs, Row, advance, row_type
+from receding_fenicsx.studies.wear.steps import NodePairs, Row, advance
 from receding_fenicsx.timing import Countdown, Timer
 
 CYCLES, THROUGH, DEEP = "cycles done", "stick zone worn through", "depth reached"
@@ -146,18 +144,24 @@ def _wear(
     timer: Timer,
 ) -> WearStudy:
     """Take step after step on both meshes; write what there is, also where a step fails."""
-    options, failure = scene.wear, None
+    options, failure, coarse = scene.wear, None, None
     tell = Countdown(timer.say, "wear: cycle", "at most")
 
+    def keep(name: str, row: Row) -> None:
+        if folder is not None:
+            with open(folder / name, "ab") as opened:
+                opened.write(row.tobytes())
+            sync(folder / name)
+
     def rows_of(first: Row, name: str) -> list[Row]:
-        found = [first]
+        found = list[Row]()
         if folder is not None and (file := folder / name).exists():
-            with open(file, "r+b") as opened:
+            with open(file, "r+b") as opened:  # the last row may be torn
                 opened.truncate(file.stat().st_size // first.nbytes * first.nbytes)
-            found = list(np.fromfile(file, first.dtype)) or found
-        elif folder is not None:
-            _append(file, first)
-        return [row for row in found if row["cycles"] <= options.cycles]
+            found = list(np.fromfile(file, first.dtype))
+        if not found:
+            keep(name, first)
+        return [row for row in found or [first] if row["cycles"] <= options.cycles]
 
     def steps(model: NodePairs, rows: list[Row], last: float, name: str) -> str:
         depth = np.inf if options.depth is None or name == COARSE else options.depth
@@ -167,8 +171,7 @@ def _wear(
             if depth < np.inf and (rate := growth[row["depth"].argmax()] or growth.max()) > 0.0:
                 until = min(last, float(row["cycles"] + (depth - row["depth"].max()) / rate))
             rows.append(advance(model, row, options.tolerance, until))
-            if folder is not None:
-                _append(folder / name, rows[-1])
+            keep(name, rows[-1])
             text = f"depth {rows[-1]['depth'].max():.4g}"
             tell(int(rows[-1]["cycles"]), options.cycles, text + (name == COARSE) * ", coarser")
         return end
@@ -180,22 +183,21 @@ def _wear(
         except SolveError as error:
             through = isinstance(error, NoEquilibrium) and np.any(rows[0]["zone"] == State.STICK)
             end, failure = (THROUGH, None) if through else (str(error), error)
-        found = WearStudy(begun[0], _as_array(rows), options.share, end)
         if other is not None and failure is None:
             # the same numbers of cycles, as far as the coarser mesh goes
             with suppress(SolveError, InputError):
                 model, first = _begin(*other)
-                coarse = rows_of(first, COARSE)
+                others = rows_of(first, COARSE)
                 with suppress(SolveError):
-                    for cycles in found.cycles:
-                        end = steps(model, coarse, float(cycles), COARSE)
-                other_study = WearStudy(model, _as_array(coarse), options.share, end)
-                found = replace(found, coarse=other_study)
+                    for row in rows:
+                        steps(model, others, float(row["cycles"]), COARSE)
+                coarse = WearStudy(model, others, options.share, "")
     except (KeyboardInterrupt, SystemExit) as signalled:
         if folder is None:
             raise
         where = f"after {rows[-1]['cycles']:.0f} of {options.cycles} cycles"
         raise interruption(signalled, where, folder, "the steps up to there") from None
+    found = WearStudy(begun[0], rows, options.share, end, coarse)
     if folder is not None:
         head = {"title": scene.title, **found.summary()}
         head |= {"failure": end} if failure else {}
@@ -221,7 +223,7 @@ def _model(scene: Scene, problem: Problem, coefficient: Array) -> tuple[NodePair
     first, system, n = pairs.begin(), problem.system, problem.system.n
     first["step"] = max(1.0, 1e-3 * scene.wear.cycles)
     on = first["P"] > 0.0
-    width = 2.0 * float(WearStudy(pairs, _as_array([first]), 0.5, "").contact_half_width[0])
+    width = 2.0 * float(WearStudy(pairs, [first], 0.5, "").contact_half_width[0])
     stroke = 0.5 * float(first["path"][on].max(initial=0.0))
     if stroke <= LARGEST_STROKE * width:
         return pairs, first
@@ -258,17 +260,3 @@ def _end(system: ContactSystem, rows: list[Row], cycles: float, depth: float) ->
     if np.any(touches & ~begun & (ends_of_edges(system) | coarse)):
         return EDGE
     return CYCLES if last["cycles"] >= cycles else ""
-
-
-def _as_array(rows: list[Row]) -> NDArray[Any]:
-    found = np.zeros(len(rows), row_type(rows[0]["depth"].shape[-1]))
-    for k, row in enumerate(rows):
-        found[k] = row
-    return found
-
-
-def _append(file: Path, row: Row) -> None:
-    """Append a row to the file, to the disk."""
-    with open(file, "ab") as opened:
-        opened.write(row.tobytes())
-    sync(file)
