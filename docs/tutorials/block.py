@@ -4,7 +4,8 @@
 # An elastic block of height h and width 4h lies on a rigid plane with friction f = 0.35. A pressure acts on the middle of its top and
 # cycles between 1 and 1/3 (Ahn & Barber 2008). You will run it, look at its zones, and find the two numbers that the paper ends with.
 #
-# This page is a notebook: `jupytext --to ipynb docs/tutorials/block.py`.
+# This page is a notebook. In the project's folder, whose scenes it reads: `jupytext --to ipynb -o block.ipynb docs/tutorials/block.py`
+# (`pip install jupytext notebook`), or `python docs/tutorials/block.py`.
 
 # %%
 import numpy as np
