@@ -1,7 +1,5 @@
 """The suite's own promise under MPI: started on small test files, each in a job of two ranks."""
 
-from __future__ import annotations
-
 import shutil
 import subprocess
 import time

@@ -1,7 +1,5 @@
 """How runs end that cannot go on: one line, the right code, nothing half-written."""
 
-from __future__ import annotations
-
 import itertools
 import json
 import os
@@ -207,18 +205,6 @@ def test_output_into_a_full_file_is_an_error(tmp_path: Path) -> None:
     assert done.returncode == 1
     assert done.stderr.count("\n") == 1
     assert "standard output: cannot be written (No space left on device)" in done.stderr
-
-
-@pytest.mark.one_rank
-def test_place_for_compiled_forms_that_cannot_be_written_is_named(tmp_path: Path) -> None:
-    scene = write(tmp_path / "scene.toml", SCENE)
-    command = [sys.executable, "-m", "receding_fenicsx", "condense", str(scene)]
-    command += ["--out", str(tmp_path / "c")]
-    environment = rf.child_environment() | {"XDG_CACHE_HOME": str(scene)}  # no folder
-    done = subprocess.run(command, capture_output=True, text=True, env=environment)
-    assert done.returncode == 2
-    assert f"{scene}/fenics: compiled forms cannot be kept there" in done.stderr
-    assert "set XDG_CACHE_HOME to a folder that can be written" in done.stderr
 
 
 # -- names of loads in pictures and pages --------------------------------------------------------

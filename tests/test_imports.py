@@ -1,7 +1,5 @@
 """Imports of the package: downwards through its rooms only, and without a circle."""
 
-from __future__ import annotations
-
 import ast
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path

@@ -3,8 +3,6 @@
 Workflows, containers and the recipe do not run here: they are parsed, and what they call is there.
 """
 
-from __future__ import annotations
-
 import json
 import re
 import tomllib

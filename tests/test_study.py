@@ -1,5 +1,4 @@
 import dataclasses
-import importlib
 import os
 from dataclasses import replace
 from pathlib import Path
@@ -13,7 +12,7 @@ import pytest
 import receding_fenicsx as rf
 from receding_fenicsx import mpi
 from receding_fenicsx.bulk.from_scene import is_small
-from receding_fenicsx.pictures import default_instants, drawing_modules
+from receding_fenicsx.pictures import default_instants
 from receding_fenicsx.store.run_folder import is_finished
 from receding_fenicsx.studies import run as study
 
@@ -65,7 +64,6 @@ ALONG_A_PLANE: dict[str, Any] = {
     "loads": (replace(PUSH, edge="left"),),
     "supports": (),
 }
-BOLT = rf.Bolt("one", "a.top", "b.bottom", 0.1)
 HELD = (rf.Support("x", "a.left"),)
 
 
@@ -232,11 +230,6 @@ def test_of_a_cycle_of_many_legs_few_turning_points_are_drawn() -> None:
     chosen = [(found.cycle, found.leg) for found in default_instants(scene, system, record)]
     legs = [0, 6, 12, 17, 23, 29]
     assert chosen == [(0, 0), *((1, leg) for leg in legs), *((2, leg) for leg in legs)]
-
-
-def test_a_missing_drawing_library_refers_to_the_doctor() -> None:
-    with pytest.raises(rf.RecedingError, match=r"no_such_library.*doctor"), drawing_modules():
-        importlib.import_module("no_such_library")
 
 
 def test_small_bodies_are_condensed_in_the_same_bits_on_any_number_of_ranks() -> None:

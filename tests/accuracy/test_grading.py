@@ -1,7 +1,5 @@
 """Searches on meshes graded towards sharp corners, and numbers that are singular there."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The search for a mesh on made-up numbers whose errors are known."""
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """Meshes graded by a coarser run: where they are fine, and what they gain."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Body forces and thermal strains, against closed forms, halves and wholes, and work."""
 
-from __future__ import annotations
-
 from mpi4py import MPI
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Bolts: the joint diagram of two springs, a lap joint, fields and probes, work, bad input."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The condensed body: against an own assembly, between routes, ranks, halves and units."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Contacts and ties whose nodes do not match, on straight and curved edges, and edges that meet."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Loads, supports, contact nodes, and fields, against closed forms."""
 
-from __future__ import annotations
-
 from mpi4py import MPI
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Fields of pictures against probes, which take their values by another way."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import cache
 

@@ -1,7 +1,5 @@
 """Scenes with half-planes, against closed forms and against meshed bodies."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

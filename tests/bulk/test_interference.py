@@ -1,7 +1,5 @@
 """Interference: shrink fits against Lame's pressure, and other ways to the same state."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

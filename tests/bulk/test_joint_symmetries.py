@@ -1,7 +1,5 @@
 """Joints of assemblies: halves, mirror images, ranks, resultants, and curved joints' stiffness."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path

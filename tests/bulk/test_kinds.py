@@ -1,7 +1,5 @@
 """Scenes of all kinds: halves, mirror images, units, files, and the balance of energy."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import cache
 from pathlib import Path

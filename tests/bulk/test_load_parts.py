@@ -1,7 +1,5 @@
 """One load on several edges: several tables of one name act together under one load factor."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 

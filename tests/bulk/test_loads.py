@@ -1,7 +1,5 @@
 """Loads on curved edges of .geo files: resultants of the true curve, not of its chords."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 from typing import Any

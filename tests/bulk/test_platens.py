@@ -1,7 +1,5 @@
 """Platens and prescribed displacements: dense algebra, closed forms, resultants, work, refusals."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 from mpi4py import MPI

@@ -1,7 +1,5 @@
 """Press fits on cylinders and cones, whose positions along the edge are no radii."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 
@@ -96,40 +94,6 @@ def test_a_fit_is_shown_over_its_whole_length_in_balance(
     for point in summary["turning_points"]:
         assert "p_axis" not in point
         assert (point["zones"][0][1], point["zones"][-1][2]) == (x[0], x[-1])
-
-
-def on_its_bed(folder: Path, elements: int, **contact: object) -> rf.Scene:
-    """A plug pushed into a taper that stands on its end face, which meets the cone."""
-    seat = rf.Contact(edge="shaft.fit", against="hub.fit", friction=F, **contact)  # type: ignore[arg-type]
-    return from_file(
-        folder,
-        1.0,
-        contacts=(seat,),
-        loads=(rf.Load("push", "shaft.push", pressure=-1.0),),
-        supports=(rf.Support("y", edge="hub.bed"),),
-        mesh=rf.MeshOptions(contact_elements=elements),
-        history=rf.HistoryOptions(kind="monotonic"),
-    )
-
-
-def test_the_end_of_a_taper_on_its_support_keeps_its_contact(shared_tmp_path: Path) -> None:
-    """Against contacts whose first element is left out, which converge to the same pressure."""
-    length = np.hypot(L, 1.0)
-    mean = []
-    for elements, left_out in ((8, 0), (16, 0), (16, 1), (32, 1)):
-        free = {"span": (left_out * length / elements - 0.5 * length, 0.5 * length)}
-        record = played(on_its_bed(shared_tmp_path, elements, **(free if left_out else {})))
-        table = record.turning_points
-        axial = (table.Q[-1].sum() * L + table.P[-1].sum()) / length
-        assert axial == pytest.approx(np.pi * (B**2 - A**2), rel=1e-9)
-        assert len(record.x) == 2 * (elements - left_out) + 1
-        middle = np.abs(record.x) < 0.25 * length
-        mean.append(table.P[-1, middle].sum() / record.weight[middle].sum())
-    if mean:
-        coarse, fine, *others = mean
-        known = 2.0 * others[1] - others[0]
-        assert abs(others[1] - known) < abs(others[0] - known)
-        assert [coarse, fine] == pytest.approx([known] * 2, rel=5e-3)
 
 
 def test_a_support_inside_a_taper_is_refused_with_its_place(shared_tmp_path: Path) -> None:

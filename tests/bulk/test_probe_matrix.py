@@ -1,7 +1,5 @@
 """Matrix of the probes against back-substitution and the stresses of whole fields."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 from mpi4py import MPI

@@ -1,7 +1,5 @@
 """Axisymmetric bodies against closed forms: patch tests, Lame's ring, Boussinesq's punch."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 from mpi4py import MPI

@@ -1,7 +1,5 @@
 """Springs on edges, at points and between bodies: hand formulas, work, bad input."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 from typing import Any

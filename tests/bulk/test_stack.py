@@ -1,7 +1,5 @@
 """Stacks of bodies on planes: against one body, closed forms, integral equations, themselves."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Tile by tile work on symmetric matrices: against whole-matrix formulas."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

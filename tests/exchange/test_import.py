@@ -1,7 +1,5 @@
 """Import of a body from its own finite elements, through the text files of three programs."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Reduced models of joints: stiffness, mass, loads and contact, against what they are made from."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

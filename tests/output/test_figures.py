@@ -232,12 +232,6 @@ def test_nodes_that_slip_are_on_the_edge_of_the_cone_of_either_direction() -> No
         assert slips.sum() > 3 and q[slips] == pytest.approx(ends, abs=1e-12)
 
 
-@pytest.mark.parametrize("known", [True, False])
-def test_no_text_lies_on_another_or_beyond_the_page(known: bool) -> None:
-    for name, figure in rf.figures.draw_all(record(known=known)):
-        check_texts(figure, name)
-
-
 @pytest.mark.parametrize("legs", [3, 24])
 def test_no_text_of_many_legs_and_loads_lies_on_another(legs: int) -> None:
     for name, figure in rf.figures.draw_all(around(legs)):

@@ -1,7 +1,5 @@
 """Titles, labels and units of the figures of scenes of several loads."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from functools import cache
 

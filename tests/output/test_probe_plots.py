@@ -1,7 +1,5 @@
 """Figures of the probes show the recorded stresses."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import cache
 

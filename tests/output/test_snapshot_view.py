@@ -1,7 +1,5 @@
 """What a picture of the body shows, as numbers: units, parity, gaps, colours against the legend."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 from pathlib import Path
@@ -315,21 +313,6 @@ def test_tractions_stand_below_their_places_and_are_named_by_their_colours() -> 
     assert bar.get_ylim() == pytest.approx((0.0, 2.0))
     texts = [text.get_text() for text in figure.texts]
     assert texts == ["a caption", r"one fringe 0.2$\,p_{0}$, displacements × 20"]
-
-
-@pytest.mark.one_rank
-def test_plane_lies_an_exaggerated_gap_below_the_edge_as_it_was() -> None:
-    view = made_up()
-    body = page_of(view).axes[0]
-    (plane,) = [line for line in body.lines if len(np.asarray(line.get_xdata())) > 2]
-    x, y = np.asarray(plane.get_xydata()).T
-    # as far below as the line is thick; beyond the edge it goes on level
-    assert y == pytest.approx(-0.01 * (1.0 + np.minimum(np.abs(x), 1.0)) - 0.01)
-    assert (x[0], x[-1]) == pytest.approx((-1.05, 1.05))
-    before, after = [c for c in body.collections if isinstance(c, LineCollection)][:2]
-    for lines, points in ((before, view.points), (after, view.moved)):
-        ends = [np.asarray(path.vertices) for path in lines.get_paths()]
-        assert np.array_equal(ends, points[view.edges])
 
 
 @pytest.mark.one_rank

@@ -3,8 +3,6 @@
 Where they are all 1 a figure that divides by the wrong one of them looks the same.
 """
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 from functools import cache

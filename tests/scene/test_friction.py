@@ -1,7 +1,5 @@
 """Friction of a scene that differs between forward and backward slip."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

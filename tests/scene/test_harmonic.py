@@ -1,7 +1,5 @@
 """Harmonic histories as polygons, and constant loads beside cyclic ones."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Every key of a scene counts where two scenes are compared, unless it is named here as free."""
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Iterator
 from dataclasses import replace

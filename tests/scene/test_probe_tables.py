@@ -1,7 +1,5 @@
 """Probes of a scene file: forms of their points, and what is refused."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

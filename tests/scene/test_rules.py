@@ -1,7 +1,5 @@
 """Rules of scenes: what breaks one is refused by its key, its nearest neighbour is accepted."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 from pathlib import Path

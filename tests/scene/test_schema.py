@@ -1,14 +1,10 @@
 """JSON Schema of scene files, and the tables of keys in the documents."""
 
-from __future__ import annotations
-
 import dataclasses
 import datetime as dt
 import json
 import math
 import re
-import subprocess
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -90,8 +86,3 @@ def test_any_value_of_any_key_is_taken_or_refused_in_plain_words(table: str) -> 
                 for line in str(error).splitlines():
                     assert not re.search("Input should|Value error|NoneType", line), line
                     assert line.startswith(("[", f"{table} '", "load '", "scene:")), line
-
-
-def test_the_package_is_imported_without_pydantic() -> None:
-    code = "import sys, receding_fenicsx.evolution; assert 'pydantic' not in sys.modules"
-    subprocess.run([sys.executable, "-c", code], check=True)

@@ -1,7 +1,5 @@
 """Rows of a table history from text files: formats, names of columns, refusals with their line."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from mpi4py import MPI

@@ -1,7 +1,5 @@
 """Curves of joints against closed forms: cylinders, a strip on a wall, one node."""
 
-from __future__ import annotations
-
 import csv
 import json
 from dataclasses import replace

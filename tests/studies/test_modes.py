@@ -1,7 +1,5 @@
 """Vibration modes of preloaded contacts, and frequency and damping over the amplitude."""
 
-from __future__ import annotations
-
 import csv
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Shakedown studies of scenes: command, files, two meshes, diagram, exact cycles, many starts."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 
@@ -135,29 +133,6 @@ def test_command_refuses_in_one_line_and_writes_nothing(
         assert words in printed
         assert printed.count("\n") == 1
     assert not out.exists()
-
-
-@pytest.mark.one_rank
-def test_edges_that_recede_get_their_sentence_and_two_meshes(shared_tmp_path: Path) -> None:
-    scene = rf.from_toml(
-        SCENE,
-        [
-            "load.press.span=[-0.2, 0.2]",
-            "body.width=4.0",
-            "contact.friction=0.3",
-            "load.shear.span=[-0.2, 0.2]",
-            "shakedown.separated=stay",
-        ],
-    )
-    found = rf.shakedown(scene, shared_tmp_path / "study")
-    if found is not None:
-        assert np.any(found.limits.separated)
-        # the press loads the middle: the outer nodes are open
-        summary = json.loads((shared_tmp_path / "study" / "shakedown.json").read_text())
-        closed = np.setdiff1d(found.system.x, summary["separated"])
-        assert 0.2 < np.abs(closed).max() < np.abs(summary["separated"]).min()
-        assert any("the continuum slips at any load range" in note for note in found.notes)
-        assert found.meshes[0][2] < found.meshes[1][2]
 
 
 def test_text_and_diagram_show_the_limits_at_the_mean_of_the_scene() -> None:

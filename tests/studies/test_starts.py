@@ -1,7 +1,5 @@
 """Limits of a run from many initial slips: command, summary, report, bad input."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Any

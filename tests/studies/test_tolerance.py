@@ -1,7 +1,5 @@
 """``run --error`` and ``run --tolerance`` on bodies of all kinds, and their folders."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Wear over many cycles: closed forms, explicit steps, published scars, resuming, refusals."""
 
-from __future__ import annotations
-
 import csv
 import json
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Several contact edges in one system, oblique ones among them."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

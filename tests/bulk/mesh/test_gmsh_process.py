@@ -1,7 +1,5 @@
 """The process in which gmsh reads a file: its answer, its errors and its ends."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from mpi4py import MPI

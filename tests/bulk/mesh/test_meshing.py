@@ -1,7 +1,5 @@
 """The body's mesh: where its nodes lie, its symmetry, its groups, its messages."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 from itertools import pairwise

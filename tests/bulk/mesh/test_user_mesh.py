@@ -1,7 +1,5 @@
 """Meshes of the user's own: read, turned, refused."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -270,16 +268,6 @@ def test_geo_file_that_cannot_serve_is_refused(
         assert words in refused(scene)
     else:
         assert make_mesh(comm, scene, False).cell == "triangle"
-
-
-def test_mesh_of_a_solid_is_refused(shared_tmp_path: Path) -> None:
-    corners = ["0 0 0", "1 0 0", "0 1 0", "0 0 1"]
-    nodes = [f"{i + 1} {corner}" for i, corner in enumerate(corners)]
-    lines = ["$MeshFormat", "2.2 0 8", "$EndMeshFormat", "$Nodes", "4", *nodes, "$EndNodes"]
-    lines += ["$Elements", "1", "1 4 2 1 1 1 2 3 4", "$EndElements", ""]
-    path = write_text(shared_tmp_path / "my.msh", "\n".join(lines))
-    scene = replace(two_cells(shared_tmp_path / "flat.msh"), body=Body(mesh=path))
-    assert "is a mesh of a solid" in refused(scene)
 
 
 def test_negative_friction_on_a_users_edge_is_refused(shared_tmp_path: Path) -> None:
