@@ -282,8 +282,7 @@ def test_run_that_fails_on_the_way_keeps_what_it_found_and_says_why(shared_tmp_p
         # up to the end of the last leg that has an answer, as in a run that goes no further
         rows = dataclasses.replace(table, rows=((1.0,), (0.5,)), cycle_rows=(), cycles=0)
         part = rf.evolve(
-            rf.read_system(out / "system.h5", scene),
-            dataclasses.replace(scene, history=rows),
+            rf.read_system(out / "system.h5", scene), dataclasses.replace(scene, history=rows)
         )
         ends = rf.read_record(out / "record.h5").turning_points
         assert list(zip(ends.cycle.tolist(), ends.leg.tolist(), strict=True)) == [(0, 0), (1, 0)]

@@ -120,8 +120,7 @@ os.kill(os.getpid(), signal.SIGKILL)
 
 @pytest.mark.one_rank
 @pytest.mark.parametrize(
-    ("how", "code"),
-    [("fail", 3), ("interrupt", -signal.SIGINT), ("kill", -signal.SIGKILL)],
+    ("how", "code"), [("fail", 3), ("interrupt", -signal.SIGINT), ("kill", -signal.SIGKILL)]
 )
 def test_no_process_is_left_behind(how: str, code: int, tmp_path: Path) -> None:
     program = tmp_path / "program.py"

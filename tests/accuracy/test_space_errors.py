@@ -281,9 +281,7 @@ def test_errors_asked_of_a_mesh_too_coarse_are_refused_before_the_run(
     assert not (shared_tmp_path / "run").exists()
 
 
-def test_a_search_without_an_answer_on_any_mesh_ends_as_its_last_run(
-    shared_tmp_path: Path,
-) -> None:
+def test_a_search_without_an_answer_on_any_mesh_ends_as_its_last_run(shared_tmp_path: Path) -> None:
     scene = scene_of(16, "history.minimum=-0.5", "accuracy.tolerance=0.1")
     with pytest.raises(rf.NoEquilibrium, match="pull the body off"):
         study.run(scene, shared_tmp_path / "run", study.RunOptions(pictures=False), MPI.COMM_WORLD)

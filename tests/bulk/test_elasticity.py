@@ -97,8 +97,7 @@ def test_rigid_motions_left_by_supports(
 
 @ELEMENTS
 @pytest.mark.parametrize(
-    ("half", "supports"),
-    [(False, ()), (True, ()), (False, (Support("xy", edge="right"),))],
+    ("half", "supports"), [(False, ()), (True, ()), (False, (Support("xy", edge="right"),))]
 )
 def test_field_carries_the_condensed_reactions(
     cell: str, degree: int, half: bool, supports: tuple[Support, ...]

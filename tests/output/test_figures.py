@@ -22,9 +22,7 @@ import receding_fenicsx as rf
 from receding_fenicsx.measures.limit_nodes import limit_nodes
 from receding_fenicsx.output.plots.labels import describe_factors, load_symbol
 from receding_fenicsx.output.plots.series import slip_lines
-from receding_fenicsx.output.plots.zone_map import (
-    zone_map,
-)
+from receding_fenicsx.output.plots.zone_map import zone_map
 from receding_fenicsx.output.report.html import report_html
 
 pytestmark = pytest.mark.one_rank

@@ -81,9 +81,7 @@ def curve(axes: Axes, n: int) -> np.ndarray:
 
 
 @pytest.mark.parametrize("kind", ["table", "harmonic"])
-def test_areas_of_all_loops_are_the_dissipation_with_forces_and_stresses_upwards(
-    kind: str,
-) -> None:
+def test_areas_of_all_loops_are_the_dissipation_with_forces_and_stresses_upwards(kind: str) -> None:
     found = fretting(kind)
     last = len(found.cycles.dissipation)
     axes = rf.figures.hysteresis(found, last).axes

@@ -191,12 +191,7 @@ RULES: list[tuple[str, str, str, str]] = [
     ),
     ("block", LOAD + "pressure = 1e60", "load 'p0' pressure", LOAD + "pressure = 1e40"),
     ("block", WEIGHT.replace("0.0", "{x=[0, 1], value=[0, 1]}"), "a table runs along an edge", ""),
-    (
-        "block",
-        SPRING + "point = [0.0, 0.5]\nnormal = 1.0",
-        "has edge and point of",
-        "",
-    ),
+    ("block", SPRING + "point = [0.0, 0.5]\nnormal = 1.0", "has edge and point of", ""),
     ("block", "[[spring]]\nnormal = 1.0", "has none of edge, point; give exactly one", ""),
     ("block", '[[support]]\npoint = "A"\nfix = "x"', "a rectangle has no named points", ""),
     ("block", "history.until=limit & history.cycles=2", "needs at least", "history.until=limit"),
@@ -221,12 +216,7 @@ RULES: list[tuple[str, str, str, str]] = [
         '[history]\ncycles = 1000000000\nuntil = "steady"',
     ),
     # bodies of revolution, half-planes
-    (
-        "round",
-        '[[support]]\nedge = "left"\nfix = "y"',
-        '"left" is the axis',
-        HELD,
-    ),
+    ("round", '[[support]]\nedge = "left"\nfix = "y"', '"left" is the axis', HELD),
     ("round", '[[support]]\npoint = [-1.0, 1.0]\nfix = "y"', "0 <= x <= 2", ""),
     ("round", "contact.edge=left", '"left" is the axis', ""),
     ("far", "load.p0.tension=1.0", "has force and tension", ""),

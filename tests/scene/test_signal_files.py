@@ -106,10 +106,7 @@ def test_scene_holds_the_rows_and_notices_another_file(shared_tmp_path: Path) ->
     ],
 )
 def test_bad_file_is_refused_in_one_line_with_code_2_and_nothing_written(
-    text: str,
-    words: list[str],
-    shared_tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
+    text: str, words: list[str], shared_tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     put(shared_tmp_path, text)
     put(shared_tmp_path, BODY + FILE, "scene.toml")

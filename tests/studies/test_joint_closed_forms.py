@@ -82,10 +82,7 @@ def test_a_nearly_rigid_body_on_springs_dissipates_as_a_slider_beside_a_spring(
         mesh=rf.MeshOptions(contact_elements=16),
         contacts=(rf.Contact(friction=0.35, initial_gap=0.2),),
         springs=(rf.Spring("top", normal=0.7, tangential=0.4),),
-        loads=(
-            rf.Load("N", "top", pressure=1.0),
-            rf.Load("Q", body_force=(1.0, 0.0)),
-        ),
+        loads=(rf.Load("N", "top", pressure=1.0), rf.Load("Q", body_force=(1.0, 0.0))),
     )
     curve = rf.joint_curve(scene, "Q", [1.0])
     if curve is None:
@@ -146,8 +143,7 @@ def test_iwans_model_is_the_integral_over_its_density(chi: float) -> None:
 
 
 @pytest.mark.parametrize(
-    "true",
-    [(3.0, 5.0, -0.4, 0.5), (2e4, 1e8, -0.1, 3.0), (1.0, 1.0, -0.7, 0.05)],
+    "true", [(3.0, 5.0, -0.4, 0.5), (2e4, 1e8, -0.1, 3.0), (1.0, 1.0, -0.7, 0.05)]
 )
 def test_iwans_parameters_are_recovered(true: tuple[float, ...]) -> None:
     F_S, K_T, chi, beta = true

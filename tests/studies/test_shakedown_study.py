@@ -12,9 +12,7 @@ from small import small_system
 
 import receding_fenicsx as rf
 from receding_fenicsx import cli
-from receding_fenicsx.studies.shakedown.study import (
-    diagram_figure,
-)
+from receding_fenicsx.studies.shakedown.study import diagram_figure
 from receding_fenicsx.studies.starts import steady_states_figure
 
 SCENE = """

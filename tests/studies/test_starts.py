@@ -75,10 +75,7 @@ def test_a_run_reports_the_limits_from_many_starts(
     ],
 )
 def test_bad_input_of_limits_ends_with_one_line_and_code_2(
-    scene: Path,
-    capsys: pytest.CaptureFixture[str],
-    arguments: list[str],
-    words: str,
+    scene: Path, capsys: pytest.CaptureFixture[str], arguments: list[str], words: str
 ) -> None:
     out = scene.parent / "out"
     assert cli.main(["run", str(scene), "--out", str(out), *arguments]) == 2

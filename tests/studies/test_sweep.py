@@ -330,10 +330,7 @@ def test_values_of_the_command_line(texts: list[str], values: list[Any]) -> None
     ],
 )
 def test_bad_input_is_refused_in_one_line_before_anything_runs(
-    changes: list[str],
-    words: list[str],
-    shared_tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
+    changes: list[str], words: list[str], shared_tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     settings = [word for change in SMALL for word in ("--set", change)]
     command = ["sweep", BLOCK, *settings, "--out", str(shared_tmp_path / "out"), *changes]

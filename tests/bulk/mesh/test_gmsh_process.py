@@ -33,10 +33,7 @@ def geo_scene(path: Path, text: str) -> rf.Scene:
     [
         ("Exit;", "ends gmsh before the mesh is made (Exit); change"),
         ('Error("too thin"); Exit;', "gmsh cannot use it: too thin; mend"),
-        (
-            'SystemCall "kill -SEGV $PPID";',
-            "(its process ended by SIGSEGV); mend",
-        ),
+        ('SystemCall "kill -SEGV $PPID";', "(its process ended by SIGSEGV); mend"),
     ],
 )
 def test_file_that_ends_gmsh_is_refused_on_all_ranks(
