@@ -85,10 +85,7 @@ class ReducedModel:
 
 
 def reduced_model(scene: Scene) -> ReducedModel:
-    """Reduce the whole bodies of a scene to their contact nodes and ``[mode] count`` modes.
-
-    Args:
-        scene: a valid scene with a density of every material; one process.
+    """Reduce the whole bodies of a scene to their contact nodes and modes; one process.
 
     Raises:
         InputError: a body has no density or no mesh, a load prescribes displacements, there are

@@ -186,27 +186,19 @@ DEFAULT_TOLERANCE = 1e-3
 
 
 def history_from_scene(scene: Scene) -> History:
-    """Return the load history of a scene.
+    """Return the load history of a scene, with columns in the order of its loads.
 
-    * "monotonic": path from 0 to ``maximum``, no cycles.
-    * "cyclic": path from 0 to ``maximum``; each cycle is ``maximum``, ``minimum``, ``maximum``.
+    * "monotonic": path from 0 to ``maximum``, no cycles; "cyclic": then ``maximum``, ``minimum``,
+      ``maximum`` in each cycle.
     * "table": path from zero load through ``rows``; each cycle runs from the last row through
       ``cycle_rows`` back to it.
-    * "harmonic": path from rest straight to the means, then straight to the first corner of the
-      polygon that stands for the ellipse. Where the scene does not fix the number of corners, the
-      polygon is the coarsest one: :func:`~receding_fenicsx.evolution.histories.with_corners` finds
-      how many are needed.
-    * "travel": zero load, each position of the loads that travel, zero load; so are the path and
-      each cycle.
+    * "harmonic": path from rest to the means, then to the first corner of the polygon that stands
+      for the ellipse, the coarsest one where the scene does not fix the number of corners:
+      :func:`~receding_fenicsx.evolution.histories.with_corners` finds how many are needed.
+    * "travel": zero load, each position of the loads that travel, zero load; path and each cycle.
 
-    Loads in ``constant`` are applied first, on a leg of their own, and kept. Before them each of
-    the scene's preloads has a leg of its own.
-
-    Args:
-        scene: the scene; the order of its loads is that of the columns of the history.
-
-    Raises:
-        InputError: a load is not driven, or an option of the history is invalid.
+    Before it each of the scene's preloads has a leg of its own, and the loads in ``constant`` are
+    applied on one, and kept. InputError: a load is not driven, or an option is invalid.
     """
     if not isinstance(scene, Scene):
         raise InputError(f"a Scene is needed, not a {type(scene).__name__}")

@@ -40,11 +40,8 @@ def read_scene(path: str | Path, overrides: Iterable[str] = ()) -> Scene:
         path: TOML file.
         overrides: ``table.key=value`` or ``load.NAME.key=value``, as for ``--set``.
 
-    Returns:
-        The validated scene.
-
     Raises:
-        InputError: the file cannot be read, or the scene cannot be modelled; one line.
+        InputError: the file cannot be read, or the scene cannot be modelled; one line each.
     """
     check_types("read_scene", path=(path, str, Path))
     text = read_text(path)

@@ -37,20 +37,16 @@ def export(
     since: float | None = None,
     overwrite: bool = False,
 ) -> str:
-    """Write the problem of one load step and its solution in FCLIB's format.
+    """Write the problem of one load step and its solution for FCLIB; return a line about it.
 
     Args:
-        source: folder of a run, or file of a condensed system. For a system the step runs from
-            rest to load factors 1.
+        source: folder of a run, or file of a condensed system, then from rest to load factors 1.
         out: the HDF5 file.
         where: end of the step: cycle, leg ("loading", "unloading" or its number) and position s on
             the leg, in [0, 1].
         since: position s of the step's start. Default: rest on the first leg of cycle 0, else one
             load step of the scene's ``steps_per_leg`` before the end.
         overwrite: replace an existing file.
-
-    Returns:
-        A line that describes the exported step.
 
     Raises:
         InputError: run, system or instant does not exist, or the file cannot be written.

@@ -225,18 +225,10 @@ def write_system(path: str | Path, system: ContactSystem, overwrite: bool = Fals
 
 
 def read_system(path: str | Path, scene: Scene | None = None) -> ContactSystem:
-    """Read a condensed system.
+    """Read a condensed system; with a scene, that it will be used for, with its friction and gap.
 
-    Args:
-        path: the file.
-        scene: scene that the system will be used for; None returns the system as stored.
-
-    Returns:
-        The system, with friction and initial gap of ``scene``.
-
-    Raises:
-        InputError: the file does not exist, is damaged, or was condensed from a scene with another
-            body, material, mesh, contact edge, load, support or symmetry.
+    InputError: the file does not exist, is damaged, or was condensed from a scene with another
+    body, material, mesh, contact edge, load, support or symmetry.
     """
     with open_file(path, "receding_fenicsx contact system") as file:
         values: dict[str, Any] = {}

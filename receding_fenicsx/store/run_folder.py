@@ -55,16 +55,11 @@ def part_of(path: Path) -> Path:
 def run_folder(
     path: Path, scene: Scene, overwrite: bool = False, resume: bool = False
 ) -> Iterator[Path]:
-    """Create the working folder of a run; rename it to ``path`` at the end of the block.
+    """Create the folder ``DIR.part`` of a run; rename it to ``path`` at the end of the block.
 
-    Args:
-        path: folder of the finished run.
-        scene: scene of the run.
-        overwrite: replace an earlier run, finished or interrupted.
-        resume: continue an interrupted or a shorter run; start a new one if there is none.
-
-    Yields:
-        The working folder ``DIR.part``. After an error it is removed unless it holds a checkpoint.
+    ``overwrite`` replaces an earlier run, finished or interrupted; ``resume`` continues an
+    interrupted or a shorter one, and starts a new one if there is none. After an error the working
+    folder is removed unless it holds a checkpoint.
 
     Raises:
         InputError: the folder exists already or cannot be created, another process is using it, or

@@ -104,9 +104,7 @@ def run(
 
     Args:
         scene: what is modelled.
-        out: folder for ``record.h5``, ``summary.json``, ``system.h5``, ``report.html`` and the
-            pictures; it appears when all of it is written. Until then the run works beside it, in
-            ``OUT.part``. None writes nothing.
+        out: folder of the results, see :mod:`receding_fenicsx.store`; None writes nothing.
         options: what is written and drawn, and what the run starts from.
         comm: communicator; all processes of the job when left out.
 
@@ -116,8 +114,7 @@ def run(
     Raises:
         RecedingError: on all ranks alike. When the evolution fails on the way, ``out`` holds the
             record up to there, and its summary the reason under "failure".
-        Interrupted: a signal asked to end; ``OUT.part`` holds the record up to there and can be
-            resumed.
+        Interrupted: a signal asked to end; ``OUT.part`` can be resumed.
     """
     check_types(
         "run", scene=(scene, Scene), out=(out, str, Path, None), options=(options, RunOptions)

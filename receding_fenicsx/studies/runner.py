@@ -1,34 +1,21 @@
 """Run the cases of a study on one process or many; an interrupted study continues.
 
-A study is ``cases -> measure -> combine``:
-
-1. cases: a list of :class:`~receding_fenicsx.store.workspace.Case`, each with a digest of all that
-   its outcome depends on, and the arguments of ``measure``;
-2. measure: a function of a module, called in any process with the arguments of one case; it
-   returns a dictionary of JSON values. An error is the outcome of its case;
-3. combine: what rank 0 makes of the outcomes, which are in the order of the cases.
-
-A new study, here of a number over the friction::
+A study is ``cases -> measure -> combine``: a list of cases, each with a digest of all that its
+outcome depends on and the arguments of ``measure``; this function, called in any process, which
+returns a dictionary of JSON values (an error is the outcome of its case); and what rank 0 makes of
+the outcomes. A new study, here of a number over the friction::
 
     def slip_of(scene: Scene, body: str, systems: Path | None) -> dict[str, Any]:
         record = evolve(shared_system(scene, body, systems), scene)
         return {"slip": float(np.abs(record.turning_points.v).max())}
 
     def slip_study(scene, frictions, out=None, workers=None, options=StudyOptions()):
-        def begin() -> Study[list[Outcome]]:
-            def combine(runner: Runner) -> list[Outcome]:
-                scenes = [with_friction(scene, f) for f in frictions]
-                cases = [
-                    Case(identity_of(s), (s, body_of(s), runner.systems), (f,), body_of(s))
-                    for s, f in zip(scenes, frictions)
-                ]
-                outcomes = runner.outcomes(cases, slip_of)
-                if runner.folder and runner.complete:
-                    write_summary(runner.folder / "slip.json", {...}, overwrite=True)
-                return outcomes
+        def combine(runner: Runner) -> list[Outcome]:
+            scenes = [with_friction(scene, f) for f in frictions]
+            work = [(s, body_of(s), runner.systems) for s in scenes]
+            return runner.outcomes([Case(identity_of(w[0]), w, (), w[1]) for w in work], slip_of)
 
-            return Study("slip study", "slip_cases.json", scene, combine, results=("slip.json",))
-
+        begin = lambda: Study("slip study", "slip_cases.json", scene, combine)
         return run_study(begin, out, workers, options)
 
 ``runner.outcomes`` may be called again, with cases that depend on earlier outcomes. The folder
@@ -140,9 +127,7 @@ def run_study(
     options: StudyOptions = StudyOptions(),
     measure: Callable[..., Any] | None = None,
 ) -> T | None:
-    """Run a study; all ranks of an MPI job call this together.
-
-    Under ``mpirun -n R``, rank 0 hands out the cases and the others run them.
+    """Run a study; all ranks of an MPI job call this together, rank 0 hands out the cases.
 
     Args:
         begin: returns the study, called on rank 0 before anything is written.
@@ -156,8 +141,7 @@ def run_study(
         What the study has made of its outcomes on rank 0, None on the others.
 
     Raises:
-        InputError: the folder holds another study, the function cannot be sent, or the options
-            contradict each other.
+        InputError: the folder holds another study, or the options contradict each other.
         Interrupted: a signal asked to end; the folder can be resumed.
     """
     comm = mpi.world()

@@ -149,8 +149,7 @@ def sweep(
     """Run a scene for every combination of values; all ranks of an MPI job call this together.
 
     Cases of the same body, mesh, contact edges, loads and supports share one condensed system. A
-    case that fails is a row with its reason. Under ``mpirun -n R``, rank 0 hands out the cases and
-    the others run them.
+    case that fails is a row with its reason.
 
     Args:
         scene: the scene that is changed.
@@ -159,8 +158,8 @@ def sweep(
         out: folder for ``sweep.csv``, ``sweep.json`` (what the sweep is of) and ``cases.jsonl``
             (finished cases, from which an interrupted sweep continues). None writes nothing.
         workers: number of new processes of this machine that run the cases; default: this process.
-        measure: function that takes a dictionary of numbers and texts from the record of a case;
-            default: the headline numbers. For MPI and executors it must be a function of a module.
+        measure: takes a dictionary of numbers and texts from the record of a case; default: the
+            headline numbers. For MPI and executors it must be a function of a module.
         options: further options.
 
     Returns:
@@ -169,7 +168,6 @@ def sweep(
     Raises:
         InputError: a key or a value cannot be used in any combination, the folder holds another
             sweep, or the options contradict each other. Nothing has been computed then.
-        Interrupted: a signal asked to end; the folder can be resumed.
     """
     check_types(
         "sweep",

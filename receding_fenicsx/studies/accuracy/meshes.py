@@ -76,16 +76,11 @@ def scaled_mesh(scene: Scene, elements: int) -> Scene:
 def graded_at_ends(scene: Scene, sizes: Sequence[float]) -> Scene:
     """Return a scene whose meshes are graded to the ends of contact edges and re-entrant corners.
 
-    In all meshes of the family the elements there are smaller than the others by the same ratio,
-    and grow away from them at a rate whose distance from 1 is in proportion to their size. Without
-    the errors of the corners those inside the body count: it gets smaller elements too.
-
-    Args:
-        scene: a scene; one with a place at "ends" is returned as it is.
-        sizes: length of the elements on each contact edge.
-
-    Raises:
-        InputError: a mesh file cannot be graded.
+    In all meshes of the family the elements there, of which ``sizes`` gives the length on each
+    contact edge without grading, are smaller than the others by the same ratio, and grow away from
+    them at a rate whose distance from 1 is in proportion to their size. The body gets smaller
+    elements too, as without the errors of the corners those inside it count. A scene with a place
+    at "ends" is returned as it is. InputError: a mesh file cannot be graded.
     """
     if is_refined(scene):
         raise InputError(

@@ -1,9 +1,7 @@
-"""Errors of a run by meshes of a family, and the mesh that meets a tolerance; one study.
+"""Errors of a run by meshes of a family, and the mesh that meets a tolerance; the cases are meshes.
 
-Its cases are the meshes. Those of ``run --error`` are coarser than that of the run; those of
-``run --tolerance`` are finer and finer, as the observed orders ask for, and the last one is that of
-the run. Finished meshes are lines of ``cases.jsonl`` in the run's folder, by which an interrupted
-study continues.
+Finished meshes are lines of ``cases.jsonl`` in the run's folder, by which an interrupted study
+continues.
 """
 
 from __future__ import annotations
@@ -340,7 +338,7 @@ def space_errors(
     solve: Callable[[Scene], Record | None],
     meshes: Meshes | None = None,
 ) -> dict[str, Estimate]:
-    """Estimate the space error of each headline number; collective.
+    """Estimate the space error of each headline number, on rank 0; collective.
 
     Args:
         scene: the scene of the run.
@@ -348,9 +346,6 @@ def space_errors(
         solve: goes from a scene to its record on rank 0; all ranks call it together, and it raises
             on all of them.
         meshes: finished meshes, which are not solved again.
-
-    Returns:
-        ``{name: Estimate}`` on rank 0, nothing on the others.
 
     Raises:
         RecedingError: the scene has no solution on the first coarser mesh.

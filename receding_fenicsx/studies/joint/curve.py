@@ -259,17 +259,13 @@ def joint_curve(
 ) -> JointCurve | None:
     """Find the limit cycles of a joint over the amplitude; all ranks of an MPI job call this.
 
-    The other loads are applied first and kept: with their factors in ``history.constant``, or 1.
-    A scene with a coefficient of wear is worn too by each amplitude: columns ``wear_...`` of a
-    sweep.
-
     Args:
-        scene: the joint; of its history only ``constant`` counts. Or a condensed system, whose
-            other loads are kept with factor 1; without estimate.
+        scene: the joint; of its history only ``constant`` counts, the factors of the other loads,
+        or
+            1. Or a condensed system, whose other loads are kept with factor 1; without estimate.
         drive: name of the driven load, or "mode:1", "mode:2", ...: a vibration mode of a scene.
         amplitudes: load factors, positive; the drive goes between plus and minus each.
-        out: folder for the table, the figure and the finished cases, from which an interrupted
-            curve continues. None writes nothing.
+        out: folder for the table, the figure and the finished cases. None writes nothing.
         workers: number of new processes that play the cases.
         options: further options.
 

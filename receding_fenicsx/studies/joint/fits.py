@@ -60,15 +60,9 @@ def iwan(x: Array, F_S: float, K_T: float, chi: float, beta: float) -> tuple[Arr
 def fit_iwan(amplitude: Array, dissipation: Array, stiffness: Array, slip_force: float) -> JointFit:
     """Fit Iwan's model of four parameters to a curve by least squares of relative errors.
 
-    Args:
-        amplitude: (n,) amplitudes of the force.
-        dissipation: (n,) per cycle, positive.
-        stiffness: (n,) secant.
-        slip_force: F_S, the force of macroslip.
-
-    Raises:
-        InputError: the curve does not determine the parameters.
-        NotConverged: the fit did not converge.
+    ``amplitude`` are those of the force, ``dissipation`` is per cycle, positive, ``stiffness``
+    secant, each (n,); ``slip_force`` is F_S, the force of macroslip. InputError: the curve does not
+    determine the parameters. NotConverged: the fit did not converge.
     """
     x, F, D = _curve(amplitude, dissipation, stiffness)
     if not F.max() <= slip_force < np.inf:

@@ -38,12 +38,7 @@ def range_history(
 ) -> History:
     """Return the history that goes straight to the first vertex of a range and then round it.
 
-    Args:
-        system: the condensed body.
-        mean: load factors of the mean loads, by name.
-        range: changes of the load factors at the corners of the range at lambda = 1.
-        factor: lambda.
-        cycles: most cycles; the history ends before when it is steady.
+    Corners are ``mean`` + ``factor`` ``range[k]``; it ends when it is steady, or after ``cycles``.
     """
     if not isinstance(factor, int | float) or not np.isfinite(factor):
         raise InputError(f"range_history: factor must be a finite number, not {factor!r}")
@@ -110,15 +105,10 @@ def opening_limit(
 ) -> Opening:
     """Return the largest range found round which nodes open and close, and nothing slips.
 
-    A mixed-integer program finds it, up to four times the upper limit of the closed
-    contact; exact cycles from its slip at ``BELOW`` times this range verify it.
-
-    Args:
-        system: the condensed body, without initial gaps.
-        mean: load factors of the mean loads, by name.
-        range: changes of the load factors at the corners of the range at lambda = 1.
-        limits: limits of the closed contact, the upper one positive and finite.
-        seen: lambda of the exact cycles that tell which of more than ``ALL_NODES`` nodes may open.
+    A mixed-integer program finds it, up to four times the upper limit of the closed contact; exact
+    cycles from its slip at ``BELOW`` times this range verify it. ``limits`` are those of the closed
+    contact, the upper one positive and finite, without initial gaps; ``seen`` is lambda of the
+    exact cycles that tell which of more than ``ALL_NODES`` nodes may open.
 
     Raises:
         InputError: the loads are not the system's, there are gaps, or too many nodes open.

@@ -227,10 +227,7 @@ def shakedown(
         options: further options; there are no shards.
 
     Returns:
-        The study on rank 0, None on the others.
-
-    Raises:
-        RecedingError: on all ranks alike.
+        The study on rank 0, None on the others; a RecedingError is raised on all alike.
     """
     comm = mpi.world()
     timer = Timer(options.progress if comm.rank == 0 else None)
