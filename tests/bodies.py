@@ -107,18 +107,10 @@ def displacements(
 
 
 def reactions(bulk: Bulk, load: Array | None, displacement: fem.Function) -> Array | None:
-    """Return the contact reactions [Q; P] of a displacement field.
+    """Return the contact reactions [Q; P] of a displacement field, on rank 0; collective.
 
     They are the nodal forces E A u less the loads: an independent check of
     r = sum lambda r* + K u.
-
-    Args:
-        bulk: the body.
-        load: (n_loads,) load factors; only rank 0's are used.
-        displacement: field in the body's space.
-
-    Returns:
-        (2N,) reactions on rank 0, None elsewhere.
     """
     factors = bulk.comm.bcast(load, root=0)
     vector, force = bulk.stiffness.createVecRight(), bulk.stiffness.createVecLeft()

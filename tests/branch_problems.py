@@ -39,15 +39,9 @@ def random_problem(seed: int) -> tuple[ContactSystem, History]:
 
 
 def all_ends(system: Any, history: History, counts: list[int] | None = None) -> Ends:
-    """Return the ends of all branches, those that mean the same once; the judge of the package.
+    """Return the ends of all branches of a path, those that mean the same once.
 
-    Args:
-        system: condensed body of a few nodes.
-        history: a path without cycles.
-        counts: takes the number of continuations at each instant.
-
-    Raises:
-        TooMany: there is more to try than time allows.
+    ``counts`` takes the number of continuations at each instant.
     """
     n, found = system.n, []
     touches = system.g0 <= 0.0

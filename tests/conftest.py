@@ -94,16 +94,10 @@ def abort(reason: str) -> NoReturn:
 
 
 def exchange(step: str, outcome: int, patience: float) -> list[int] | None:
-    """Give every rank the outcomes of all ranks in a step of the session.
+    """Return the outcomes of all ranks in a step of the session, None if the others do not come.
 
-    Args:
-        step: what this rank has just ended; all ranks must be at the same step.
-        outcome: PASSED, SKIPPED, FAILED or any larger number for a failure.
-        patience: how many seconds a rank that has failed waits for the others. A rank that has not
-            failed waits until the others come; pytest-timeout or another rank's patience ends that.
-
-    Returns:
-        The outcome of each rank, or None if the others did not come.
+    Numbers above FAILED are failures. A rank that has failed waits some seconds (``patience``); one
+    that has not until the others come: pytest-timeout or another rank's patience ends that.
     """
     mine = array.array("q", [zlib.crc32(step.encode()), outcome])
     gathered = array.array("q", [0] * (2 * comm.size))
@@ -217,12 +211,7 @@ def pytest_runtest_makereport(
 
 
 def agree(report: pytest.TestReport, patience: float) -> None:
-    """Exchange a report's outcome, and change the report to the worst one of all ranks.
-
-    Args:
-        report: this rank's report of one phase (setup, call or teardown) of a test.
-        patience: how many seconds a rank that has failed waits for the others.
-    """
+    """Exchange the outcome of a phase of a test, change the report to the worst of all ranks."""
     own = OUTCOMES.index(report.outcome)
     step = f"the {report.when} of {report.nodeid}"
     outcomes = exchange(step, own, patience)

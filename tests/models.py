@@ -40,13 +40,8 @@ def block_system(
 ) -> ContactSystem:
     """Condense the paper's block (width 4, height 1, pressure 1 on |x| < 1) to its bottom nodes.
 
-    Args:
-        nx: elements along the modelled width; a multiple of 2 (half) or 4 (whole).
-        ny: elements over the height.
-        f: coefficient of friction.
-        poisson: Poisson's ratio.
-        half: model x >= 0 with symmetry on the axis.
-        young: Young's modulus.
+    There are nx elements along the modelled width, a multiple of 2 (half) or 4 (whole), ny over the
+    height. A half is x >= 0 with symmetry on the axis.
     """
     xs = np.linspace(0.0 if half else -2.0, 2.0, nx + 1)
     return grid_system(xs, np.linspace(0.0, 1.0, ny + 1), f, poisson, young)
@@ -57,12 +52,7 @@ def grid_system(
 ) -> ContactSystem:
     """Condense a rectangle of unequal cells, pressed on |x| < 1, to its bottom nodes.
 
-    Args:
-        xs: grid lines; from 0 on for half of a body symmetric about x = 0. One lies at 1.
-        ys: grid lines from 0 to the height.
-        f: coefficient of friction.
-        poisson: Poisson's ratio.
-        young: Young's modulus.
+    Of the grid lines xs one lies at 1; they begin at 0 for half of a body symmetric about x = 0.
     """
     half, nx, ny = bool(xs[0] == 0.0), len(xs) - 1, len(ys) - 1
     hx, hy = np.diff(xs), np.diff(ys)

@@ -37,19 +37,9 @@ def write_msh(
     spots: dict[str, Ints] | None = None,
     surfaces: list[str] | None = None,
 ) -> Path:
-    """Write a mesh file.
+    """Write a mesh file: points of the cells of each surface, facets and points of each group.
 
-    Args:
-        path: the file.
-        points: (n, 2 or 3) coordinates.
-        cells: points of the cells of each surface: 3 triangle, 4 quadrilateral, 6 triangle of
-            second order.
-        edges: (k, 2) facets of each group.
-        spots: points of each group.
-        surfaces: names of the surfaces; "body", ... when left out.
-
-    Returns:
-        The path.
+    Cells are triangles, quadrilaterals or triangles of second order.
     """
     names: list[str] = []
     rows: list[str] = []

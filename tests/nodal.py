@@ -15,11 +15,8 @@ def nodal_forces(
 ) -> Array:
     """Integrals of a traction times each shape function, by Gauss's rule in pieces of an element.
 
-    Args:
-        x: nodes of an edge, those at the middle of elements of order 2 included.
-        degree: order of the elements.
-        traction: the traction at any positions.
-        pieces: number of pieces of each element; 1 is exact for polynomials up to degree 13.
+    ``x`` are the nodes of an edge, middle ones of elements of order 2 included; one piece is exact
+    for polynomials up to degree 13.
     """
     points, weights = leggauss(8)
     cuts = np.linspace(0.0, 1.0, pieces + 1)

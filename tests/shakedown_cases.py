@@ -32,15 +32,10 @@ def coupled_case(
     change: tuple[Span, Span],
     friction: Span,
 ) -> Case:
-    """Return a coupled system of random stiffness, its mean loads and a range.
+    """Return a coupled system of random stiffness, its mean loads and a range of some corners.
 
-    Args:
-        rng: random numbers.
-        n: number of nodes.
-        corners: number of corners of the range.
-        mean: least and largest nodal forces of the mean loads, tangential and normal.
-        change: the same of the loads "a" and "b" that make up the range.
-        friction: least and largest friction.
+    ``mean`` are the least and largest nodal forces of the mean loads, tangential and normal,
+    ``change`` those of the loads "a" and "b" that make up the range.
     """
     G = rng.standard_normal((2 * n, 3 * n))
     K = G @ G.T / (3 * n) + 0.2 * np.eye(2 * n)

@@ -25,15 +25,7 @@ def small_system(
     g0: float | Rows = 0.0,
     rigid: Rows = (),
 ) -> ContactSystem:
-    """Return a system from its matrices.
-
-    Args:
-        K: (2N, 2N) stiffness, order [v; w].
-        loads: name and (2N,) held reactions [Q*; P*] of each load.
-        f: coefficient of friction.
-        g0: initial gap.
-        rigid: rigid motions, (2N,) each.
-    """
+    """Return a system from its matrices, order [v; w]; ``loads`` are held reactions by name."""
     K = np.array(K, dtype=float)
     n = len(K) // 2
     return ContactSystem(

@@ -130,11 +130,3 @@ def tally(seeds: range, kind: str) -> tuple[Counter[str], int, list[int]]:
         if said == FALSE:
             false.append(seed)
     return found, instants, false
-
-
-if __name__ == "__main__":
-    import sys
-
-    first, count = (int(word) for word in sys.argv[1:3])
-    for kind in sys.argv[3:] or KINDS:
-        print(kind, *tally(range(first, first + count), kind), flush=True)

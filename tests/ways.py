@@ -7,9 +7,8 @@ inequalities lead on, to the next place where a limit is reached.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from itertools import product
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import scipy.optimize
@@ -36,19 +35,12 @@ class TooMany(Exception):
     """More sets of states, or pieces, than can be gone through."""
 
 
-@dataclass(frozen=True)
-class End:
-    """Where one branch ends.
+class End(NamedTuple):
+    """Where one branch ends."""
 
-    Attributes:
-        s: place on the leg; 1 where it goes all the way.
-        u: displacements there.
-        state: states before.
-    """
-
-    s: float
+    s: float  # place on the leg; 1 where it goes all the way
     u: Array
-    state: Array
+    state: Array  # before
 
 
 def choices(body: Body, r: Array, u: Array, state: Array, near: Array) -> list[tuple[int, ...]]:
@@ -107,14 +99,7 @@ def rates(
 ) -> list[tuple[Array, Array, Array]]:
     """Return (states, du, dr) of every different solution of the rate problem.
 
-    Args:
-        body: the problem.
-        way: (n_loads,) rate of the load factors.
-        may: states that each node may take.
-        most: sets of states that are gone through.
-
-    Raises:
-        TooMany: more sets of states than are gone through.
+    ``way`` is (n_loads,) the rate of the load factors, ``may`` the states that each node may take.
     """
     if np.prod([float(len(c)) for c in may]) > most:
         raise TooMany
@@ -200,7 +185,7 @@ def follow(
     close: float = NEAR,
     counts: list[int] | None = None,
 ) -> list[End]:
-    """Follow every branch along a leg.
+    """Return the ends of all branches along a leg from u and states at load factors a to b.
 
     Args:
         system: condensed body of a few nodes.
@@ -211,12 +196,6 @@ def follow(
         force: largest nodal force so far.
         close: distance from a limit, over the largest force, that counts as being on it.
         counts: takes the number of continuations at each instant.
-
-    Returns:
-        The ends of all branches.
-
-    Raises:
-        TooMany: there is more to try than time allows.
     """
     body = Body(system)
     a, b = np.array(a, np.longdouble), np.array(b, np.longdouble)

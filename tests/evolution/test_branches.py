@@ -75,21 +75,6 @@ def test_rules_take_the_continuation_they_name() -> None:
     assert states[9] == states[3]
 
 
-def test_instants_between_stored_ones_are_on_the_same_branch() -> None:
-    system = node_of_three_solutions()
-    history = table(system, [[0.0], [0.5], [1.0]])
-    for branch in rf.branches(system, history):
-        at = rf.state_at(branch.record, system, history, rf.SolverOptions(), (0, 0, 0.3))
-        end = branch.record.turning_points
-        # all grows in proportion to the load
-        assert at.state.state[0] == end.state[0, 0]
-        assert at.v[0] == pytest.approx(0.3 * end.v[0, 0], abs=1e-15)
-    options = rf.SolverOptions(branch="most dissipation")
-    record = rf.evolve(system, history, options)
-    assert rf.state_at(record, system, history, options, (0, 0, 0.3)).state.state[0] == BACKWARD
-    assert rf.summarise(record)["branch"]["choices"][0]["solutions"] == 3
-
-
 def test_load_steps_and_unknown_rules_are_refused() -> None:
     system, history = two_nodes()
     for options, text in (

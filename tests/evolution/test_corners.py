@@ -3,42 +3,23 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import cache
-from pathlib import Path
 from typing import Any
-
-from mpi4py import MPI
 
 import numpy as np
 import pytest
 from small import small_system
 
-from receding_fenicsx import condense, evolve, run, summarise
-from receding_fenicsx.errors import InputError, SolveError
+from receding_fenicsx import evolve, summarise
+from receding_fenicsx.errors import SolveError
 from receding_fenicsx.evolution import histories
-from receding_fenicsx.evolution.histories import CORNERS, with_corners
+from receding_fenicsx.evolution.histories import with_corners
 from receding_fenicsx.interface.system import ContactSystem
-from receding_fenicsx.mpi import given
 from receding_fenicsx.scene.model import Contact, Harmonic, HistoryOptions, Load, Scene
-from receding_fenicsx.scene.toml_file import from_toml, to_toml
-from receding_fenicsx.studies.run import RunOptions
-
-comm = MPI.COMM_WORLD
-ROOT = Path(__file__).parents[2]
-QUADRATURE = {"P": Harmonic(1.0, 0.3), "Q": Harmonic(0.0, 0.3, 90.0)}
+from receding_fenicsx.scene.toml_file import to_toml
 
 
 def harmonic(loads: dict[str, Harmonic], **options: Any) -> HistoryOptions:
     return replace(HistoryOptions(kind="harmonic", cycles=2, harmonic=loads), **options)
-
-
-@cache
-def cylinders() -> tuple[Scene, ContactSystem]:
-    """Cattaneo and Mindlin's contact, coarse; on every rank by itself."""
-    text = (ROOT / "demos" / "cattaneo_mindlin.toml").read_text()
-    changes = ["mesh.contact_elements=60", "output.samples_per_leg=1"]
-    scene = from_toml(text, changes, ROOT / "demos")
-    return scene, given(condense(scene, MPI.COMM_SELF))
 
 
 # -- a block on a spring, followed by hand -------------------------------------------------------
@@ -110,32 +91,3 @@ def test_tolerance_out_of_reach_is_an_error(monkeypatch: pytest.MonkeyPatch) -> 
 
 
 # -- runs ----------------------------------------------------------------------------------------
-
-
-def test_resumed_run_keeps_its_corners(shared_tmp_path: Path) -> None:
-    scene, _ = cylinders()
-    scene = replace(scene, history=harmonic(QUADRATURE, tolerance=0.05))
-    out = shared_tmp_path / "run"
-    first = run(scene, out, RunOptions(pictures=False))
-    more = replace(scene, history=replace(scene.history, cycles=4))
-    resumed = run(more, out, RunOptions(pictures=False, resume=True))
-    assert (out / CORNERS).is_file()
-    if comm.rank:
-        return
-    assert first is not None and first.doubling is not None
-    assert resumed is not None and resumed.doubling is not None and resumed.scene is not None
-    np.testing.assert_array_equal(first.doubling, resumed.doubling)
-    np.testing.assert_array_equal(
-        resumed.cycles.dissipation[: len(first.cycles.dissipation)], first.cycles.dissipation
-    )
-    _, system = cylinders()
-    whole = evolve(system, resumed.scene)
-    np.testing.assert_allclose(whole.cycles.dissipation, resumed.cycles.dissipation, rtol=1e-12)
-    (out / CORNERS).write_text("16 corners\n")
-    with pytest.raises(InputError, match="is damaged"):
-        run(
-            replace(more, history=replace(more.history, cycles=5)),
-            out,
-            RunOptions(pictures=False, resume=True),
-            MPI.COMM_SELF,
-        )

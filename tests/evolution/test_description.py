@@ -80,16 +80,6 @@ def test_a_record_says_its_headline_numbers() -> None:
     assert f"cycle 9, leg 0  {first[0]} {first[1]:.4g} to {first[2]:.4g}" in text
 
 
-def test_a_history_says_the_ranges_of_its_path_and_its_cycles() -> None:
-    path = np.array([[0.0, 0.0], [1.0, 0.5]])
-    loop = np.array([[1.0, 0.5], [-2.0, 3.0], [1.0, 0.5]])
-    text = repr(rf.History(("a", "b"), path, loop, 7))
-    assert "7 cycles of 2 legs" in text
-    for name, low, high in (("a", "-2", "1"), ("b", "0", "3")):
-        (row,) = [line for line in text.splitlines() if f"load {name}" in line]
-        assert row.endswith(f" {low} to {high}")
-
-
 def test_a_notebook_shows_the_zones_of_the_last_cycle_to_scale() -> None:
     found = record()
     page = ET.fromstring(found._repr_html_().replace("&emsp;", ""))

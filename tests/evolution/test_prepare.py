@@ -1,7 +1,5 @@
 """Saved systems used for other scenes from the command line, and what is logged meanwhile."""
 
-import logging
-import re
 import subprocess
 import sys
 from pathlib import Path
@@ -96,26 +94,3 @@ def test_reuse_needs_neither_dolfinx_nor_petsc_nor_gmsh(system: Path) -> None:
     )
     assert done.returncode == 0, done.stderr
     assert "written to" in done.stdout
-
-
-def test_verbose_logs_stages_cycles_and_their_figures(
-    system: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    arguments = ["run", BLOCK, *SMALL, "--system", str(system), "--pictures", "none", "--out"]
-    assert cli.main([*arguments, str(system.parent / "one"), "--verbose"]) == 0
-    once = capsys.readouterr().err
-    assert cli.main([*arguments, str(system.parent / "two"), "-vv"]) == 0
-    twice = capsys.readouterr().err
-    assert cli.main([*arguments, str(system.parent / "three")]) == 0
-    assert capsys.readouterr().err == ""
-    if not root:
-        assert once == twice == ""
-        return
-    line = r"\d\d:\d\d:\d\d .*cycle 2 of 2, \d+ events, residual \d\.\de-\d+, dissipation 0\.\d+"
-    assert re.search(line, once), once
-    assert re.search(r"evolve: \d+\.\d+ s", once)
-    assert "forward slip to stick" in twice and "forward slip to stick" not in once
-    events = read_record(system.parent / "two" / "record.h5").events
-    # of the modelled half
-    assert twice.count("node ") == np.sum(events.node >= 24)
-    assert not logging.getLogger("receding_fenicsx").propagate

@@ -102,40 +102,6 @@ def test_interrupted_run_leaves_a_usable_record_and_goes_on_bitwise(
     comm.Barrier()
 
 
-def test_resuming_from_the_command_line(
-    shared_tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    out = shared_tmp_path / "run"
-    arguments = ["run", str(BLOCK), "--out", str(out), "--pictures", "none", "--resume"]
-    for setting in (*SMALL, "history.cycles=6"):
-        arguments += ["--set", setting]
-    assert cli.main(arguments) == 0
-    captured = capsys.readouterr()
-    if comm.rank == 0:
-        assert captured.err.count("\n") == 1 and "nothing to resume" in captured.err
-        assert f"written to {out}" in captured.out
-    comm.Barrier()
-    assert cli.main(arguments) == 0
-    captured = capsys.readouterr()
-    if comm.rank == 0:
-        assert "this run was finished already" in captured.out and captured.err == ""
-    comm.Barrier()
-    assert cli.main([*arguments, "--set", "history.cycles=9"]) == 0
-    assert ("written to" in capsys.readouterr().out) == (comm.rank == 0)
-    comm.Barrier()
-    for extra, words in (
-        (["--set", "mesh.growth=1.2"], "a run with another [mesh] growth"),
-        (["--overwrite"], "give one of them"),
-        (["--system", "x.h5"], "give one of them"),
-        (["--set", "history.cycles=9", "--error"], "the run is finished, --error needs a new one"),
-    ):
-        assert cli.main([*arguments, *extra]) == 2
-        err = capsys.readouterr().err
-        if comm.rank == 0:
-            assert words in err and err.count("\n") == 1
-        comm.Barrier()
-
-
 KILLED = """
 import os, signal, sys
 from receding_fenicsx import cli, timing

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from receding_fenicsx.errors import InputError
-from receding_fenicsx.evolution import tables
 from receding_fenicsx.evolution.evolve import evolve
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.evolution.record_data import States
@@ -91,19 +90,6 @@ def test_no_load_hides_a_column_of_its_name_or_is_hidden(which: str) -> None:
     for k, name in enumerate(CLASHING):
         factors = getattr(found, which).load[:, k]
         assert np.array_equal(table[f"load.{name}"], np.repeat(factors, rows // len(factors)))
-
-
-def test_missing_library_or_table_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
-    def missing(name: str) -> None:
-        raise ModuleNotFoundError(name)
-
-    with pytest.raises(InputError, match="turning_points"):
-        record().to_table("nodes")
-    monkeypatch.setattr(tables, "import_module", missing)
-    major = int(np.__version__.split(".")[0])
-    for method, name in ((record().to_pandas, "pandas"), (record().to_xarray, "xarray")):
-        with pytest.raises(InputError, match=f'pip install "numpy<{major + 1}" {name}'):
-            method()
 
 
 def test_instants_and_nodes_of_a_dataset_are_selected_by_coordinates() -> None:

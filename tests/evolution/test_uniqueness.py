@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import fields, replace
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,14 +10,10 @@ from models import block_system
 from small import cyclic, small_system, table
 from unique_paths import FALSE, KINDS, tally
 
-from receding_fenicsx.errors import SolveError
-from receding_fenicsx.evolution.evolve import continue_history, evolve
-from receding_fenicsx.evolution.journal import Journal
-from receding_fenicsx.evolution.problem import problem_of_history
+from receding_fenicsx.evolution.evolve import evolve
 from receding_fenicsx.evolution.record_data import PathUniqueness
 from receding_fenicsx.interface.system import ContactSystem
 from receding_fenicsx.output.report.checks import uniqueness_rows, uniqueness_summary
-from receding_fenicsx.scene.history import History
 from receding_fenicsx.scene.model import SolverOptions
 
 pytestmark = pytest.mark.one_rank
@@ -59,42 +55,6 @@ def test_load_steps_prove_nothing_of_what_happens_within_them() -> None:
     assert exact.certified and not steps.certified and steps.solutions == 1
     # every state at the end of a step lies on the exact path, to the width of a step
     assert steps.margin == pytest.approx(exact.margin, rel=0.05)
-
-
-def in_doubt(seed: int) -> tuple[ContactSystem, History]:
-    """Return two or three nodes so strongly coupled that some paths are in doubt."""
-    rng = np.random.default_rng(seed)
-    n = 2 + seed % 2
-    G = rng.standard_normal((2 * n, 3 * n))
-    couple = np.diag(rng.uniform(0.3, 1.0, n) * rng.choice([-1.0, 1.0], n))
-    K = 0.1 * G @ G.T / n + 1.02 * np.eye(2 * n) + np.kron([[0, 1], [1, 0]], couple)
-    press = np.concatenate([1.5 * rng.standard_normal(n), rng.uniform(0.3, 1.5, n)])
-    loads = {"p": press, "q": rng.standard_normal(2 * n)}
-    system = small_system(K, loads, rng.uniform(0.5, 4.0, n))
-    return system, table(system, [(0, 0), (1, 0)], [(1, 0), (1, 0.8), (1, -0.8), (1, 0)], 4)
-
-
-def assert_told_alike(one: PathUniqueness | None, other: PathUniqueness | None) -> None:
-    """Assert that two records say the same of their uniqueness, to the bit."""
-    assert one is not None and other is not None
-    for field in fields(PathUniqueness):
-        np.testing.assert_array_equal(getattr(one, field.name), getattr(other, field.name))
-
-
-def test_a_run_with_doubts_tells_the_same_when_it_is_resumed() -> None:
-    doubts = 0
-    for system, history in map(in_doubt, range(12)):
-        problem = problem_of_history(system, history, SolverOptions(on_jump="static"))
-        journal, resumed = Journal(2), Journal(2)
-        try:
-            whole = continue_history(problem, journal).uniqueness
-        except SolveError:
-            continue
-        resumed.cycles = list(journal.cycles[:3])
-        again = continue_history(problem, resumed).uniqueness
-        assert_told_alike(whole, again)
-        doubts += whole is not None and not whole.certified
-    assert doubts > 0
 
 
 def pair(a: float, b: float, f: float) -> ContactSystem:

@@ -5,9 +5,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from small import random_system, small_system, table
+from small import small_system, table
 
-from receding_fenicsx.errors import InputError
 from receding_fenicsx.evolution.evolve import evolve
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.interface.equilibrium import furthest
@@ -61,17 +60,6 @@ def test_a_pressed_node_pulled_to_and_fro_slips_at_two_different_limits(
         assert again[-1] == pytest.approx(begin, rel=1e-12)
 
 
-CORNERS = [[[0.0, 0.0], [1.0, 0.3]], [[1.0, 0.3], [0.6, -1.0], [0.3, 0.8], [1.0, 0.3]]]
-
-
-def test_a_node_with_friction_in_one_direction_only_is_said_to_stick() -> None:
-    system = random_system(1, 8, 0.45)
-    one_way = replace(system, f=np.zeros(8), f_backward=system.f)
-    record = played(one_way, CORNERS, "events")
-    names = [{name for name, *_ in record.at(0, leg=leg).zones} for leg in range(len(CORNERS) - 1)]
-    assert "stick" in set().union(*names) and "contact" not in set().union(*names)
-
-
 def test_a_free_body_slides_where_the_friction_of_that_direction_is_overcome() -> None:
     # weight 1 on one node of a free body; a pull of f_forward = 0.3 slides it, backwards of 0.1
     body = small_system(
@@ -86,9 +74,3 @@ def test_a_free_body_slides_where_the_friction_of_that_direction_is_overcome() -
         found = furthest(body, pressed, np.array([1.0, pull]))
         assert found is not None and found.kind == "gross sliding"
         assert found.s == pytest.approx(limit, rel=1e-12)
-
-
-def test_a_negative_backward_friction_is_refused() -> None:
-    system = replace(random_system(0, 4, 0.4), f_backward=np.array([0.1, -0.2, 0.1, 0.1]))
-    with pytest.raises(InputError, match="f_backward of the contact system is"):
-        played(system, CORNERS, "events")

@@ -19,7 +19,6 @@ from receding_fenicsx.output.plots.series import slip_lines
 from receding_fenicsx.output.report.html import report_html
 from receding_fenicsx.output.report.summary import summarise
 from receding_fenicsx.output.report.turning_points import TURNING_POINTS
-from receding_fenicsx.reference import closed_forms
 from receding_fenicsx.scene.model import Contact, HistoryOptions, Load, SolverOptions
 from receding_fenicsx.scene.toml_file import read_scene, to_toml
 from receding_fenicsx.store.run_folder import write_summary
@@ -62,27 +61,6 @@ def test_a_block_hanging_from_the_plane_has_the_widths_of_one_lying_on_it() -> N
         scene = replace(lying.scene, contacts=(Contact(edge),))
         turned = replace(lying, scene_toml=to_toml(scene))
         assert contact_betas(turned) == pytest.approx((beta,))
-
-
-def test_estimates_stand_in_the_summary_beside_the_nodal_widths() -> None:
-    record = record_of("bottom", "top")
-    if record is None:
-        return
-    point = summarise(record)["turning_points"][0]
-    spacing = max(record.x[1:] - record.x[:-1])
-    for key in KEYS:
-        low, high = point[key]["interval"]
-        assert low < point[key]["value"] < high
-        assert high - low < 1.5 * spacing
-        assert abs(point[key]["value"] - point[key.removesuffix("_estimate")]) < 1.5 * spacing
-    # the ends of all zones, as many as there are between them
-    ends = point["zone_ends"]
-    assert len(ends) == len(point["zones"]) - 1
-    for end, zone in zip(ends, point["zones"][:-1], strict=True):
-        assert abs(end["value"] - zone[2]) < 1.5 * spacing
-    assert ends[-1]["value"] == pytest.approx(point[KEYS[0]]["value"], abs=1e-12)
-    # not the frictionless width, which is that of another contact
-    assert abs(point[KEYS[0]]["value"] - closed_forms.BLOCK.half_width) > 10 * spacing
 
 
 def test_a_contact_off_the_middle_has_zones_and_no_half_width(tmp_path: Path) -> None:

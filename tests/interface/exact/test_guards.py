@@ -12,7 +12,6 @@ from small import small_system, table
 
 from receding_fenicsx.errors import SolveError
 from receding_fenicsx.evolution.evolve import evolve
-from receding_fenicsx.interface.exact import static
 from receding_fenicsx.interface.exact.pivot_matrix import (
     SINGULAR_PIVOT,
     SingularExchange,
@@ -26,7 +25,6 @@ from receding_fenicsx.interface.exact.tableau import (
 )
 from receding_fenicsx.interface.exact.walk import Walk
 from receding_fenicsx.interface.law import State
-from receding_fenicsx.interface.system import ContactState
 from receding_fenicsx.interface.tolerances import ACCEPTED_RESIDUAL
 
 STICK, OPEN, FORWARD, BACKWARD = (int(state) for state in State)
@@ -118,26 +116,3 @@ def test_states_with_almost_no_stiffness_are_singular_but_for_soft_springs(part:
     v = tableau.rates(UP)[:2]
     # Q + f P of the load, over the stiffness
     assert v == pytest.approx([-0.5 / left, -0.6 / 2.0], rel=1e-4)
-
-
-@pytest.mark.parametrize("error", [1e-14, 1e-8])
-def test_a_guessed_static_answer_is_taken_only_where_it_satisfies_the_law(
-    monkeypatch: pytest.MonkeyPatch, error: float
-) -> None:
-    segments, n = Segments(BLOCK), BLOCK.n
-    rest = ContactState(np.zeros(2 * n), np.zeros(2 * n), np.full(n, STICK, dtype=np.int8))
-    expected = static.solve_static(segments, rest, UP)
-    assert expected is not None
-    solve, tried = static.solve_directly, []
-
-    def off(*given: object) -> np.ndarray | None:
-        u = solve(*given)  # type: ignore[arg-type]
-        tried.append(u)
-        return None if u is None else u + error * np.abs(u).max() * np.cos(np.arange(2.0 * n))
-
-    monkeypatch.setattr(static, "solve_directly", off)
-    found = static.solve_static(segments, rest, UP)
-    assert found is not None and len(tried) > 1
-    # the wrong one is not believed, another method finds the right one
-    assert np.array_equal(found.state, expected.state)
-    assert np.abs(found.r - expected.r).max() < 1e-11 * np.abs(expected.r).max()

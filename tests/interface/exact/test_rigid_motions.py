@@ -5,7 +5,7 @@ import pytest
 from replay import objections
 from small import small_system, table
 
-from receding_fenicsx.errors import NoEquilibrium, NoQuasiStaticContinuation
+from receding_fenicsx.errors import NoEquilibrium
 from receding_fenicsx.evolution.evolve import evolve
 from receding_fenicsx.interface.exact.free_motions import _least
 from receding_fenicsx.interface.system import ContactSystem
@@ -42,55 +42,6 @@ def test_a_node_that_nothing_presses_moves_freely_and_does_not_fall(method: str,
 
 
 # -- a lever --------------------------------------------------------------------------------------
-
-
-def lever(held: bool, middle_gap: float) -> ContactSystem:
-    """Return three nodes that turn together about the middle one, 0.25 above the plane.
-
-    Args:
-        held: the middle node is held, else the body by a pivot elsewhere.
-        middle_gap: gap of the middle node.
-    """
-    K = np.diag([4.0, 4.0, 4.0, 0.0, 0.0, 0.0])
-    bend, lift = np.array([1.0, -2.0, 1.0]), np.array([1.0, 0.0, 1.0])
-    K[3:, 3:] = np.outer(bend, bend) + 2.0 * np.outer(lift, lift)
-    loads = {"turn": [0.0, 0.0, 0.0, -1.0, 0.0, 1.0], "push": [-1.0, 0.0, -0.5, 0.0, 0.0, 0.0]}
-    f = [0.5, 0.0 if held else 0.5, 0.5]
-    system = small_system(K, loads, f, [0.25, middle_gap, 0.25], [[0.0, 0.0, 0.0, -1.0, 0.0, 1.0]])
-    system.held[[1, 4]] = held
-    return system
-
-
-LEVERS = pytest.mark.parametrize(("held", "gap"), [(True, 0.0), (True, 0.25), (False, 0.25)])
-
-
-@METHODS
-@LEVERS
-def test_a_lever_that_touches_nowhere_turns_to_the_plane(
-    method: str, held: bool, gap: float
-) -> None:
-    system = lever(held, gap)
-    path = [[0.0, 0.0], [1.0, 0.0], [0.0, 0.0], [-1.0, 0.0]]
-    record = evolve(system, table(system, path), solver(method), ALL)
-    assert record.jumps == 0 and objections(system, table(system, path), record) == []
-    P = record.turning_points.P
-    # its moment 2 is balanced at the arm 1
-    assert P[0, [0, 2]] == pytest.approx([0.0, 2.0], abs=1e-12)
-    assert P[2, [0, 2]] == pytest.approx([2.0, 0.0], abs=1e-12)
-
-
-@METHODS
-@LEVERS
-def test_a_lever_turned_over_under_load_jumps(method: str, held: bool, gap: float) -> None:
-    system = lever(held, gap)
-    history = table(system, [[0.0, 0.0], [1.0, 0.0], [1.0, 0.1], [-1.0, 0.1]])
-    # nothing is left to hold it half-way, where the moment vanishes
-    where = r"turn = 0, push = 0\.1 \(s = 0\.5 of the leg\)"
-    with pytest.raises(NoQuasiStaticContinuation, match=where):
-        evolve(system, history, solver(method), ALL)
-    record = evolve(system, history, solver(method, "static"), ALL)
-    assert record.jumps == 1 and objections(system, history, record) == []
-    assert record.turning_points.P[-1, [0, 2]] == pytest.approx([2.0, 0.0], abs=1e-9)
 
 
 def test_a_body_that_slides_is_not_held_by_round_off_of_its_stiffness() -> None:

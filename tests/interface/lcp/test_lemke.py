@@ -2,14 +2,8 @@ from itertools import product
 
 import numpy as np
 import pytest
-from small import small_system
 
-from receding_fenicsx.interface.law import BACKWARD, FORWARD, SEPARATION, STICK
-from receding_fenicsx.interface.lcp import contact
-from receding_fenicsx.interface.lcp.contact import Undecided, solve_states
 from receding_fenicsx.interface.lcp.lemke import is_solution, lemke, solve
-
-NONE = np.zeros(0, dtype=np.intp)
 
 
 def all_solutions(M: np.ndarray, q: np.ndarray) -> list[np.ndarray]:
@@ -99,25 +93,3 @@ def test_large_unknowns_excuse_no_violation() -> None:
     assert not is_solution(M, np.array([-1e-3, 0.0]), z)
     assert not is_solution(M, np.array([1e-3, 0.0]), z)
     assert not is_solution(M, np.array([-0.2, 0.0]), 1e10 * z)
-
-
-ANY = (STICK, SEPARATION, FORWARD, BACKWARD)
-
-
-def test_where_no_cover_leads_to_an_answer_all_sets_are_tried(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    # K_tt = K_nn = 1, K_tn = -0.9, f = 2, at the limit of forward slip: v = -s_t / (1 - 0.9 f), so
-    # that both stick and slip answer a push, and nothing a pull
-    system = small_system([[1.0, -0.9], [-0.9, 1.0]], {"a": [0.0, 1.0]}, 2.0)
-    node = Undecided(np.zeros(1, dtype=np.intp), NONE, NONE, NONE)
-    monkeypatch.setattr(contact, "solve", lambda M, q, cover: None)
-    for push in (1.0, -1.0):
-        found = solve_states(system, np.array([push, 0.0]), node, NONE)
-        assert (found is None) == (push < 0.0) and contact.is_exhaustible(node)
-    smooth = Undecided(NONE, NONE, NONE, np.zeros(1, dtype=np.intp))
-    for press, state in ((1.0, STICK), (-1.0, SEPARATION)):
-        assert solve_states(system, np.array([0.0, press]), smooth, NONE) == [state]
-    assert contact.number_of_sets([ANY] * 8) == contact.EXHAUSTED
-    for n in (8, 9):
-        assert contact.is_exhaustible(Undecided(NONE, NONE, np.arange(n), NONE)) == (n == 8)
