@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
@@ -35,9 +36,6 @@ from receding_fenicsx.interface.tolerances import (
 
 CACHE_BYTES = 2**28
 """Memory for the paths of sets of branches that have been met before."""
-
-SMALLEST_PIECE = 1e-9
-"""Part of a leg from or to no load that is not divided further to find where its path ends."""
 
 TRIES = 4
 """Changes of branch per node at one place after which none is taken."""
@@ -208,12 +206,19 @@ class BranchedPath:
         inner = replace(
             problem, start=begun, ends=(a, b), force_scale=scale, samples=(*places, target)
         )
-        error: SolveError | None = None
-        found, end = None, target
+        found, end, error = None, target, None
         if not np.any(force) and not (np.any(inner.load(s)) and np.any(inner.load(target))):
-            found, end, error = _from_or_to_rest(path, inner, target)
+            # from no load or to none, which a walk does not end at
+            whole = inner.piece(begun, (inner.load(s), inner.load(target)), scale, (s, target))
+            part = tuple((place - s) / (target - s) for place in inner.samples)
+            with suppress(SolveError):
+                found = path.trace(replace(whole, samples=part))
+                found.events = found.events.placed(target - s, s)
+                one = (state for _, state in found.samples)
+                found.samples = list(zip(inner.samples, one, strict=False))
+                found.stops = [(s + at * (target - s), u) for at, u in found.stops]
         if found is None:
-            walk, error = path.walk(inner), None
+            walk = path.walk(inner)
             try:
                 walk.run(target)
             except SingularExchange as lost:
@@ -443,31 +448,6 @@ class BranchedPath:
                 f"the path from branch to branch of the shear limit lost accuracy: residual "
                 f"{residual:.1e} over {accepted:.0e}; try the other solver method"
             )
-
-
-def _from_or_to_rest(
-    path: EventPath, problem: LegProblem, target: float
-) -> tuple[Leg | None, float, SolveError | None]:
-    """Follow a piece from no load, as far as it can be, or to no load; None where that fails."""
-    s, end, error = problem.s_start, target, None
-    while True:
-        ends = problem.load(s), problem.load(end)
-        places = (*(place for place in problem.samples if place < end), end)
-        own = problem.piece(problem.start, ends, problem.force_scale, (s, end))
-        own = replace(own, samples=tuple((place - s) / (end - s) for place in places))
-        try:
-            found = path.trace(own)
-            break
-        except SolveError as lost:
-            if np.any(ends[0]):
-                return None, s, lost
-            error, end = lost, s + 0.5 * (end - s)
-            if end - s < SMALLEST_PIECE:
-                raise
-    found.events = found.events.placed(end - s, s)
-    found.samples = list(zip(places, (one for _, one in found.samples), strict=False))
-    found.stops = [(s + at * (end - s), u) for at, u in found.stops]
-    return found, end, error
 
 
 def with_force(load: Array, force: Array) -> Array:
