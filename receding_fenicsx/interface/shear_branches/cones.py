@@ -14,6 +14,8 @@ from receding_fenicsx.interface.system import ContactState, ContactSystem
 
 FRICTION, FORWARD_LIMIT, BACKWARD_LIMIT = range(3)
 """Branch of a node: friction in both directions, or the shear limit in one of them."""
+BREAKS, FORMS = 2, 3
+"""Kinds of changes of a bond, beside those of the limits forward 0 and backward 1."""
 
 
 @dataclass(frozen=True)
@@ -107,17 +109,20 @@ class Cones:
         margins = np.concatenate([other, P[:, None]], axis=1)
         return np.where(self._special, margins, np.inf), in_use
 
-    def passed(
-        self, now: Branches, margins: Sequence[tuple[int, int]], bonds: Sequence[int] = ()
-    ) -> Branches:
-        """Return the branches where margins of :meth:`other_margins` reach zero and bonds form."""
+    def passed(self, now: Branches, margins: Sequence[tuple[int, int]]) -> Branches:
+        """Return the branches where margins of :meth:`other_margins` reach zero, or bonds form.
+
+        Each has the number of its kind, ``FORMS`` for a bond, and its node.
+        """
         branch, bonded = now.branch.copy(), now.bonded.copy()
         for kind, node in margins:
-            limit = (FORWARD_LIMIT, BACKWARD_LIMIT, FRICTION)[kind]
+            if kind in (BREAKS, FORMS):
+                bonded[node] = kind == FORMS
+                branch[node] = FRICTION if kind == BREAKS else branch[node]
+                continue
+            limit = (FORWARD_LIMIT, BACKWARD_LIMIT)[kind]
             # one direction keeps its friction, so that A and B tell both Q and P
             branch[node] = FRICTION if branch[node] == limit else limit
-            bonded[node] &= kind != 2
-        bonded[list(bonds)] = True
         return Branches(branch, bonded)
 
     def on_branches(self, now: Branches, state: ContactState, close: float) -> NDArray[np.int8]:

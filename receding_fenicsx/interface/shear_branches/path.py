@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
 
@@ -25,7 +24,7 @@ from receding_fenicsx.interface.gauss_seidel.sweeps import GaussSeidelOptions
 from receding_fenicsx.interface.law import SEPARATION, STICK
 from receding_fenicsx.interface.load_steps.path import GaussSeidelPath
 from receding_fenicsx.interface.residual import largest_force, reachable, residual_at_rest
-from receding_fenicsx.interface.shear_branches.cones import Branches, Cones
+from receding_fenicsx.interface.shear_branches.cones import BREAKS, FORMS, Branches, Cones
 from receding_fenicsx.interface.system import Changes, ContactState, ContactSystem, Leg, reactions
 from receding_fenicsx.interface.tolerances import (
     ACCEPTED_RESIDUAL,
@@ -128,7 +127,8 @@ class BranchedPath:
                 found.dissipation = -0.5 * (start.Q + found.end.Q) * slip
                 self._check(found)
                 return found
-            now = self._passed(now, wrong, tried, ends[1], np.flatnonzero(lands).tolist())
+            wrong += [(FORMS, i) for i in np.flatnonzero(lands).tolist()]
+            now = self._passed(now, wrong, tried, ends[1])
 
     # -- exact path
 
@@ -140,13 +140,13 @@ class BranchedPath:
             tried.add(now.key)
             problem = replace(whole, start=leg.end, s_start=s, force_scale=leg.force_scale)
             trial, end, error = self._piece(now, problem, target)
-            at, wrong, bonds, ahead = self._first_passed(now, problem, trial, end)
+            at, wrong, ahead = self._first_passed(now, problem, trial, end)
             # the branches in use may be changed before as well: fewer pieces
             new = self.cones.passed(now, ahead)
             if ahead and new.key not in tried and len(tried) <= TRIES * self.system.n:
                 now = new
                 continue
-            ends = error is not None and not wrong and not bonds
+            ends = error is not None and not wrong
             try:
                 if ends or at > s + END_TOLERANCE:
                     if not ends and at >= target - END_TOLERANCE:
@@ -158,7 +158,7 @@ class BranchedPath:
                     if error is not None:
                         raise error
                 if s < target:
-                    now = self._changed(leg, s, now, (wrong, bonds), (tried, whole.load(s)))
+                    now = self._changed(leg, s, now, wrong, (tried, whole.load(s)))
             except NoQuasiStaticContinuation as lost:
                 s = self._jump(leg, whole, (s, target), lost)
                 now, tried = self.cones.branches_of(leg.end), set()
@@ -238,8 +238,8 @@ class BranchedPath:
 
     def _first_passed(
         self, now: Branches, problem: LegProblem, found: Leg, end: float
-    ) -> tuple[float, list[tuple[int, int]], list[int], list[tuple[int, int]]]:
-        """Return where another margin first passes zero or a bond forms, and of which nodes.
+    ) -> tuple[float, list[tuple[int, int]], list[tuple[int, int]]]:
+        """Return where another margin first passes zero or a bond forms, its kind and its nodes.
 
         The last value names all margins that are passed by nodes which stick until then, if the
         first is one of them.
@@ -271,27 +271,23 @@ class BranchedPath:
         events = found.events
         forms = self.cones.cohesive[events.node] & ~now.bonded[events.node]
         forms &= events.new != SEPARATION
-        if forms.any() and float(events.s[forms].min()) <= first:
-            at = events.s[forms]
-            same = at <= at.min() + END_TOLERANCE
-            return float(at.min()), [], sorted(set(events.node[forms][same].tolist())), []
-        return min(first, end), wrong, [], ahead
+        if forms.any() and (begin := float(events.s[forms].min())) <= first:
+            forms &= events.s <= begin + END_TOLERANCE
+            return begin, [(FORMS, node) for node in set(events.node[forms].tolist())], []
+        return min(first, end), wrong, ahead
 
     def _changed(
         self,
         leg: Leg,
         s: float,
         now: Branches,
-        passed: tuple[list[tuple[int, int]], list[int]],
+        wrong: list[tuple[int, int]],
         tried: tuple[set[bytes], Array],
     ) -> Branches:
         """Return the branches beyond a place; form and break bonds there."""
-        wrong, bonds = passed
-        new = self._passed(now, wrong, *tried, bonds)
-        opened = now.bonded & ~new.bonded
-        state = leg.end.state.copy()
-        state[bonds] = STICK
-        state[opened] = SEPARATION
+        new = self._passed(now, wrong, *tried)
+        opened, bonds = now.bonded & ~new.bonded, new.bonded & ~now.bonded
+        state = np.where(bonds, STICK, np.where(opened, SEPARATION, leg.end.state)).astype(np.int8)
         sheared = opened & (np.abs(leg.end.Q) > self._slack(leg.end, leg.force_scale))
         if sheared.any():
             node = int(np.flatnonzero(sheared)[0])
@@ -311,7 +307,6 @@ class BranchedPath:
         wrong: list[tuple[int, int]],
         tried: set[bytes],
         load: Array,
-        bonds: Sequence[int] = (),
     ) -> Branches:
         """Return branches that were not tried: changed where margins are passed, or at one node.
 
@@ -319,11 +314,11 @@ class BranchedPath:
             NoQuasiStaticContinuation: all of them were tried.
         """
         if not wrong:
-            return self.cones.passed(now, [], bonds)
+            return now
         for some in (wrong, *([one] for one in wrong)):
             new = self.cones.passed(now, some)
             if new.key not in tried and len(tried) <= TRIES * self.system.n + 16:
-                return self.cones.passed(new, [], bonds)
+                return new
         node = wrong[0][1]
         raise NoQuasiStaticContinuation(
             f"no quasi-static continuation at {self.system.load_text(load)}: no branch of the "
@@ -373,7 +368,7 @@ class BranchedPath:
                 found.events = Changes.between(target, start.state, found.end.state)
             wrong = self._violated(now, found.end, scale)
             touched = found.end.state != SEPARATION
-            if np.any(self.cones.cohesive & (now.bonded != touched)) or 2 in dict(wrong):
+            if np.any(self.cones.cohesive & (now.bonded != touched)) or BREAKS in dict(wrong):
                 return None
             if not wrong:
                 return found
