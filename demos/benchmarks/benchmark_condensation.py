@@ -12,10 +12,6 @@ machine the clock's, on a busy one nearly the same. Compiling the forms is left 
 Runs alone and under mpirun; `--nodes 161 321` takes seconds.
 """
 
-import os
-
-os.environ["OMP_NUM_THREADS"] = os.environ["OPENBLAS_NUM_THREADS"] = "1"
-
 import argparse
 import contextlib
 import ctypes

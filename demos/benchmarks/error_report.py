@@ -8,7 +8,6 @@ where a figure over all families is.
 """
 
 import argparse
-import csv
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -17,13 +16,11 @@ from mpi4py import MPI
 
 import matplotlib as mpl
 import numpy as np
+from speed_report import read_csv
 
 import receding_fenicsx as rf
 
 Row = dict[str, Any]
-
-WORDS = ("family", "scene", "mesh", "number")
-"""Columns that are no numbers."""
 
 FACTORS = {"--error": (2.0, 2.5, 4.0), "search": (2.5, 6.25), "graded search": (2.5, 6.25)}
 """Families of estimates: how many times coarser the other meshes are."""
@@ -31,16 +28,6 @@ COVERED, MEDIAN = 0.95, (1.0, 10.0)
 """Wanted share within twice the estimate, and range of the median of estimate over true error."""
 GROUPS = {"pressure": "pressures", "displacement": "displacements", "dissipation": "dissipations"}
 """Numbers of the picture by a part of their names; the others are zone ends."""
-
-
-def read(folder: Path) -> list[Row]:
-    """Read the CSV file."""
-    path = folder / "error_estimates.csv"
-    if not path.is_file():
-        raise SystemExit(f"{path}: no such file; run error_estimates.py, or give its --out")
-    with path.open() as file:
-        rows: list[Row] = [*csv.DictReader(file)]
-    return [{k: v if k in WORDS else float(v) for k, v in row.items()} for row in rows]
 
 
 def of_number(row: Row) -> str:
@@ -140,7 +127,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description="Tables and figure of error_estimates.")
     parser.add_argument("--out", type=Path, default=Path("results/error_estimates"))
     folder = parser.parse_args().out
-    rf.on_root(MPI.COMM_WORLD, lambda: report(read(folder), folder))
+    rf.on_root(MPI.COMM_WORLD, lambda: report(read_csv(folder / "error_estimates.csv"), folder))
 
 
 if __name__ == "__main__":

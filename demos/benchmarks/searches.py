@@ -14,12 +14,9 @@ the true error of each number. ``--scenes`` chooses scenes; ``searches.md`` in -
 are there. The two blocks take most of the time.
 """
 
-import os
-
-os.environ["OMP_NUM_THREADS"] = os.environ["OPENBLAS_NUM_THREADS"] = "1"
-
 import argparse
 import json
+import os
 import resource
 import subprocess
 import sys

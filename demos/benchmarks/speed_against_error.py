@@ -14,10 +14,6 @@ follows; the stress exponents fitted at sharp corners, beside their closed form.
 seconds, with forms compiled before. The limit of each number is that of the finest graded mesh.
 """
 
-import os
-
-os.environ["OMP_NUM_THREADS"] = os.environ["OPENBLAS_NUM_THREADS"] = "1"
-
 import argparse
 import time
 from dataclasses import replace

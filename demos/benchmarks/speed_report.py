@@ -166,11 +166,16 @@ def write_csv(path: Path, rows: list[Row]) -> None:
 def read_csv(path: Path) -> list[Row]:
     """Read the rows, numbers as numbers."""
     if not path.is_file():
-        raise SystemExit(f"{path}: no such file; run speed_against_error.py, or give its --out")
+        raise SystemExit(f"{path}: no such file; run the benchmark first, or give its --out")
+
+    def value(text: str) -> str | float:
+        try:
+            return float(text)
+        except ValueError:
+            return text
+
     with path.open() as file:
-        rows: list[Row] = [*csv.DictReader(file)]
-    words = ("case", "kind")
-    return [{k: v if k in words else float(v) for k, v in row.items()} for row in rows]
+        return [{key: value(text) for key, text in row.items()} for row in csv.DictReader(file)]
 
 
 def write(folder: Path) -> None:

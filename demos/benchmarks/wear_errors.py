@@ -11,10 +11,6 @@ The worn volume is the coefficient times the dissipated energy to round-off in e
 cost of many cycles on 321 nodes, which grows less than they, and takes no more memory.
 """
 
-import os
-
-os.environ["OMP_NUM_THREADS"] = os.environ["OPENBLAS_NUM_THREADS"] = "1"
-
 import argparse
 import resource
 import sys
