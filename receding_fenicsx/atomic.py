@@ -14,12 +14,8 @@ from receding_fenicsx.errors import NO_ROOM, InputError, RecedingError
 def read_text(path: str | Path, label: str = "") -> str:
     """Return the text of a regular file in UTF-8, without the mark that may begin it.
 
-    Args:
-        path: the file. Devices and pipes are refused: they may have no end.
-        label: what begins a message; default the path.
-
-    Raises:
-        InputError: the file does not exist, is no regular file, is no text, or cannot be read.
+    Messages begin with the label, by default the path. Devices and pipes are refused: they may have
+    no end.
     """
     label = label or str(path)
     try:
@@ -41,16 +37,8 @@ def read_text(path: str | Path, label: str = "") -> str:
 def new_file(path: str | Path, overwrite: bool = False) -> Iterator[Path]:
     """Give a temporary name to write to; on leaving, flush the file to disk and rename it.
 
-    Args:
-        path: path of the finished file.
-        overwrite: replace an existing file.
-
-    Yields:
-        The temporary name.
-
-    Raises:
-        InputError: the file already exists, or its folder is not writable.
-        RecedingError: the disk is full.
+    The file may exist only with ``overwrite``, and its folder has to be writable (InputError). The
+    disk may be full (RecedingError).
     """
     path = Path(path)
     check_file(path, overwrite)

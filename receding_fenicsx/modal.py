@@ -44,17 +44,15 @@ from receding_fenicsx.scene.history import History, history_from_scene
 from receding_fenicsx.scene.model import OutputOptions, Scene
 from receding_fenicsx.timing import Timer
 
-MODE = "mode:"
-"""Beginning of the name of a drive that is a mode, as in "mode:1"."""
-
 
 def mode_number(drive: str) -> int:
-    """Return the number of the mode that a drive names, 0 if it is a load."""
-    if not drive.startswith(MODE):
+    """Return the number of the mode that a drive such as "mode:1" names, 0 if it is a load."""
+    kind, _, number = drive.partition("mode:")
+    if kind or not drive:
         return 0
-    if not drive[len(MODE) :].isdigit() or int(drive[len(MODE) :]) < 1:
-        raise InputError(f'drive: "{drive}" is no mode; modes are {MODE}1, {MODE}2 and so on')
-    return int(drive[len(MODE) :])
+    if not number.isdigit() or int(number) < 1:
+        raise InputError(f'drive: "{drive}" is no mode; modes are mode:1, mode:2 and so on')
+    return int(number)
 
 
 def preload_path(system: ContactSystem, scene: Scene, drive: str) -> Array:
@@ -64,19 +62,11 @@ def preload_path(system: ContactSystem, scene: Scene, drive: str) -> Array:
 
 
 def mode_system(scene: Scene) -> tuple[ContactSystem, Array]:
-    """Condense the whole bodies of a scene with a load M phi, the inertia force of a mode.
+    """Condense the whole bodies of a scene with a load ``mode`` M phi, the inertia force of a mode.
 
-    The contact is tied as it is under the preloads and ``history.constant``.
-
-    Args:
-        scene: a valid scene with a load ``mode``.
-
-    Returns:
-        The system, and the angular frequencies up to this mode, ``[mode] count`` at least.
-
-    Raises:
-        InputError: there is no such mode.
-        SolveError: the preload has no equilibrium.
+    The contact is tied as it is under the preloads and ``history.constant``. Returned are the
+    system and the angular frequencies up to this mode, ``[mode] count`` at least. There may be no
+    such mode (InputError), or no equilibrium of the preload (SolveError).
     """
     load = next(load for load in scene.loads if load.mode is not None)
     bulk: Any = bulk_of(scene, MPI.COMM_SELF, Timer(None))
@@ -92,7 +82,17 @@ def mode_system(scene: Scene) -> tuple[ContactSystem, Array]:
             part.loads[part.load_names.index(load.name)].setArray(force)
         bulk.condensed = False
         driven = given(stack.condense(bulk))
-        _check_compliance(driven, tied, omega[number - 1], driven.load_names.index(load.name))
+        # the tied contact has to give q = alpha / omega^2 under the mode's load
+        k, free = driven.load_names.index(load.name), np.flatnonzero(~(tied | driven.held))
+        r_star = driven.r_star[k, free]
+        moved = np.linalg.lstsq(driven.K[np.ix_(free, free)], r_star, rcond=None)[0]
+        compliance = driven.load_compliance[k, k] + r_star @ moved
+        error = abs(1.0 - omega[number - 1] ** 2 * compliance)
+        if not error <= 1e-6:
+            raise SolveError(
+                f"the mode's compliance is off by {error:.1e} from 1 / omega^2 (at most "
+                "1e-06): the mode does not see all that holds the bodies"
+            )
         keys = ("f", "f_backward", "cohesion", "shear_limit", "g0", "scene_toml")
         return replace(driven, **{key: getattr(system, key) for key in keys}), omega
     finally:
@@ -107,19 +107,6 @@ def _preloaded(system: ContactSystem, scene: Scene, drive: str) -> Array:
     history = History(system.load_names, path, np.zeros((0, path.shape[1])))
     record = evolve(system, history, scene.solver, OutputOptions(1, ()))
     return record.turning_points.state[-1]
-
-
-def _check_compliance(system: ContactSystem, tied: NDArray[np.bool_], omega: float, k: int) -> None:
-    """Raise unless the tied contact gives q = alpha / omega^2 under the mode's load."""
-    free = np.flatnonzero(~(tied | system.held))
-    r_star = system.r_star[k, free]
-    moved = np.linalg.lstsq(system.K[np.ix_(free, free)], r_star, rcond=None)[0]
-    error = abs(1.0 - omega**2 * (system.load_compliance[k, k] + r_star @ moved))
-    if not error <= 1e-6:
-        raise SolveError(
-            f"the mode's compliance is off by {error:.1e} from 1 / omega^2 (at most "
-            "1e-06): the mode does not see all that holds the bodies"
-        )
 
 
 def _modes(
@@ -163,29 +150,29 @@ def _modes(
 
 @dataclass(frozen=True)
 class Assembled:
-    """Matrices of all bodies, with the contact nodes' displacements along and away from the edges.
+    """Matrices of all bodies; displacements of contact nodes are along and away from the edges."""
 
-    Attributes:
-        A, M: (dofs, dofs) stiffness, with elastic bolts and springs between bodies, and mass.
-        turn: (dofs, dofs) nodal displacements x, y from these.
-        starts: where the freedoms of each body begin, and their number.
-        contact: of each body, the freedoms [v; w] of its contact nodes.
-        fixed: (dofs,) freedoms that supports, symmetry or platens hold.
-    """
-
+    # A, M: (dofs, dofs) stiffness, with elastic bolts and springs between bodies, and mass
     A: sparse.csr_matrix
     M: sparse.csr_matrix
-    turn: sparse.csr_matrix
-    starts: NDArray[np.intp]
-    contact: list[NDArray[np.intp]]
-    fixed: NDArray[np.bool_]
+    turn: sparse.csr_matrix  # (dofs, dofs) nodal displacements x, y from these
+    starts: NDArray[np.intp]  # where the freedoms of each body begin, and their number
+    contact: list[NDArray[np.intp]]  # of each body, the freedoms [v; w] of its contact nodes
+    fixed: NDArray[np.bool_]  # (dofs,) freedoms that supports, symmetry or platens hold
 
 
 def assembled(bulk: Stack) -> Assembled:
     """Assemble the matrices of all bodies of a scene with densities, on one process."""
     parts: Any = bulk.parts
     A = sparse.block_diag([_csr(part.stiffness) * part.young for part in parts], "csr")
-    L, soft = _closed(bulk)
+    # unit loads (dofs, m) of bolts and springs between bodies, and their compliance
+    names = [*(bolt.name for bolt in bulk.scene.bolts), *bulk.link_names]
+    soft = block_diag(bolt_compliance(bulk.scene), bulk.soft)
+    rows = [np.zeros((len(names), part.dofs)) for part in parts]
+    for own, part in zip(rows, parts, strict=True):
+        for name, load in zip(part.load_names, part.loads, strict=True):
+            own[[k for k, known in enumerate(names) if known == name]] = load.getArray()
+    L = sparse.csr_matrix(np.hstack(rows).T)
     A = A + L @ sparse.csr_matrix(np.linalg.inv(soft)) @ L.T
     M = sparse.block_diag([_mass(part) for part in parts], "csr")
     starts = np.cumsum([0, *(part.dofs for part in parts)])
@@ -200,18 +187,6 @@ def assembled(bulk: Stack) -> Assembled:
         fixed[contact[-1][nodes.held]] = True
     turn = sparse.block_diag(turns, "csr")
     return Assembled(turn.T @ A @ turn, turn.T @ M @ turn, turn, starts, contact, fixed)
-
-
-def _closed(bulk: Stack) -> tuple[sparse.csr_matrix, Array]:
-    """Return the unit loads (dofs, m) of bolts and springs between bodies, and their compliance."""
-    names = [*(bolt.name for bolt in bulk.scene.bolts), *bulk.link_names]
-    soft = block_diag(bolt_compliance(bulk.scene), bulk.soft)
-    parts: Any = bulk.parts
-    rows = [np.zeros((len(names), part.dofs)) for part in parts]
-    for own, part in zip(rows, parts, strict=True):
-        for name, load in zip(part.load_names, part.loads, strict=True):
-            own[[k for k, known in enumerate(names) if known == name]] = load.getArray()
-    return sparse.csr_matrix(np.hstack(rows).T), soft
 
 
 def _csr(matrix: Any) -> sparse.csr_matrix:

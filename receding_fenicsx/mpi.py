@@ -53,14 +53,10 @@ def _set_hook() -> None:
 
 
 def leave(comm: MPI.Comm, code: int, text: str = "") -> None:
-    """Wait after an error until all ranks leave; abort the job if some do not come.
+    """Wait after an error until all ranks leave; abort the job with this code if some do not come.
 
     The ranks agree by messages of pairs: a collective could meet another one in which they wait.
-
-    Args:
-        comm: all ranks of the job.
-        code: exit code of an aborted job.
-        text: what to print on another rank than 0 before it aborts the job.
+    Another rank than 0 prints the text before it aborts the job.
     """
     missing = [rank for rank in range(comm.size) if rank != comm.rank]
     tag = 32_767  # the largest that every MPI has
@@ -87,18 +83,7 @@ def leave(comm: MPI.Comm, code: int, text: str = "") -> None:
 
 
 def on_root(comm: MPI.Comm, work: Callable[[], T]) -> T | None:
-    """Run ``work`` on rank 0 while the other ranks sleep; raise its exception on every rank.
-
-    Args:
-        comm: communicator whose ranks all call this function.
-        work: function without arguments, called on rank 0 only.
-
-    Returns:
-        What ``work`` returned on rank 0, None on the others.
-
-    Raises:
-        BaseException: what ``work`` raised, on every rank alike.
-    """
+    """Run ``work`` on rank 0 while the other ranks sleep; raise its exception on every rank."""
     result: T | None = None
     error: BaseException | None = None
     if comm.rank == 0:
@@ -144,17 +129,8 @@ def _wait_for_root(request: MPI.Request) -> None:
 def on_all(comm: MPI.Comm, work: Callable[[], T]) -> T:
     """Run rank-local ``work`` on every rank; if it fails on any rank, raise on all of them.
 
-    ``work`` must not communicate: if one rank fails in a collective, the others never leave it.
-
-    Args:
-        comm: communicator whose ranks all call this function.
-        work: function without arguments.
-
-    Returns:
-        What ``work`` returned on this rank.
-
-    Raises:
-        BaseException: this rank's exception, or that of the lowest failing rank.
+    ``work`` must not communicate: if one rank fails in a collective, the others never leave it. The
+    error is this rank's own, or that of the lowest failing rank.
     """
     result: T | None = None
     error: BaseException | None = None

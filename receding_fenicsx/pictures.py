@@ -116,19 +116,9 @@ def draw_slip_mode(
     file: str | Path,
     comm: MPI.Comm | None = None,
 ) -> Path | None:
-    """Draw the body deformed by the slip mode at critical friction; all ranks call this together.
+    """Draw the body deformed by rank 0's slip mode at critical friction; collective.
 
-    Args:
-        scene: the scene of the system that the mode is of.
-        critical: the mode, on rank 0; None on the others.
-        file: the picture.
-        comm: communicator; all processes of the job when left out.
-
-    Returns:
-        The file, on rank 0; None on the others.
-
-    Raises:
-        InputError: there is no mode, or it is of another mesh.
+    The scene is that of the system that the mode is of. Rank 0 gets the file.
     """
     with drawing_modules():
         from receding_fenicsx.output.snapshots.draw import draw_mode
@@ -148,21 +138,10 @@ def draw_run(
     pdf: bool = False,
     say: Say | None = None,
 ) -> None:
-    """Draw the figures of a run and, if wanted, the default snapshots of the body; collective.
+    """Draw the figures of a run and, with ``body``, the default snapshots of the body; collective.
 
-    Args:
-        comm: communicator.
-        scene: the scene.
-        system: its system, on rank 0.
-        record: its record, on rank 0.
-        folder: folder of the run, on rank 0.
-        body: draw snapshots of the body too.
-        everything: draw all pictures, not only those that answer the scene's question.
-        pdf: draw the figures as PDF too.
-        say: called on rank 0 with the progress.
-
-    Raises:
-        RecedingError: a library is missing, or drawing failed.
+    System, record and folder are those of rank 0. Not ``everything``: only the pictures that answer
+    the scene's question.
     """
     with drawing_modules():
         from receding_fenicsx.output.plots import figures
@@ -206,8 +185,8 @@ def default_instants(
 ) -> list[Instant]:
     """Return the turning points at which a run draws the body.
 
-    With ``everything`` up to six loaded ones of each of cycles 0, 1 and the last, else
-    the one of the last loaded cycle with the largest loads.
+    With ``everything`` up to six loaded ones of each of cycles 0, 1 and the last, else the one of
+    the last loaded cycle with the largest loads.
     """
     table = record.turning_points
     loaded = np.any(table.load != 0.0, axis=1)

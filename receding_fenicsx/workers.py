@@ -50,14 +50,10 @@ def cores() -> int:
 def submit(
     pool: str, work: Callable[..., T], *arguments: Any, count: int = 1, loud: bool = False
 ) -> Future[T]:
-    """Begin a job in a pool; the pool starts if there is none.
+    """Begin a job in a pool, which starts with ``count`` processes if there is none.
 
-    Args:
-        pool: name of the pool.
-        work: function, also one of the user's main program; it runs in this working directory.
-        arguments: its arguments.
-        count: number of processes, if the pool starts.
-        loud: keep what the processes print, if the pool starts.
+    The function may be one of the user's main program; it runs in this working directory. ``loud``
+    processes keep what they print.
     """
     from multiprocessing import resource_tracker
 
@@ -104,16 +100,9 @@ def submit(
 
 
 def result(pool: str, job: Future[T], seconds: float | None = None) -> T:
-    """Wait for a job; end its pool when this process is interrupted meanwhile.
+    """Wait for a job; end its pool if it takes longer than this, or at an interrupt.
 
-    Args:
-        pool: name of its pool.
-        job: the job.
-        seconds: largest time to wait; the pool is ended then.
-
-    Raises:
-        WorkerEnded: the process ended, or took too long.
-        BaseException: what the job raised.
+    The errors are those of the job, and WorkerEnded if the process ended.
     """
     try:
         return job.result(seconds)

@@ -33,18 +33,12 @@ from receding_fenicsx.scene.symmetry import edge_range
 
 
 def half_width_estimates(record: Record, row: int, betas: tuple[float, ...] = ()) -> dict[str, Any]:
-    """Estimate the half widths at a turning point.
+    """Estimate the half widths of one contact edge at a row of ``record.turning_points``.
 
-    Args:
-        record: the record of one contact edge.
-        row: row of ``record.turning_points``.
-        betas: possible values of Dundurs' constant, see :func:`contact_betas`. Of two values the
-            interval contains the results of both, and the value is their mean.
-
-    Returns:
-        ``contact_half_width_estimate`` and ``stick_half_width_estimate``, each with its value, an
-        interval around it, and whether it was fitted (else the interval is that between nodes);
-        None if there is no such half width.
+    Of two possible values of Dundurs' constant, see :func:`contact_betas`, the interval contains
+    the results of both, and the value is their mean. Returned are ``contact_half_width_estimate``
+    and ``stick_half_width_estimate``, each with its value, an interval around it, and whether it
+    was fitted (else the interval is that between nodes); None if there is no such half width.
     """
     return estimates_at(record, row, [tractions(record, row, beta) for beta in betas or (None,)])
 
@@ -151,17 +145,11 @@ def _shown(ends: Sequence[ZoneEnd]) -> dict[str, Any]:
 
 
 def corners_of(record: Record, row: int) -> dict[str, Any]:
-    """Return the corners in contact at a turning point, and whether the pressure is singular there.
+    """Return the corners in contact at a row of ``record.turning_points``, if there are any.
 
-    Args:
-        record: the record of one contact edge.
-        row: row of ``record.turning_points``.
-
-    Returns:
-        ``corners``: for each the position, the state, the angle of the body, the exponent by the
-        closed form (real part; None where no rectangle or half-plane touches a rigid plane) and
-        the fitted one; ``p_max_singular`` where stresses are infinite. Nothing where no end
-        of the contact edge touches.
+    Of each of ``corners`` the position, the state, the angle of the body, the exponent by the
+    closed form (real part; None where no rectangle or half-plane touches a rigid plane) and the
+    fitted one; ``p_max_singular`` where stresses are infinite.
     """
     at = tractions(record, row)
     found = []

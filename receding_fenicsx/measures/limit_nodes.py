@@ -27,19 +27,14 @@ SLIP = (State.FORWARD_SLIP, State.BACKWARD_SLIP)
 
 @dataclass(frozen=True)
 class LimitNodes:
-    """Nodes that reach the friction limit within a cycle and do not slip.
+    """Nodes that reach the friction limit within a cycle and do not slip."""
 
-    Attributes:
-        stuck: (N,) all nodes whose slip over the cycle is negligible.
-        node, leg, s: (n,) node, and where it first reaches the limit; nodes increase.
-        strict: none of them slips at all; else some slip by less than ``NEGLIGIBLE_SLIP``.
-    """
-
-    stuck: NDArray[np.bool_]
+    stuck: NDArray[np.bool_]  # (N,) all nodes whose slip over the cycle is negligible
+    # node, leg, s: (n,) node, and where it first reaches the limit; nodes increase
     node: Ints
     leg: Ints
     s: Array
-    strict: bool
+    strict: bool  # none of them slips at all; else some slip by less than ``NEGLIGIBLE_SLIP``
 
 
 def as_shown(record: Record, system: ContactSystem, instant: Instant) -> Instant:

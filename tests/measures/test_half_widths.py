@@ -17,8 +17,7 @@ from receding_fenicsx.measures.ends import contact_betas, half_width_estimates
 from receding_fenicsx.measures.limit_nodes import shown_states
 from receding_fenicsx.output.plots.series import slip_lines
 from receding_fenicsx.output.report.html import report_html
-from receding_fenicsx.output.report.summary import summarise
-from receding_fenicsx.output.report.turning_points import TURNING_POINTS
+from receding_fenicsx.output.report.summary import SECTIONS, summarise
 from receding_fenicsx.scene.model import Contact, HistoryOptions, Load, SolverOptions
 from receding_fenicsx.scene.toml_file import read_scene, to_toml
 from receding_fenicsx.store.run_folder import write_summary
@@ -76,7 +75,7 @@ def test_a_contact_off_the_middle_has_zones_and_no_half_width(tmp_path: Path) ->
         assert pushed[key] is pushed[key.removesuffix("_estimate")] is None
     write_summary(tmp_path / "summary.json", summary)
     assert '"stick_half_width": null' in (tmp_path / "summary.json").read_text()
-    assert TURNING_POINTS.rows(summary)[1][2:6] == [None] * 4
+    assert SECTIONS["Turning points"].rows(summary)[1][2:6] == [None] * 4
     assert report_html(summary).count("<td>\u2013</td>") >= 2
 
 

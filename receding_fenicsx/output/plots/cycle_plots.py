@@ -34,11 +34,7 @@ from receding_fenicsx.output.plots.series import (
 
 @mpl.rc_context(style.RC)
 def slip_per_cycle(record: Record, scales: Scales | None = None) -> Figure:
-    """Draw the slip increment of each cycle at some nodes, with fitted powers of N.
-
-    Raises:
-        InputError: the record has too few cycles, or no node slips in all of them.
-    """
+    """Draw the slip increment of each cycle at some nodes, with fitted powers of N."""
     scales = scales or scales_of(record)
     unit, behind = scales.elastic(1, 1)
     lines = slip_lines(record, scales.length, unit)
@@ -65,16 +61,7 @@ def slip_per_cycle(record: Record, scales: Scales | None = None) -> Figure:
 def dissipation_per_cycle(
     record: Record, scales: Scales | None = None, stepped: Record | None = None
 ) -> Figure:
-    """Draw the dissipation of each cycle over that of the first.
-
-    Args:
-        record: the record.
-        scales: units; by default those of the record.
-        stepped: record of the same history by another method, drawn as well.
-
-    Returns:
-        The figure.
-    """
+    """Draw the dissipation of each cycle over that of the first; also that of another method."""
     names = {"events": "exact events", "gauss-seidel": "Gauss-Seidel"}
     figure = style.new_figure(style.COLUMN, 2.4)
     axes = figure.subplots()
@@ -138,18 +125,9 @@ def hysteresis(
     """Draw each load against its work-conjugate quantity; the areas of the loops are work.
 
     Forces and stresses are drawn upwards, displacements along, also where they are prescribed.
-
-    Args:
-        record: the record.
-        cycles: cycles with samples; by default first loading, the first and the last cycle.
-        scales: units; by default those of the record.
-
-    Returns:
-        The figure, one row for each load. Right of each loop is the difference from its chord, the
-        straight line between the extreme loads of the last loop, which shows the loop's opening.
-
-    Raises:
-        InputError: the record has no samples of a cycle, or no displacements of the loads.
+    There is a row for each load that changes in the cycles, by default first loading, first and
+    last cycle. Right of each loop is its difference from the chord, the straight line between the
+    extreme loads of the last loop.
     """
     scales, paths = scales or scales_of(record), _paths(record, cycles)
     moves = moving_loads(paths)
@@ -206,18 +184,9 @@ def trajectories(
 ) -> Figure:
     """Draw paths of nodes in the planes of tractions (q, p) and displacements (v, w).
 
-    Args:
-        record: the record.
-        nodes: contact nodes, one column each; by default representative nodes.
-        cycles: cycles with samples; by default first loading, the first and the last cycle.
-        scales: units; by default those of the record.
-
-    Returns:
-        The figure: above, (q, p) with the friction cone |q| <= f p; below, (v, w) with the plane
-        w = -g0. Dots are turning points.
-
-    Raises:
-        InputError: the record has no samples of a cycle, no such node, or no node in contact.
+    Above is (q, p) with the friction cone |q| <= f p, below (v, w) with the plane w = -g0; dots are
+    turning points. Each node has a column; by default there are representative nodes, and first
+    loading, first and last cycle.
     """
     scales, paths = scales or scales_of(record), _paths(record, cycles)
     chosen = representative_nodes(record) if nodes is None else requested_nodes(record, nodes)

@@ -135,22 +135,11 @@ def plot_all(
     say: Say | None = None,
     everything: bool = True,
 ) -> list[Path]:
-    """Draw and save the figures that a record has data for.
+    """Draw and save the figures that a record has data for; existing files are replaced.
 
-    With several contact edges the figures of each edge are in a folder of its name.
-
-    Args:
-        record: the record.
-        folder: folder of the files, created if necessary; existing files are replaced.
-        formats: file formats, as endings.
-        say: called with the name of each figure before it is drawn.
-        everything: draw all figures, not only those that answer a scene's question.
-
-    Returns:
-        The files.
-
-    Raises:
-        InputError: a format is unknown, or the folder cannot be created.
+    With several contact edges the figures of each edge are in a folder of its name. Formats are
+    endings of files. ``say`` is called with the name of each figure; not ``everything`` draws those
+    only that answer a scene's question.
     """
     folder = Path(folder)
     formats = (formats,) if isinstance(formats, str) else tuple(formats)

@@ -73,21 +73,13 @@ def peak(symbol: str) -> str:
 
 
 class LoadKind(NamedTuple):
-    """What a load is.
+    """What a load is."""
 
-    Attributes:
-        size: the load at factor 1; 1 if it is no single number.
-        unit: powers of stress and length in its unit; (0, 0) for a load factor.
-        conjugate: name of the work-conjugate quantity U / size.
-        conjugate_unit: powers of stress and length in the unit of that.
-        symbol: symbol of the conjugate quantity.
-    """
-
-    size: float
-    unit: tuple[int, int]
-    conjugate: str
-    conjugate_unit: tuple[int, int]
-    symbol: str
+    size: float  # the load at factor 1; 1 if it is no single number
+    unit: tuple[int, int]  # powers of stress and length in its unit; (0, 0) for a load factor
+    conjugate: str  # name of the work-conjugate quantity U / size
+    conjugate_unit: tuple[int, int]  # powers of stress and length in the unit of that
+    symbol: str  # symbol of the conjugate quantity
 
 
 def kind_of(scene: Scene | None, name: str, axisymmetric: bool) -> LoadKind:
@@ -149,35 +141,22 @@ class Conjugate(NamedTuple):
 
 @dataclass(frozen=True)
 class Scales:
-    """Units of the figures of a record.
+    """Units of the figures of a record."""
 
-    Attributes:
-        length, length_symbol: unit of length; height "h" of a rectangle, or 1 and "".
-        pressure: pressure of the only load at factor 1; 1 if there is none.
-        pressure_symbol: its symbol; "" if tractions are not divided by it.
-        load_max: (n_loads,) largest absolute factor of each load over the history, or 1.
-        young: Young's modulus; 0 if unknown.
-        symmetric: whether all states are mirror-symmetric about x = 0.
-        axisymmetric: whether forces and work are those of the full circle.
-        radial: whether positions are radii.
-        begins_on_axis: whether the contact edge begins on the axis r = 0.
-        units: units of the scene; with a unit of length (or stress) no length (or stress) is
-            nondimensional.
-        kinds: kind of each load.
-    """
-
+    # length, length_symbol: unit of length; height "h" of a rectangle, or 1 and ""
     length: float
     length_symbol: str
-    pressure: float
-    pressure_symbol: str
-    load_max: Array
-    young: float
-    symmetric: bool
-    axisymmetric: bool
-    radial: bool
-    begins_on_axis: bool
+    pressure: float  # pressure of the only load at factor 1; 1 if there is none
+    pressure_symbol: str  # its symbol; "" if tractions are not divided by it
+    load_max: Array  # (n_loads,) largest absolute factor of each load over the history, or 1
+    young: float  # Young's modulus; 0 if unknown
+    symmetric: bool  # whether all states are mirror-symmetric about x = 0
+    axisymmetric: bool  # whether forces and work are those of the full circle
+    radial: bool  # whether positions are radii
+    begins_on_axis: bool  # whether the contact edge begins on the axis r = 0
+    # units of the scene; with a unit of length (or stress) no length (or stress) is nondimensional
     units: Units
-    kinds: tuple[LoadKind, ...]
+    kinds: tuple[LoadKind, ...]  # kind of each load
 
     @property
     def x_label(self) -> str:

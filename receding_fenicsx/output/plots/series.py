@@ -142,26 +142,21 @@ def _each(asked: Any) -> list[Any]:
 
 @dataclass(frozen=True)
 class Loop:
-    """n instants of one cycle in order of time, from the end of the cycle before, or from rest.
+    """n instants of one cycle in order of time, from the end of the cycle before, or from rest."""
 
-    Attributes:
-        cycle: the cycle.
-        load, displacement: (n, n_loads) load factors and their work-conjugate displacements.
-        load_sign: (n_loads,) -1 for forces, +1 for prescribed displacements, whose conjugates are
-            forces times the displacements at factor 1.
-        p, q, v, w: (n, N) tractions and displacements.
-        turning: (n,) True at turning points.
-    """
-
-    cycle: int
+    cycle: int  # the cycle
+    # load, displacement: (n, n_loads) load factors and their work-conjugate displacements
     load: Array
     displacement: Array
+    # (n_loads,) -1 for forces, +1 for prescribed displacements, whose conjugates are forces times
+    # the displacements at factor 1
     load_sign: Array
+    # p, q, v, w: (n, N) tractions and displacements
     p: Array
     q: Array
     v: Array
     w: Array
-    turning: NDArray[np.bool_]
+    turning: NDArray[np.bool_]  # (n,) True at turning points
 
     def area(self) -> Array:
         r"""(n_loads,) work of each load over the closed cycle.
@@ -236,23 +231,14 @@ def representative_nodes(record: Record) -> list[int]:
 
 @dataclass(frozen=True)
 class SlipLine:
-    """Slip per cycle of one node.
+    """Slip per cycle of one node."""
 
-    Attributes:
-        node: the node.
-        x: its position over the length scale.
-        N: cycles in which it slips by more than round-off.
-        slip: its absolute slip in them, over the slip scale.
-        fit: power law over the fitted cycles.
-        factor: value of the fit at N = 1.
-    """
-
-    node: int
-    x: float
-    N: Array
-    slip: Array
-    fit: PowerLaw
-    factor: float
+    node: int  # the node
+    x: float  # its position over the length scale
+    N: Array  # cycles in which it slips by more than round-off
+    slip: Array  # its absolute slip in them, over the slip scale
+    fit: PowerLaw  # power law over the fitted cycles
+    factor: float  # value of the fit at N = 1
 
 
 def slip_lines(record: Record, length: float = 1.0, unit: float = 1.0) -> list[SlipLine]:

@@ -29,11 +29,8 @@ from receding_fenicsx.output.plots.labels import is_word, load_symbol, load_text
 def branches(tree: BranchTree) -> Figure:
     """Draw each load against its work-conjugate displacement along the first twelve branches.
 
-    A cross is the last turning point of a branch that ends on the next leg. Samples are drawn
-    where the records have them. Each branch is shifted a little, as parts of them may coincide.
-
-    Raises:
-        InputError: no load changes on any branch.
+    A cross is the last turning point of a branch that ends on the next leg. Samples are drawn where
+    the records have them. Each branch is shifted a little, as parts of them may coincide.
     """
     paths = [_path(branch) for branch in tree.branches[:12]]
     names = tree[0].record.load_names
@@ -94,9 +91,6 @@ def slip_mode(system: ContactSystem, critical: CriticalFriction) -> Figure:
 
     Above, the displacements of the mode: v as lines in the colour of the assumed direction of slip,
     the gap of open nodes as a grey area. Below, the changes of the tractions, p and q.
-
-    Raises:
-        InputError: there is no mode.
     """
     if not critical.mode.any():
         raise InputError("slip_mode: no slip mode was found; the contact has no coupling")

@@ -34,19 +34,10 @@ from receding_fenicsx.output.plots.series import CURVED_LEGS, phases
 def tractions(
     record: Record, moments: Moment | Sequence[Moment], scales: Scales | None = None
 ) -> Figure:
-    """Draw tractions, the friction cone and the states along the contact edge.
+    """Draw tractions, friction cone and states along the contact edge, a panel for each instant.
 
-    Args:
-        record: the record.
-        moments: instants of the record, one panel each, such as ``record.at(9, "minimum")``.
-        scales: units; by default those of the record.
-
-    Returns:
-        The figure. States are those of
-        :func:`~receding_fenicsx.measures.limit_nodes.shown_states`.
-
-    Raises:
-        InputError: the argument is not one or several instants.
+    Instants are those of the record, such as ``record.at(9, "minimum")``; states are shown as
+    :func:`~receding_fenicsx.measures.limit_nodes.shown_states` returns them.
     """
     scales = scales or scales_of(record)
     moments = [moments] if isinstance(moments, Moment) else moments
@@ -143,17 +134,6 @@ def probe_stresses(record: Record, name: str, scales: Scales | None = None) -> F
 
     Of one point: along the load path of the first loading, of cycle 1 and of the last cycle. Of
     several: against the distance along them, at turning points of the last cycle.
-
-    Args:
-        record: the record.
-        name: name of the probe.
-        scales: units; by default those of the record.
-
-    Returns:
-        The figure.
-
-    Raises:
-        InputError: the record has no such probe.
     """
     scales = scales or scales_of(record)
     probe, angles = record.probe(name), phases(record)

@@ -33,15 +33,10 @@ Change = tuple[float, int]
 
 @dataclass(frozen=True)
 class Timeline:
-    """States of one node along a leg.
+    """States of one node along a leg."""
 
-    Attributes:
-        state: (n,) successive states, each different from the one before.
-        s: (n + 1,) begins of the states and end of the last one, from 0 to 1.
-    """
-
-    state: NDArray[np.int8]
-    s: Array
+    state: NDArray[np.int8]  # (n,) successive states, each different from the one before
+    s: Array  # (n + 1,) begins of the states and end of the last one, from 0 to 1
 
     def at(self, s: float | Array) -> NDArray[np.int8]:
         """Return the state at s; at a change the new state."""
@@ -172,19 +167,13 @@ def _order(run: NDArray[np.intp], old: NDArray[np.int8], new: NDArray[np.int8]) 
 
 @dataclass(frozen=True)
 class ZoneMap:
-    """Zones of one leg over (x, s).
+    """Zones of one leg over (x, s)."""
 
-    Attributes:
-        x: (N,) positions of the nodes.
-        timelines: timelines of the nodes.
-        pieces: states and polygons that cover x[0] to x[-1] and s from 0 to 1.
-        boundaries: (n, 2, 2) segments [[x, s], [x, s]] along which the state changes.
-    """
-
-    x: Array
-    timelines: list[Timeline]
+    x: Array  # (N,) positions of the nodes
+    timelines: list[Timeline]  # timelines of the nodes
+    # states and polygons that cover x[0] to x[-1] and s from 0 to 1
     pieces: list[tuple[State, Array]]
-    boundaries: Array
+    boundaries: Array  # (n, 2, 2) segments [[x, s], [x, s]] along which the state changes
 
     def states(self, s: float) -> NDArray[np.int8]:
         """Return (N,) states of the nodes at s."""
@@ -204,15 +193,12 @@ class ZoneMap:
 
 @dataclass(frozen=True)
 class Strip:
-    """Part of a zone map between two neighbouring nodes.
+    """Part of a zone map between two neighbouring nodes."""
 
-    Attributes:
-        x0, x1: positions of the left and the right node.
-        pieces, lines: pieces and boundaries of its zones.
-    """
-
+    # x0, x1: positions of the left and the right node
     x0: float
     x1: float
+    # pieces, lines: pieces and boundaries of its zones
     pieces: list[tuple[State, Array]] = field(default_factory=list)
     lines: list[Array] = field(default_factory=list)
 

@@ -49,24 +49,12 @@ def zone_maps(
     scales: Scales | None = None,
     columns: int = 1,
 ) -> Figure:
-    """Draw zone maps of legs, one panel each.
+    """Draw zone maps of legs that have samples, one panel each; of a symmetric contact x >= 0 only.
 
-    Nodes whose slip in a settled cycle is negligible are shown as sticking; a dashed line shows
-    where they reach the friction limit.
-
-    Args:
-        record: the record; it must hold samples of the legs.
-        legs: list of (cycle, leg), or a cycle for all its legs. A cycle of more than ``MAX_PANELS``
-            legs is one map, see :func:`cycle_maps`.
-        scales: units; by default those of the record.
-        columns: largest number of panels in a row; if greater than 1, the figure is as wide as a
-            page, and each cycle begins a row.
-
-    Returns:
-        The figure; of a symmetric contact it shows x >= 0 only.
-
-    Raises:
-        InputError: the record has no samples of a leg.
+    Legs are a list of (cycle, leg), or a cycle for all its legs; one of more than ``MAX_PANELS``
+    legs is one map, see :func:`cycle_maps`. With more than one column in a row the figure is as
+    wide as a page, and each cycle begins a row. Nodes whose slip in a settled cycle is negligible
+    are shown as sticking; a dashed line shows where they reach the friction limit.
     """
     scales = scales or scales_of(record)
     shown_legs = requested_legs(record, legs)
@@ -116,8 +104,8 @@ def zone_maps(
 def load_axis(record: Record, cycle: int, leg: int, scales: Scales) -> tuple[float, float, str]:
     """Return the vertical axis of a zone map: values at both ends of the leg, and its label.
 
-    If one load alone changes, it is this load in the scene's units or over its largest value,
-    else s.
+    If one load alone changes, it is this load in the scene's units or over its largest value, else
+    s.
     """
     begin, end = leg_ends(record, cycle, leg)
     changing = np.flatnonzero(begin != end)
@@ -130,22 +118,10 @@ def load_axis(record: Record, cycle: int, leg: int, scales: Scales) -> tuple[flo
 
 @mpl.rc_context(style.RC)
 def cycle_maps(record: Record, cycles: int | Sequence[int], scales: Scales | None = None) -> Figure:
-    """Draw the zones along whole cycles, with the load factors beside them.
+    """Draw the zones along one or several whole cycles, with the loads beside them.
 
     All legs of a cycle are stacked upwards, each of the same height; those of a harmonic history
-    are drawn over the phase. Nodes whose slip in a settled cycle is negligible are shown as
-    sticking; a dashed line shows where they reach the friction limit.
-
-    Args:
-        record: the record; it must hold samples of the cycles, which must have equal loads.
-        cycles: one or several cycles, side by side.
-        scales: units; by default those of the record.
-
-    Returns:
-        The figure; of a symmetric contact it shows x >= 0 only.
-
-    Raises:
-        InputError: the record has no samples of a cycle.
+    are drawn over the phase. Zones are shown as those of :func:`zone_maps`.
     """
     scales = scales or scales_of(record)
     chosen = requested_cycles(record, cycles)
@@ -307,19 +283,13 @@ def _draw_limit(
 
 
 class Label(NamedTuple):
-    """The number of one zone.
+    """The number of one zone."""
 
-    Attributes:
-        state: the state.
-        at: (x, s) of the number's centre.
-        tip: (x, s) that an arrow from the number points to; None when the number is inside.
-        on: state of the zone on which the number is written.
-    """
-
-    state: State
-    at: tuple[float, float]
+    state: State  # the state
+    at: tuple[float, float]  # (x, s) of the number's centre
+    # (x, s) that an arrow from the number points to; None when the number is inside
     tip: tuple[float, float] | None
-    on: State
+    on: State  # state of the zone on which the number is written
 
 
 def place_labels(

@@ -10,24 +10,28 @@ import numpy as np
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.interface.uniqueness.watch import LARGE_MARGIN
 from receding_fenicsx.measures.ends import is_singular
-from receding_fenicsx.measures.fatigue import fatigue_summary
 from receding_fenicsx.measures.limit_nodes import limit_nodes
-from receding_fenicsx.output.report.section import Rows, Section, Summary
+from receding_fenicsx.output.report.section import Rows, Summary, shown
 from receding_fenicsx.output.report.turning_points import headline_points
 
-SYMMETRIC = ", among mirror-symmetric paths"
-"""Restriction of the certificate of half a model."""
 
-
-def _summary(record: Record) -> dict[str, Any]:
+def checks(record: Record) -> dict[str, Any]:
     """Return residual, energy error, numbers of steps, uniqueness and chosen continuations."""
+    last, ranges, edges = len(record.cycles.dissipation), [], record.by_edge()
+    if last and np.any(record.samples.cycle == last):
+        # ranges of x that reach the friction limit without slip in the last cycle
+        for name, part in edges.items():
+            nodes = limit_nodes(part, last).node
+            behind = [name] if len(edges) > 1 else []
+            for group in np.split(nodes, np.flatnonzero(np.diff(nodes) > 1) + 1):
+                ranges += [[*part.x[group[[0, -1]]].tolist(), *behind]] if len(group) else []
     branch = {}
     if record.choices:
         rule = record.scene.solver.branch if record.scene else "first"
         choices = [asdict(choice) for choice in record.choices]
         branch = {"branch": {"rule": rule, "choices": choices}}
     return {
-        "limit_without_slip": _limit_ranges(record),
+        "limit_without_slip": ranges,
         **uniqueness_summary(record),
         **branch,
         "residual_max": float(record.residual_max),
@@ -36,21 +40,6 @@ def _summary(record: Record) -> dict[str, Any]:
         "jumps": {"count": int(record.jumps), "energy_released": float(record.released)},
         "sweeps": int(record.sweeps),
     }
-
-
-def _limit_ranges(record: Record) -> list[list[Any]]:
-    """Return ranges of x that reach the friction limit without slip in the last cycle."""
-    last = len(record.cycles.dissipation)
-    if not last or not np.any(record.samples.cycle == last):
-        return []
-    edges = record.by_edge()
-    ranges: list[list[Any]] = []
-    for name, part in edges.items():
-        nodes = limit_nodes(part, last).node
-        groups = np.split(nodes, np.flatnonzero(np.diff(nodes) > 1) + 1) if len(nodes) else []
-        behind = [name] if len(edges) > 1 else []
-        ranges += [[float(part.x[g[0]]), float(part.x[g[-1]]), *behind] for g in groups]
-    return ranges
 
 
 def uniqueness_summary(record: Record) -> dict[str, Any]:
@@ -83,7 +72,9 @@ def uniqueness_rows(summary: Summary) -> Rows:
         words += " after the first loading (not proved unique)"
     if summary["method"] != "events":
         words += " at the ends of load steps"
-    rows = [["only path from its start", words + SYMMETRIC * found["symmetric_paths_only"]]]
+    if found["symmetric_paths_only"]:  # the certificate of half a model
+        words += ", among mirror-symmetric paths"
+    rows = [["only path from its start", words]]
     if place is not None:
         nodes = ", ".join(map(str, place["nodes"]))
         at = f", nodes {nodes}" if nodes else ""
@@ -108,8 +99,7 @@ def _solutions(count: int) -> str:
 def _jump_rows(summary: Summary) -> Rows:
     jumps = summary.get("jumps") or {"count": 0}
     words = "{count}, energy released {energy_released:.4g}"
-    found = ["jumps without a quasi-static path", words.format(**jumps)] if jumps["count"] else []
-    return [found] if found else []
+    return [["jumps without a quasi-static path", words.format(**jumps)]] * bool(jumps["count"])
 
 
 def _corners(summary: Summary) -> list[Summary]:
@@ -122,57 +112,50 @@ def corner_rows(summary: Summary) -> Rows:
     rows = []
     last = {(f"{corner['x']:z.4g}", corner["state"]): corner for corner in _corners(summary)}
     for (x, state), corner in last.items():
-        exact, fitted = (
-            "-" if corner[k] is None else f"{corner[k]:z.4f}" for k in ("exponent", "fitted")
-        )
-        known = (
-            f"closed form, {corner['angle']:g} degrees" if exact != "-" else "no closed form here"
-        )
+        exact, fitted = (shown(corner[k], "{:z.4f}") for k in ("exponent", "fitted"))
+        known = "no closed form here"
+        if exact != "-":
+            known = f"closed form, {corner['angle']:g} degrees"
         words = f"stresses like d^m, m = {exact} ({known}), fitted {fitted}"
         rows.append([f"corner at {x}, {state}", words + "; singular" * is_singular(corner)])
     return rows
 
 
-def _rows(summary: Summary) -> Rows:
+def check_rows(summary: Summary) -> Rows:
+    """Return residual, energy, steps, uniqueness, corners, and where the limit is reached."""
     residual = "largest residual of contact and friction conditions, over the largest nodal force"
     energy = "largest relative error of a leg's energy balance"
-    rows = [
+    ranges = ", ".join(
+        " on ".join([f"{a:z.4g} to {b:z.4g}", *edge])
+        for a, b, *edge in summary.get("limit_without_slip") or []
+    )
+    limit = "friction limit reached without slip in the last cycle, x from"
+    return [
         [residual, f"{summary['residual_max']:.2e}"],
         [energy, f"{summary['energy_error_max']:.2e}"],
         *([k, str(summary[k])] for k in ("events", "sweeps")),
         *_jump_rows(summary),
         *uniqueness_rows(summary),
         *corner_rows(summary),
+        *([[limit, ranges]] if ranges else []),
     ]
-    ranges = ", ".join(
-        " on ".join([f"{a:z.4g} to {b:z.4g}", *edge])
-        for a, b, *edge in summary.get("limit_without_slip") or []
-    )
-    if ranges:
-        rows.append(["friction limit reached without slip in the last cycle, x from", ranges])
-    return rows
 
 
-def _lines(summary: Summary) -> list[str]:
+def check_lines(summary: Summary) -> list[str]:
     """Return jumps, the certificate with its first doubt, singular corners, residual and steps."""
-    facts = [*_jump_rows(summary), *uniqueness_rows(summary)]
-    # how far the proof goes, and the first loading, are in the report
-    lines = [f"{k}: {words}" for k, words in facts if k not in ("friction margin", "first loading")]
-    lines = [
-        line.replace("only path", "only symmetric path").removesuffix(SYMMETRIC)
-        if line.endswith(SYMMETRIC)
-        else line
-        for line in lines
-    ]
+    lines = []
+    for head, words in [*_jump_rows(summary), *uniqueness_rows(summary)]:
+        # how far the proof goes, and the first loading, are in the report
+        if head not in ("friction margin", "first loading"):
+            first, symmetric, _ = words.partition(", among mirror-symmetric paths")
+            head = head.replace("only path", "only symmetric path") if symmetric else head
+            lines.append(f"{head}: {first}")
     if places := sorted({corner["x"] for corner in _corners(summary) if is_singular(corner)}):
         words = ", ".join(f"{x:z.4g}" for x in places)
         lines.append(f"infinite stresses at corners in contact: x = {words}")
     counted = "events" if summary["method"] == "events" else "sweeps"
     residual = f"largest residual {summary['residual_max']:.1e}, {counted} {summary[counted]}"
     return [*lines, residual]
-
-
-CHECKS = Section("Checks", summary=_summary, rows=_rows, lines=_lines)
 
 
 # -- fatigue parameters: the worst point of each -------------------------------------------------
@@ -185,14 +168,13 @@ CRITERIA = {
     "ruiz_f1": "Ruiz F1",
     "ruiz_f2": "Ruiz F2",
 }
-COLUMNS = ("max", "x", "y", "probe", "angle", "estimate", "averaged", "life")
 
 
 def _parameters(summary: Summary) -> dict[str, Any]:
     return dict(summary.get("fatigue", {}).get("parameters", {}))
 
 
-def _note(summary: Summary) -> str:
+def fatigue_note(summary: Summary) -> str:
     """Return what the mesh decides by more than a tenth."""
     large = [
         CRITERIA[name]
@@ -207,7 +189,8 @@ def _note(summary: Summary) -> str:
     )
 
 
-def _fatigue_lines(summary: Summary) -> list[str]:
+def fatigue_lines(summary: Summary) -> list[str]:
+    """Return the largest of Smith, Watson and Topper's parameter."""
     row = _parameters(summary).get("swt")
     if row is None:
         return []
@@ -217,14 +200,8 @@ def _fatigue_lines(summary: Summary) -> list[str]:
     return [f"fatigue: Smith, Watson and Topper {row['max']:.4g}{error} at {place}{life}"]
 
 
-FATIGUE = Section(
-    "Fatigue parameters",
-    summary=fatigue_summary,
-    rows=lambda summary: [
-        [CRITERIA[name], *(row.get(column) for column in COLUMNS)]
-        for name, row in _parameters(summary).items()
-    ],
-    head=lambda _: ["parameter", *COLUMNS],
-    note=_note,
-    lines=_fatigue_lines,
-)
+def fatigue_table(summary: Summary) -> Rows:
+    """Return the head and a row for each parameter."""
+    columns = "max", "x", "y", "probe", "angle", "estimate", "averaged", "life"
+    rows = [[CRITERIA[k], *map(row.get, columns)] for k, row in _parameters(summary).items()]
+    return [["parameter", *columns], *rows]

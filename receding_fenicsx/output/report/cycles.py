@@ -8,11 +8,11 @@ import numpy as np
 
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.interface.measures.steady import RATCHETTING, limit_of_decay
-from receding_fenicsx.output.report.section import Rows, Section, Summary, shown
+from receding_fenicsx.output.report.section import Rows, Summary, shown
 from receding_fenicsx.scene.history import DEFAULT_TOLERANCE, history_from_scene, is_straight
 
 
-def _rows(summary: Summary) -> Rows:
+def cycle_rows(summary: Summary) -> Rows:
     """Return the first 20 cycles and the last one."""
     D, slip = summary["dissipation_per_cycle"], summary["slip_per_cycle_max"]
     first = D[0] if D and summary.get("dissipates", True) else 0.0
@@ -28,31 +28,28 @@ def ratio_words(summary: Summary) -> tuple[str, str] | None:
     return f"dissipation of cycle {len(D)} over cycle 1", f"{D[-1] / D[0]:.5f}"
 
 
-CYCLES = Section(
-    "Cycles",
-    summary=lambda record: {
+def cycles(record: Record) -> dict[str, Any]:
+    """Return dissipation and largest slip of each cycle."""
+    slip = np.abs(record.cycles.slip_increment).max(axis=1, initial=0.0)
+    return {
         "dissipation_first_loading": float(record.dissipation_first_loading),
         "dissipation_per_cycle": record.cycles.dissipation.tolist(),
         "dissipates": record.dissipates,
         # of nodes in contact at the cycle's start and end
-        "slip_per_cycle_max": np.abs(record.cycles.slip_increment)
-        .max(axis=1, initial=0.0)
-        .tolist(),
-    },
-    rows=_rows,
-    head=lambda _: ["cycle N", "dissipation D", "over cycle 1", "largest slip increment"],
-    note=lambda summary: (
-        f"Dissipation of the first loading: {shown(summary['dissipation_first_loading'])}. "
-        "All cycles are in summary.json."
-    ),
-    form="{:z.8g}",
-)
+        "slip_per_cycle_max": slip.tolist(),
+    }
+
+
+def cycle_note(summary: Summary) -> str:
+    """Return the dissipation of the first loading."""
+    first = shown(summary["dissipation_first_loading"])
+    return f"Dissipation of the first loading: {first}. All cycles are in summary.json."
 
 
 # -- steady state --------------------------------------------------------------------------------
 
 
-def _steady(record: Record) -> dict[str, Any]:
+def steady_state(record: Record) -> dict[str, Any]:
     """Return the steady state, or else the trend of the dissipation with its extrapolated limit."""
     steady, D = record.steady, record.cycles.dissipation
     found: dict[str, Any] = {
@@ -65,24 +62,18 @@ def _steady(record: Record) -> dict[str, Any]:
     if not steady.reached and len(D) >= 8 and record.dissipates:
         keys = ("trend", "trend_value", "dissipation_limit")
         found |= dict(zip(keys, limit_of_decay(D), strict=True))
-    return {"steady": found, **_polygon(record), **limit_summary(record)}
-
-
-def _polygon(record: Record) -> dict[str, Any]:
-    """Return the polygon that stands for a harmonic history, and its error estimate."""
     scene, doubling = record.scene, record.doubling
     if scene is None or scene.history.kind != "harmonic":
-        return {}
-    found: dict[str, Any] = {"corners": len(history_from_scene(scene).loop) - 1}
-    if is_straight(scene.history):
-        found |= {"error_estimate": 0.0}
-    elif doubling is None:
-        found |= {"error_estimate": None}
+        return {"steady": found, **limit_summary(record)}
+    # the polygon that stands for a harmonic history
+    polygon: dict[str, Any] = {"corners": len(history_from_scene(scene).loop) - 1}
+    if doubling is None or is_straight(scene.history):
+        polygon["error_estimate"] = 0.0 if is_straight(scene.history) else None
     else:
         tolerance = scene.history.tolerance or DEFAULT_TOLERANCE
-        found |= {"error_estimate": float(doubling[-1, 1]), "tolerance": tolerance}
-        found |= {"doubling": [[int(n), float(e)] for n, e in doubling]}
-    return {"harmonic": found}
+        polygon |= {"error_estimate": float(doubling[-1, 1]), "tolerance": tolerance}
+        polygon["doubling"] = [[int(n), float(e)] for n, e in doubling]
+    return {"steady": found, "harmonic": polygon, **limit_summary(record)}
 
 
 def limit_summary(record: Record) -> dict[str, Any]:
@@ -179,7 +170,7 @@ def _polygon_rows(summary: Summary) -> Rows:
     return [[head, f"error of the dissipation per cycle {words}"]]
 
 
-def _steady_lines(summary: Summary) -> list[str]:
+def steady_lines(summary: Summary) -> list[str]:
     """Return the steady state with the ratio of dissipations, and the limit, on a line each."""
     first, limit, polygon = _first_rows(summary), limit_rows(summary), _polygon_rows(summary)
     if len(limit) > 1 and limit[1][0] == "reason":
@@ -191,13 +182,6 @@ def _steady_lines(summary: Summary) -> list[str]:
     return [together, *rest]
 
 
-STEADY = Section(
-    "Steady state and limit",
-    summary=_steady,
-    rows=lambda summary: [
-        *_first_rows(summary),
-        *limit_rows(summary),
-        *_polygon_rows(summary),
-    ],
-    lines=_steady_lines,
-)
+def steady_rows(summary: Summary) -> Rows:
+    """Return steady state, limit and polygon."""
+    return [*_first_rows(summary), *limit_rows(summary), *_polygon_rows(summary)]

@@ -16,23 +16,11 @@ from receding_fenicsx.output.report.cycles import ratio_words
 from receding_fenicsx.output.report.run import model_line
 from receding_fenicsx.output.report.section import Summary, shown
 from receding_fenicsx.output.report.summary import SECTIONS
-from receding_fenicsx.output.report.turning_points import TURNING_POINTS
 from receding_fenicsx.store.run_folder import read_summary
 
 
 def write_report(folder: Path, scene_toml: str) -> Path:
-    """Write ``report.html`` from ``summary.json``, figures and snapshots of a run.
-
-    Args:
-        folder: folder of the run.
-        scene_toml: text of its scene; "" for none.
-
-    Returns:
-        The file; an existing one is replaced.
-
-    Raises:
-        InputError: the folder holds no summary, or the page cannot be written.
-    """
+    """Write ``report.html`` from ``summary.json``, figures and snapshots of a run."""
     path = Path(folder) / "report.html"
     pictures = {
         kind: sorted((Path(folder) / kind).rglob("*.png")) for kind in ("figures", "snapshots")
@@ -49,14 +37,7 @@ def report_html(
     figures: Sequence[Path] = (),
     snapshots: Sequence[Path] = (),
 ) -> str:
-    """Return the report as HTML that refers to no other file.
-
-    Args:
-        summary: contents of ``summary.json``.
-        scene_toml: text of the scene; "" for none.
-        figures: PNG files of figures.
-        snapshots: PNG files of pictures of the body.
-    """
+    """Return the report as HTML that refers to no other file; pictures are PNG files."""
     edges = {row["edge"] for row in summary["turning_points"] if "edge" in row}
     environment = jinja2.Environment(
         loader=jinja2.FileSystemLoader(Path(__file__).parent),
@@ -71,8 +52,8 @@ def report_html(
         title=summary["title"] or "Untitled run",
         lead=model_line(summary),
         cards=_cards(summary),
-        sections=[section for section in SECTIONS if section.rows(summary)],
-        before_pictures=TURNING_POINTS,
+        sections=[section for section in SECTIONS.values() if section.rows(summary)],
+        before_pictures=SECTIONS["Turning points"],
         pictures={
             "Figures": _figures(figures, edges),
             "Stresses in the body": [_snapshot(path) for path in snapshots],

@@ -9,11 +9,11 @@ import numpy as np
 
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.output.plots.labels import kind_of
-from receding_fenicsx.output.report.section import Rows, Section, Summary
+from receding_fenicsx.output.report.section import Rows, Summary
 from receding_fenicsx.scene.validate import scene_warnings
 
 
-def _model(record: Record) -> dict[str, Any]:
+def model(record: Record) -> dict[str, Any]:
     """Return title, method and size; the names of the scene's units where it has some."""
     scene = record.scene
     units = {k: name for k, name in asdict(scene.units).items() if name} if scene else {}
@@ -42,14 +42,12 @@ def model_line(summary: Summary) -> str:
     )
 
 
-MODEL = Section(
-    "",
-    summary=_model,
-    lines=lambda summary: [
+def headline(summary: Summary) -> list[str]:
+    """Return title, size and method."""
+    return [
         f"{summary['title'] or 'untitled'}: {summary['nodes']} contact nodes, "
         f"{summary['modelled_nodes']} modelled, method {summary['method']}"
-    ],
-)
+    ]
 
 
 # -- warnings ------------------------------------------------------------------------------------
@@ -105,19 +103,10 @@ def slip_warnings(record: Record) -> list[str]:
     return lines
 
 
-WARNINGS = Section(
-    "Warnings",
-    summary=lambda record: {
-        "warnings": [
-            *(scene_warnings(record.scene) if record.scene else []),
-            *cut_off_warnings(record),
-            *slip_warnings(record),
-            *loose_warnings(record),
-        ]
-    },
-    rows=lambda summary: [[text] for text in summary.get("warnings") or []],
-    lines=lambda summary: [f"warning: {text}" for text in summary.get("warnings") or []],
-)
+def warnings(record: Record) -> dict[str, Any]:
+    """Return the warnings on the scene and on the record."""
+    found = [*(scene_warnings(record.scene) if record.scene else []), *cut_off_warnings(record)]
+    return {"warnings": [*found, *slip_warnings(record), *loose_warnings(record)]}
 
 
 # -- forces of bolts and of prescribed displacements ---------------------------------------------
@@ -130,20 +119,22 @@ def _bolts(record: Record) -> dict[str, list[float]]:
     return {name: force[:, record.load_names.index(name)].tolist() for name in names}
 
 
-def _forces(record: Record) -> dict[str, Any]:
+def forces(record: Record) -> dict[str, Any]:
     """Return the keys "bolts" and "forces": each one's force at the turning points."""
     names = record.scene.driven_names if record.scene else ()
     kinds = {name: kind_of(record.scene, name, record.axisymmetric) for name in names}
     conjugate = record.turning_points.load_displacement
-    forces = {
+    of_displacements = {
         name: (conjugate[:, record.load_names.index(name)] / kind.size).tolist()
         for name, kind in kinds.items()
         if kind.symbol == "F"
     }
-    return {key: part for key, part in (("bolts", _bolts(record)), ("forces", forces)) if part}
+    found = {"bolts": _bolts(record), "forces": of_displacements}
+    return {key: part for key, part in found.items() if part}
 
 
-def _force_rows(summary: Summary) -> Rows:
+def force_rows(summary: Summary) -> Rows:
+    """Return smallest, largest and last force of each bolt and prescribed displacement."""
     return [
         [f"{what} {name}", min(force), max(force), force[-1]]
         for what, key in (("bolt", "bolts"), ("displacement", "forces"))
@@ -152,19 +143,10 @@ def _force_rows(summary: Summary) -> Rows:
     ]
 
 
-def _force_lines(summary: Summary) -> list[str]:
-    found = [f"{who} {low:.4g} to {high:.4g}" for who, low, high, _ in _force_rows(summary)]
+def force_lines(summary: Summary) -> list[str]:
+    """Return smallest and largest forces on one line."""
+    found = [f"{who} {low:.4g} to {high:.4g}" for who, low, high, _ in force_rows(summary)]
     return [f"smallest and largest force: {', '.join(found)}"] if found else []
-
-
-FORCES = Section(
-    "Forces",
-    summary=_forces,
-    rows=_force_rows,
-    head=lambda _: ["", "smallest", "largest", "last"],
-    lines=_force_lines,
-    form="{:z.6g}",
-)
 
 
 # -- space errors, and the search for a mesh that meets a tolerance ------------------------------
@@ -199,7 +181,7 @@ def error_rows(summary: Summary) -> Rows:
     return [*rows, *_doubts(summary)]
 
 
-def _error_lines(summary: Summary) -> list[str]:
+def error_lines(summary: Summary) -> list[str]:
     """Return doubts about the estimates, and the largest relative errors on one line."""
     errors = (summary.get("errors") or {}).items()
     lines = [f"{head}: {words}" for head, words in _doubts(summary)]
@@ -255,30 +237,22 @@ def verdict(summary: Summary) -> str:
     return f"tolerance {search['tolerance']:g} {ended}; {spent}"
 
 
-ERRORS = Section("Space errors", rows=error_rows, lines=_error_lines)
-SEARCH = Section(
-    "Search for the tolerance",
-    rows=search_rows,
-    head=lambda _: ["elements", "nodes", "number", "value", "estimate", "relative", "seconds"],
-    note=lambda summary: f"{verdict(summary)}.",
-    lines=lambda summary: [verdict(summary)] if "accuracy" in summary else [],
-)
-
-
 # -- time, memory and versions -------------------------------------------------------------------
 
 
-def _costs(summary: Summary) -> tuple[Rows, list[str]]:
-    """Return rows and line on time and memory."""
-    times = summary.get("timings")
-    if times is None:
-        return [], []
-    memory = f"{summary['peak_memory_MB']:.0f}"
-    rows: Rows = [[f"{name}, s", f"{value:.3f}"] for name, value in times.items()]
+def cost_rows(summary: Summary) -> Rows:
+    """Return times and memory."""
+    if "timings" not in summary:
+        return []
+    rows: Rows = [[f"{name}, s", f"{value:.3f}"] for name, value in summary["timings"].items()]
+    memory = ["peak memory, MB", f"{summary['peak_memory_MB']:.0f}"]
+    return [*rows, memory, ["MPI ranks", summary["ranks"]]]
+
+
+def cost_lines(summary: Summary) -> list[str]:
+    """Return time and memory on one line."""
+    if "timings" not in summary:
+        return []
+    times = summary["timings"]
     drawn = f" (pictures {times['pictures']:.1f} s)" if times.get("pictures") else ""
-    line = f"{sum(times.values()):.1f} s{drawn}, {memory} MB"
-    return [*rows, ["peak memory, MB", memory], ["MPI ranks", summary["ranks"]]], [line]
-
-
-COSTS = Section("Time and memory", rows=lambda s: _costs(s)[0], lines=lambda s: _costs(s)[1])
-VERSIONS = Section("Versions", rows=lambda summary: list(summary.get("versions", {}).items()))
+    return [f"{sum(times.values()):.1f} s{drawn}, {summary['peak_memory_MB']:.0f} MB"]

@@ -20,28 +20,18 @@ def shown(cell: object, form: str = "{:z.5g}", dash: str = "-") -> str:
     return form.format(cell) if isinstance(cell, float) else str(cell)
 
 
-def _nothing(_: Summary) -> list[Any]:
-    return []
-
-
 @dataclass(frozen=True)
 class Section:
-    """A section; the table and the lines are made of the summary, which is also read from a file.
+    """A section; its table and lines are made of the summary, which is also read from a file."""
 
-    Attributes:
-        name: heading; "" for a section without one.
-        summary: returns the keys of the summary from a record.
-        rows: returns the rows of the table from the summary; without rows the report omits it.
-        head: returns the heads of the columns; without them the first column is what a row is.
-        note: returns a paragraph before the table.
-        lines: returns what the console shows, most important first.
-        form: format of floating-point numbers in the table.
-    """
-
-    name: str
+    name: str  # heading; "" for a section without one
+    # returns the keys of the summary from a record
     summary: Callable[[Record], dict[str, Any]] = lambda _: {}
-    rows: Callable[[Summary], Rows] = _nothing
-    head: Callable[[Summary], Sequence[str]] = _nothing
-    note: Callable[[Summary], str] = lambda _: ""
-    lines: Callable[[Summary], list[str]] = _nothing
-    form: str = "{:z.5g}"
+    # returns the rows of the table from the summary; without rows the report omits it
+    rows: Callable[[Summary], Rows] = lambda _: []
+    # returns the heads of the columns; without them the first column is what a row is
+    head: Callable[[Summary], Sequence[str]] = lambda _: []
+    note: Callable[[Summary], str] = lambda _: ""  # returns a paragraph before the table
+    # returns what the console shows, most important first
+    lines: Callable[[Summary], list[str]] = lambda _: []
+    form: str = "{:z.5g}"  # format of floating-point numbers in the table

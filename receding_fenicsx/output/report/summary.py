@@ -8,61 +8,90 @@ from typing import Any
 
 from receding_fenicsx.arrays import aligned
 from receding_fenicsx.evolution.record import Record
-from receding_fenicsx.output.report.checks import CHECKS, FATIGUE
-from receding_fenicsx.output.report.cycles import CYCLES, STEADY
-from receding_fenicsx.output.report.run import (
-    COSTS,
-    ERRORS,
-    FORCES,
-    MODEL,
-    SEARCH,
-    VERSIONS,
-    WARNINGS,
-)
-from receding_fenicsx.output.report.section import Summary, shown
+from receding_fenicsx.measures.fatigue import fatigue_summary
+from receding_fenicsx.output.report import checks, cycles, run
+from receding_fenicsx.output.report.section import Section, Summary, shown
 from receding_fenicsx.output.report.turning_points import (
-    CONSOLE_WIDTH,
-    TURNING_POINTS,
     console_table,
+    point_head,
+    point_rows,
+    turning_points,
 )
 
-SECTIONS = (
-    *(MODEL, WARNINGS, TURNING_POINTS, STEADY, CYCLES),
-    *(FORCES, FATIGUE, CHECKS, ERRORS, SEARCH, COSTS, VERSIONS),
-)
+SECTIONS = {
+    section.name: section
+    for section in (
+        Section("", summary=run.model, lines=run.headline),
+        Section(
+            "Warnings",
+            summary=run.warnings,
+            rows=lambda summary: [[text] for text in summary.get("warnings") or []],
+            lines=lambda summary: [f"warning: {text}" for text in summary.get("warnings") or []],
+        ),
+        Section("Turning points", summary=turning_points, rows=point_rows, head=point_head),
+        Section(
+            "Steady state and limit",
+            summary=cycles.steady_state,
+            rows=cycles.steady_rows,
+            lines=cycles.steady_lines,
+        ),
+        Section(
+            "Cycles",
+            summary=cycles.cycles,
+            rows=cycles.cycle_rows,
+            head=lambda _: ["cycle N", "dissipation D", "over cycle 1", "largest slip increment"],
+            note=cycles.cycle_note,
+            form="{:z.8g}",
+        ),
+        Section(
+            "Forces",
+            summary=run.forces,
+            rows=run.force_rows,
+            head=lambda _: ["", "smallest", "largest", "last"],
+            lines=run.force_lines,
+            form="{:z.6g}",
+        ),
+        Section(
+            "Fatigue parameters",
+            summary=fatigue_summary,
+            rows=lambda summary: checks.fatigue_table(summary)[1:],
+            head=lambda summary: checks.fatigue_table(summary)[0],
+            note=checks.fatigue_note,
+            lines=checks.fatigue_lines,
+        ),
+        Section("Checks", checks.checks, checks.check_rows, lines=checks.check_lines),
+        Section("Space errors", rows=run.error_rows, lines=run.error_lines),
+        Section(
+            "Search for the tolerance",
+            rows=run.search_rows,
+            head=lambda _: "elements nodes number value estimate relative seconds".split(),
+            note=lambda summary: f"{run.verdict(summary)}.",
+            lines=lambda summary: [run.verdict(summary)] if "accuracy" in summary else [],
+        ),
+        Section("Time and memory", rows=run.cost_rows, lines=run.cost_lines),
+        Section("Versions", rows=lambda summary: list(summary.get("versions", {}).items())),
+    )
+}
 """Sections in the order of ``report.html``; pictures stand behind the turning points."""
 
 
 def summarise(record: Record, extra: Mapping[str, Any] | None = None) -> dict[str, Any]:
-    """Return the summary of a record; lengths and tractions are in the scene's units.
-
-    Args:
-        record: the record.
-        extra: further keys, such as timings and versions; they replace keys of the record.
-
-    Returns:
-        Numbers, strings, lists and dictionaries.
-    """
+    """Return the summary of a record in the scene's units; extra keys replace those of it."""
     found: dict[str, Any] = {}
-    for section in SECTIONS:
+    for section in SECTIONS.values():
         found |= section.summary(record)
     return {**found, **(extra or {})}
 
 
 def run_table(summary: Summary, everything: bool = False) -> str:
-    """Return what a run prints: its answer in a few lines.
+    """Return what a run prints: its answer in at most nine lines of at most 100 characters.
 
-    Args:
-        summary: contents of ``summary.json``.
-        everything: return all sections of the report as text instead.
-
-    Returns:
-        At most nine lines of at most 100 characters: turning points of the last cycle and of the
-        first loading, warnings, steady state, uniqueness, residual, time.
+    They tell turning points of the last cycle and of the first loading, warnings, steady state,
+    uniqueness, residual, time; with ``everything`` all sections of the report instead.
     """
-    head = _wrapped(MODEL.lines(summary))
+    head = _wrapped(run.headline(summary))
     if everything:
-        for section in SECTIONS:
+        for section in SECTIONS.values():
             rows = [[shown(cell, section.form) for cell in row] for row in section.rows(summary)]
             if rows:
                 note, heads = section.note(summary), section.head(summary)
@@ -70,9 +99,13 @@ def run_table(summary: Summary, everything: bool = False) -> str:
                 head += aligned([heads, *rows] if heads else rows)
         return "\n".join(head)
     # most important first
-    behind_table = (WARNINGS, SEARCH, STEADY, FATIGUE, ERRORS, FORCES, CHECKS)
-    lines = [line for section in behind_table for line in section.lines(summary)]
-    lines[-1] = "; ".join([lines[-1], *COSTS.lines(summary)])
+    names = "Warnings", "Search for the tolerance", "Steady state and limit", "Fatigue parameters"
+    lines = [
+        line
+        for name in (*names, "Space errors", "Forces", "Checks")
+        for line in SECTIONS[name].lines(summary)
+    ]
+    lines[-1] = "; ".join([lines[-1], *run.cost_lines(summary)])
     body = _wrapped(lines)
     # the command line adds where the files are, as the tenth line
     left = 9 - len(head)
@@ -84,5 +117,5 @@ def run_table(summary: Summary, everything: bool = False) -> str:
 
 
 def _wrapped(lines: Sequence[str]) -> list[str]:
-    wrapped = [textwrap.wrap(line, CONSOLE_WIDTH, subsequent_indent="  ") for line in lines]
+    wrapped = [textwrap.wrap(line, 100, subsequent_indent="  ") for line in lines]
     return [part for parts in wrapped for part in parts]

@@ -19,17 +19,14 @@ from receding_fenicsx.measures.ends import (
     half_widths,
 )
 from receding_fenicsx.output.plots.labels import MOST_TOLD
-from receding_fenicsx.output.report.section import Rows, Section, Summary
+from receding_fenicsx.output.report.section import Rows, Summary
 from receding_fenicsx.scene.options import in_unit
-
-CONSOLE_WIDTH = 100
-"""Largest number of characters of a line of the console."""
 
 Point = Summary
 """A turning point of the summary."""
 
 
-def _summary(record: Record) -> dict[str, Any]:
+def turning_points(record: Record) -> dict[str, Any]:
     """Return the turning points in order; with several contact edges one for each edge."""
     edges = record.by_edge()
     parts = [
@@ -95,7 +92,8 @@ def _acting(point: Point) -> dict[str, float]:
     return {name: value for name, value in load.items() if value or len(load) <= MOST_TOLD}
 
 
-def _rows(summary: Summary) -> Rows:
+def point_rows(summary: Summary) -> Rows:
+    """Return a row for each turning point of the table."""
     form = length_format(summary)
     rows = []
     for p in headline_points(summary):
@@ -115,7 +113,8 @@ def _rows(summary: Summary) -> Rows:
     return rows
 
 
-def _head(summary: Summary) -> list[str]:
+def point_head(summary: Summary) -> list[str]:
+    """Return the heads of the columns, with the scene's units."""
     head = ["cycle", "load", "contact half width", "fitted", "stick half width", "fitted"]
     edge = ["edge"] if any("edge" in p for p in summary["turning_points"]) else []
     head = [_in_units(name, summary) for name in [*edge, *head, "p max", "q min", "q max"]]
@@ -152,7 +151,7 @@ def console_table(summary: Summary, most: int) -> list[str]:
     while columns:
         heads = [_in_units(head, summary) for head in columns]
         lines = aligned([heads, *zip(*columns.values(), strict=True)])
-        if max(map(len, lines)) <= CONSOLE_WIDTH:
+        if max(map(len, lines)) <= 100:
             return lines
         # the zones are in the report
         columns.pop([*columns][-1])
@@ -230,6 +229,3 @@ def _format(values: Sequence[float]) -> str:
         return "z.4f"
     places = 4 - math.floor(math.log10(largest))
     return f"z.{places}f" if 0 <= places <= 8 else "z.4e"
-
-
-TURNING_POINTS = Section("Turning points", summary=_summary, rows=_rows, head=_head)

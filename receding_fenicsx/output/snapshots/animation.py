@@ -40,15 +40,10 @@ Frame = NDArray[np.uint8]
 
 @dataclass(frozen=True)
 class Scenario:
-    """The instants of a film.
+    """The instants of a film."""
 
-    Attributes:
-        instants: states of the modelled contact nodes, in order of time.
-        time: (n,) time of each instant in the film, from 0 to 1.
-    """
-
-    instants: list[Instant]
-    time: Array
+    instants: list[Instant]  # states of the modelled contact nodes, in order of time
+    time: Array  # (n,) time of each instant in the film, from 0 to 1
 
 
 def animate(

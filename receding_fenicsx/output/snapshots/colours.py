@@ -15,21 +15,13 @@ from receding_fenicsx.output.snapshots.view import View
 
 @dataclass(frozen=True)
 class Quantity:
-    """A stress as pictures show it.
+    """A stress as pictures show it."""
 
-    Attributes:
-        name: key in :attr:`Fields.stress`.
-        symbol: its symbol as mathematics.
-        colours: name of a colour map; if ``signed``, its middle is zero stress.
-        signed: the sign has a meaning.
-        fringes: shown as light and dark fringes.
-    """
-
-    name: str
-    symbol: str
-    colours: str = "RdBu_r"
-    signed: bool = True
-    fringes: bool = False
+    name: str  # key in :attr:`Fields.stress`
+    symbol: str  # its symbol as mathematics
+    colours: str = "RdBu_r"  # name of a colour map; if ``signed``, its middle is zero stress
+    signed: bool = True  # the sign has a meaning
+    fringes: bool = False  # shown as light and dark fringes
 
 
 QUANTITIES = (
@@ -51,21 +43,13 @@ def quantity_of(name: str) -> Quantity:
 
 @dataclass(frozen=True)
 class Colours:
-    """Colours of a field.
+    """Colours of a field."""
 
-    Attributes:
-        limits: values of the first and the last colour.
-        table: (k, 3 or 4) colours in [0, 1].
-        label: label of the colour bar.
-        note: stress of one fringe, or "".
-        extend: where values lie beyond the limits: "neither", "min", "max" or "both".
-    """
-
-    limits: tuple[float, float]
-    table: Array
-    label: str
-    note: str
-    extend: str
+    limits: tuple[float, float]  # values of the first and the last colour
+    table: Array  # (k, 3 or 4) colours in [0, 1]
+    label: str  # label of the colour bar
+    note: str  # stress of one fringe, or ""
+    extend: str  # where values lie beyond the limits: "neither", "min", "max" or "both"
 
 
 def scaled(view: View, quantity: Quantity) -> Array:

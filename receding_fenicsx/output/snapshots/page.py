@@ -32,22 +32,17 @@ LEFT, RIGHT = 0.62, 0.98
 
 @dataclass(frozen=True)
 class Layout:
-    """Boxes of a page in inches, and the part of the plane that the body's axes show.
+    """Boxes of a page in inches, and the part of the plane that the body's axes show."""
 
-    Attributes:
-        width, height: of the page.
-        body: left, bottom, width and height of the body's axes.
-        tractions: left, bottom, width and height of the axes of the tractions.
-        window: left, right, bottom and top of the body's axes in the view's coordinates.
-        dpi: dots per inch.
-    """
-
+    # width, height: of the page
     width: float
     height: float
-    body: tuple[float, float, float, float]
+    body: tuple[float, float, float, float]  # left, bottom, width and height of the body's axes
+    # left, bottom, width and height of the axes of the tractions
     tractions: tuple[float, float, float, float]
+    # left, right, bottom and top of the body's axes in the view's coordinates
     window: tuple[float, float, float, float]
-    dpi: float
+    dpi: float  # dots per inch
 
     def shows(self, points: Array) -> NDArray[np.bool_]:
         """Return (n,) whether points (n, 2) lie within the body's axes."""
@@ -119,25 +114,15 @@ def visible_box(view: View) -> Array:
 
 @dataclass(frozen=True)
 class Clock:
-    """Position of a picture in a film, and what is the same in all pictures of the film.
+    """Position of a picture in a film, and what is the same in all pictures of the film."""
 
-    Attributes:
-        time: (n,) time of the film's pictures, from 0 to 1.
-        load: (n, n_loads) load factors at these times, each over its largest value.
-        names: names of the loads as mathematics.
-        now: time of this picture.
-        now_load: (n_loads,) load factors of this picture, each over its largest value.
-        tractions: limits of the axis of the tractions in all pictures.
-        legend: place of the legend of the tractions in all pictures.
-    """
-
-    time: Array
-    load: Array
-    names: tuple[str, ...]
-    now: float
-    now_load: Array
-    tractions: tuple[float, float]
-    legend: str = "upper right"
+    time: Array  # (n,) time of the film's pictures, from 0 to 1
+    load: Array  # (n, n_loads) load factors at these times, each over its largest value
+    names: tuple[str, ...]  # names of the loads as mathematics
+    now: float  # time of this picture
+    now_load: Array  # (n_loads,) load factors of this picture, each over its largest value
+    tractions: tuple[float, float]  # limits of the axis of the tractions in all pictures
+    legend: str = "upper right"  # place of the legend of the tractions in all pictures
 
 
 def compose(

@@ -37,20 +37,13 @@ from receding_fenicsx.store.hdf5 import new_hdf5
 
 @dataclass(frozen=True)
 class Grid:
-    """Points, cells and their values.
+    """Points, cells and their values."""
 
-    Attributes:
-        points: (n, 3) coordinates.
-        topology: for each of the cells its XDMF number (lines: and their number of points), then
-            its points.
-        at_points: values at points, (n,) or (n, 3).
-        in_cells: values of cells, (m,).
-    """
-
-    points: Array
+    points: Array  # (n, 3) coordinates
+    # for each of the cells its XDMF number (lines: and their number of points), then its points
     topology: Ints
-    at_points: dict[str, NDArray[Any]]
-    in_cells: dict[str, NDArray[Any]]
+    at_points: dict[str, NDArray[Any]]  # values at points, (n,) or (n, 3)
+    in_cells: dict[str, NDArray[Any]]  # values of cells, (m,)
 
 
 def grid_of(fields: Fields, cell_stress: dict[str, Array], contact: WholeContact) -> Grid:

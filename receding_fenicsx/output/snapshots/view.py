@@ -39,41 +39,26 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Units:
-    """Exaggeration of displacements and unit of stresses in a picture.
+    """Exaggeration of displacements and unit of stresses in a picture."""
 
-    Attributes:
-        factor: factor of the displacements.
-        traction: unit of the stresses.
-        symbol: symbol of this unit; "" for the scene's own units.
-    """
-
-    factor: float
-    traction: float
-    symbol: str
+    factor: float  # factor of the displacements
+    traction: float  # unit of the stresses
+    symbol: str  # symbol of this unit; "" for the scene's own units
 
 
 @dataclass(frozen=True)
 class Strip:
-    """Contact nodes of one contact edge in a picture.
+    """Contact nodes of one contact edge in a picture."""
 
-    Attributes:
-        name: name of the edge.
-        x, place: (N,) positions along the edge, (N, 2) undeformed coordinates.
-        moved: (N, 2) coordinates after the exaggerated deformation of the first body.
-        normal: (2,) unit normal n into the body.
-        gap: (N,) exaggerated initial gap, from the contact nodes to the plane.
-        state: (N,) states.
-        rigid: whether the other side is a rigid plane, not a second body.
-    """
-
-    name: str
+    name: str  # name of the edge
+    # x, place: (N,) positions along the edge, (N, 2) undeformed coordinates
     x: Array
     place: Array
-    moved: Array
-    normal: Array
-    gap: Array
-    state: NDArray[np.int8]
-    rigid: bool
+    moved: Array  # (N, 2) coordinates after the exaggerated deformation of the first body
+    normal: Array  # (2,) unit normal n into the body
+    gap: Array  # (N,) exaggerated initial gap, from the contact nodes to the plane
+    state: NDArray[np.int8]  # (N,) states
+    rigid: bool  # whether the other side is a rigid plane, not a second body
 
     @property
     def direction(self) -> Array:
@@ -83,59 +68,41 @@ class Strip:
 
 @dataclass(frozen=True)
 class Arrows:
-    """Arrows of the tractions of one load.
+    """Arrows of the tractions of one load."""
 
-    Attributes:
-        tails, heads: (n, 2) ends of the arrows.
-        joined: whether a line through the tails is drawn.
-    """
-
+    # tails, heads: (n, 2) ends of the arrows
     tails: Array
     heads: Array
-    joined: bool
+    joined: bool  # whether a line through the tails is drawn
 
 
 @dataclass(frozen=True)
 class View:
-    """The whole body at one instant; lengths and stresses in the picture's units.
+    """The whole body at one instant; lengths and stresses in the picture's units."""
 
-    Attributes:
-        points, moved: (n, 2) vertices before and after the exaggerated deformation.
-        cells: (m, 3 or 4) vertices around each cell.
-        edges: (k, 2) vertices of the edges of the outline.
-        stress: (n,) stresses by name.
-        factor: exaggeration of displacements.
-        size: length to which arrows and marks are proportional: the body's smaller extent, or half
-            the length of a small contact.
-        near: whether the picture is a close-up of the contact.
-        strips: the contact edges.
-        p, q: (N,) tractions on the first contact edge; nan at nodes without weight.
-        f: friction, forward and backward, of the N nodes on the first contact edge.
-        arrows: arrows of the loads.
-        length_symbol, pressure_symbol: symbols of the units; "" for the scene's own units.
-        caption: description of the instant.
-        radial: whether positions along the first contact edge are radii.
-        own_units: units of the scene.
-    """
-
+    # points, moved: (n, 2) vertices before and after the exaggerated deformation
     points: Array
     moved: Array
-    cells: NDArray[np.int64]
-    edges: NDArray[np.int64]
-    stress: dict[str, Array]
-    factor: float
+    cells: NDArray[np.int64]  # (m, 3 or 4) vertices around each cell
+    edges: NDArray[np.int64]  # (k, 2) vertices of the edges of the outline
+    stress: dict[str, Array]  # (n,) stresses by name
+    factor: float  # exaggeration of displacements
+    # length to which arrows and marks are proportional: the body's smaller extent, or half the
+    # length of a small contact
     size: float
-    near: bool
-    strips: tuple[Strip, ...]
+    near: bool  # whether the picture is a close-up of the contact
+    strips: tuple[Strip, ...]  # the contact edges
+    # p, q: (N,) tractions on the first contact edge; nan at nodes without weight
     p: Array
     q: Array
-    f: Friction
-    arrows: list[Arrows]
+    f: Friction  # friction, forward and backward, of the N nodes on the first contact edge
+    arrows: list[Arrows]  # arrows of the loads
+    # length_symbol, pressure_symbol: symbols of the units; "" for the scene's own units
     length_symbol: str
     pressure_symbol: str
-    caption: str
-    radial: bool
-    own_units: SceneUnits
+    caption: str  # description of the instant
+    radial: bool  # whether positions along the first contact edge are radii
+    own_units: SceneUnits  # units of the scene
 
     @property
     def stress_unit(self) -> str:

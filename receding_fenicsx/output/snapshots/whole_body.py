@@ -90,35 +90,25 @@ class WholeContact:
 
     An axisymmetric contact on a plane z = const that begins on the axis has both sides of a section
     through the axis; one on a cylinder or a cone has the side r > 0.
-
-    Attributes:
-        x: (N,) position along the node's edge.
-        argument: (N,) argument of friction and gap: x, on the other side of the axis -x.
-        points: (N, 2) coordinates.
-        edge: (N,) number of the contact edge.
-        body: (N,) number of the first body of the contact, as in ``Fields.body``.
-        tangent, normal: (N, 2) unit vectors t and n.
-        state: (N,) states.
-        p, q: (N,) tractions P/m and Q/m on the body; nan at nodes without weight.
-        v, w: (N,) tangential and normal displacement.
-        initial_gap: (N,) gap g0.
-        shown: (N,) states that pictures show.
     """
 
-    x: Array
-    argument: Array
-    points: Array
-    edge: Ints
-    body: Ints
+    x: Array  # (N,) position along the node's edge
+    argument: Array  # (N,) argument of friction and gap: x, on the other side of the axis -x
+    points: Array  # (N, 2) coordinates
+    edge: Ints  # (N,) number of the contact edge
+    body: Ints  # (N,) number of the first body of the contact, as in ``Fields.body``
+    # tangent, normal: (N, 2) unit vectors t and n
     tangent: Array
     normal: Array
-    state: NDArray[np.int8]
+    state: NDArray[np.int8]  # (N,) states
+    # p, q: (N,) tractions P/m and Q/m on the body; nan at nodes without weight
     p: Array
     q: Array
+    # v, w: (N,) tangential and normal displacement
     v: Array
     w: Array
-    initial_gap: Array
-    shown: NDArray[np.int8]
+    initial_gap: Array  # (N,) gap g0
+    shown: NDArray[np.int8]  # (N,) states that pictures show
 
 
 def whole_contact(bulk: Stack, instant: Instant) -> WholeContact:
