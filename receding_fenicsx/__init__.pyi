@@ -93,12 +93,13 @@ from .interface.measures.zone_ends import dundurs_beta as dundurs_beta
 from .evolution.moment import recovered_tractions as recovered_tractions
 from .interface.measures.tractions import traction_at as traction_at
 from .measures.fatigue import (
+    EdgeCrack as EdgeCrack,
+    edge_crack as edge_crack,
     fatigue as fatigue,
     fatigue_at as fatigue_at,
     life_by_pylife as life_by_pylife,
     short_cracks as short_cracks,
 )
-from .measures.cracks import EdgeCrack as EdgeCrack, edge_crack as edge_crack
 from .output.plots.series import loop_of as loop_of
 from .studies.accuracy.estimate import headline as headline, Number as Number
 from .scene.options import HEADLINE_NAMES as HEADLINE_NAMES

@@ -14,9 +14,8 @@ import receding_fenicsx as rf
 from receding_fenicsx import cli
 from receding_fenicsx.evolution.problem import problem_of_scene
 from receding_fenicsx.studies.runner import StudyOptions
-from receding_fenicsx.studies.wear.convected import Convected
-from receding_fenicsx.studies.wear.figure import fatigue_figure
-from receding_fenicsx.studies.wear.steps import NodePairs, advance
+from receding_fenicsx.studies.wear.result import fatigue_figure
+from receding_fenicsx.studies.wear.steps import Convected, NodePairs, advance
 
 ROOT = Path(__file__).parents[2]
 comm = MPI.COMM_WORLD

@@ -7,7 +7,7 @@ limit cycle and its weight $m_i$. The condensed stiffness stays, only the gap gr
    which it acts like an interference, and plays cycles until they repeat. The depths over many
    cycles are those of implicit Euler: with the slip of a cycle given, a normal contact problem with
    one added compliance a node.
-2. :class:`~receding_fenicsx.studies.wear.convected.Convected` takes its place where two half-planes
+2. :class:`~receding_fenicsx.studies.wear.steps.Convected` takes its place where two half-planes
    slide grossly by a stroke that is not small against the contact.
 3. :func:`~receding_fenicsx.studies.wear.steps.advance` compares one step with two halves, rejects
    it where they differ, and extrapolates.

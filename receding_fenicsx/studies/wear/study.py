@@ -24,10 +24,14 @@ from receding_fenicsx.store.workspace import interruption
 from receding_fenicsx.studies import run as study
 from receding_fenicsx.studies.accuracy.meshes import coarser
 from receding_fenicsx.studies.runner import Runner, Study, StudyOptions, run_study
-from receding_fenicsx.studies.wear.convected import Convected
-from receding_fenicsx.studies.wear.figure import fatigue_figure, profiles_figure, zones_figure
-from receding_fenicsx.studies.wear.result import WearStudy, ends_of_edges
-from receding_fenicsx.studies.wear.steps import NodePairs, Row, advance
+from receding_fenicsx.studies.wear.result import (
+    WearStudy,
+    ends_of_edges,
+    fatigue_figure,
+    profiles_figure,
+    zones_figure,
+)
+from receding_fenicsx.studies.wear.steps import Convected, NodePairs, Row, advance
 from receding_fenicsx.timing import Countdown, Timer
 
 CYCLES, THROUGH, DEEP = "cycles done", "stick zone worn through", "depth reached"
