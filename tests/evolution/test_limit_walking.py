@@ -13,7 +13,6 @@ from receding_fenicsx.evolution.limit import search
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.evolution.replay import state_at
 from receding_fenicsx.interface.system import ContactSystem
-from receding_fenicsx.output.report.cycles import limit_rows
 from receding_fenicsx.output.report.summary import summarise
 from receding_fenicsx.scene.history import History
 from receding_fenicsx.scene.model import SolverOptions
@@ -61,13 +60,6 @@ def test_the_cycle_of_a_walk_holds_all_laws_from_its_own_start(walk: Record) -> 
     assert np.abs(at.v - samples.v[row]).max() < 1e-10 * np.abs(at.v).max()
 
 
-def test_the_summary_tells_the_rate_of_walking(walk: Record) -> None:
-    summary = summarise(walk)
-    assert summary["limit"]["walk"] == walk.cycles.slip_increment[-1].max()
-    assert summary["limit"]["period"] == 1
-    assert dict(limit_rows(summary))["ratchetting"].startswith("a cycle adds the slip 0.00")
-
-
 @pytest.mark.parametrize("until", ["search", "play"])
 def test_two_feet_walk_by_the_closed_form(monkeypatch: pytest.MonkeyPatch, until: str) -> None:
     # as in tests/interface/exact/test_path.py: each foot gains 0.4/k a cycle
@@ -79,14 +71,3 @@ def test_two_feet_walk_by_the_closed_form(monkeypatch: pytest.MonkeyPatch, until
     assert record.limit.jumped == (until == "search")
     assert record.steady.kind == "ratchetting"
     assert summarise(record)["limit"]["walk"] == pytest.approx(0.1, rel=1e-12)
-
-
-def test_a_push_below_that_of_walking_has_a_limit_without_a_walk() -> None:
-    body, history = rocked(0.12)
-    record = evolve(body, history, until="limit")
-    plain = evolve(body, history, SolverOptions(steady_tolerance=1e-10), until="steady")
-    assert record.limit is not None and record.limit.reached
-    assert record.steady.kind == plain.steady.kind != "ratchetting"
-    D = record.cycles.dissipation[-1] - plain.cycles.dissipation[-1]
-    assert abs(D) < 1e-8 * plain.cycles.dissipation[0]
-    assert summarise(record)["limit"]["walk"] is None

@@ -61,34 +61,6 @@ def test_a_half_on_a_support_has_the_tractions_of_the_whole(bodies: int) -> None
         assert "corners" not in ours and "corners" not in known
 
 
-@pytest.mark.parametrize("friction", [0.0, 0.4])
-@pytest.mark.parametrize("method", ["events", "gauss-seidel"])
-def test_top_that_is_lifted_takes_no_force_and_may_come_down_again(
-    friction: float, method: str
-) -> None:
-    """A prescribed displacement holds the open block; without friction the force is E' d w / h."""
-    lifted = rf.Scene(
-        material=rf.Material(2.0, 0.3),
-        mesh=rf.MeshOptions(16, "triangle", 2, 1.3),
-        contacts=(rf.Contact(friction=friction),),
-        loads=(rf.Load("d", "top", displacement=("free", -1.0)),),
-        history=rf.HistoryOptions("table", columns=("d",), rows=((0.1,), (-0.1,), (0.2,))),
-        solver=rf.SolverOptions(method=method, steps_per_leg=20),
-    )
-    record = study.run(lifted)
-    if record is None:
-        return
-    ends = record.turning_points
-    force, pressed = ends.load_displacement[:, 0], ends.P.sum(axis=1)
-    assert np.abs(force - pressed).max() < 1e-12
-    assert abs(force[1]) < 1e-12 and ends.w[1] == pytest.approx(0.1, abs=1e-12)
-    uniform = 2.0 / (1.0 - 0.3**2) * 4.0 * np.array([0.1, 0.2])
-    if friction == 0.0:
-        assert force[[0, 2]] == pytest.approx(uniform)
-    else:
-        assert np.all(force[[0, 2]] > uniform)
-
-
 @pytest.mark.parametrize(
     ("support", "held"),
     [

@@ -148,31 +148,6 @@ def test_nodes_held_or_without_friction_keep_the_limits_right(seed: int) -> None
         assert played(case, 1.005 * limits.upper, safe).steady.kind == "cyclic slip"
 
 
-def test_nodes_separated_throughout_stay_out_of_the_limits() -> None:
-    system, mean, corners = random_case(9)
-    # a node that a large gap keeps away is as good as not there
-    away = replace(system, g0=np.where(np.arange(system.n) == 0, 50.0, 0.0))
-    limits = rf.shakedown_limits(away, mean, corners, separated="stay")
-    assert limits.separated.tolist() == [True] + [False] * (system.n - 1)
-    kept = np.flatnonzero(np.tile(~limits.separated, 2))
-    gone = np.flatnonzero(np.tile(limits.separated, 2))
-    K, r = system.K, system.r_star
-    solved = np.linalg.solve(K[np.ix_(gone, gone)], np.hstack([K[gone][:, kept], r[:, gone].T]))
-    bare = small_system(
-        K[np.ix_(kept, kept)] - K[np.ix_(kept, gone)] @ solved[:, : len(kept)],
-        dict(
-            zip(
-                system.load_names,
-                r[:, kept] - (K[np.ix_(kept, gone)] @ solved[:, len(kept) :]).T,
-                strict=True,
-            )
-        ),
-        system.f[1:],
-    )
-    expected = rf.shakedown_limits(bare, mean, corners)
-    assert (limits.lower, limits.upper) == pytest.approx((expected.lower, expected.upper), rel=1e-8)
-
-
 def test_bounded_slips_raise_a_lower_limit_of_zero() -> None:
     # much friction: some slip unloads a node without any range
     system = replace(two_nodes(), f=np.full(2, 3.0))

@@ -61,19 +61,6 @@ def test_margin_is_that_of_the_stiffness_with_separated_nodes_condensed_out() ->
     assert certify(judge, [Sides.of(state)], 1.0001 * found) is None
 
 
-def test_a_node_that_drags_an_open_one_along_a_free_slide_has_no_certificate() -> None:
-    # the open node is condensed out, and what is left of the stiffness is zero
-    k = 1.0 / 3.0
-    K = np.zeros((4, 4))
-    K[:2, :2], K[2:, 2:] = [[k, -k], [-k, k]], np.eye(2)
-    system = small_system(K, {"a": [0, 0, 1, 1]}, 0.5, rigid=[[1, 1, 0, 0]])
-    for scale in (1.0, 1e-9, 1e9):
-        judge = Certificate(replace(system, K=scale * K))
-        state = np.array([FORWARD, SEPARATION], dtype=np.int8)
-        assert judge.margin(state)[0] == 0.0
-        assert not judge.is_p_matrix(state) and certify(judge, [Sides.of(state)], 1.0) is None
-
-
 def random_instant(seed: int) -> tuple[ContactSystem, Certificate, Sides]:
     """Return a contact of up to four nodes, frictionless and held ones among them, in any state."""
     rng = np.random.default_rng(seed)
