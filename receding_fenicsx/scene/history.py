@@ -252,6 +252,7 @@ def _rules(scene: Scene, varying: tuple[str, ...]) -> Rules:
         "harmonic": ("harmonic", options.harmonic, "is missing; give each load a table"),
         "table": ("columns", options.columns, "is missing; name the load of each column"),
     }.get(kind, ("load", [one] if one else [], "several loads; name the one that is not constant"))
+    driven = driven if names else []  # a scene may have nothing but preloads
     for at, given in (("constant", options.constant), (key, driven)):
         for name in given:
             if name not in names:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import sys
+from collections.abc import Callable
 from concurrent.futures import Executor
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -131,28 +132,27 @@ def run(
         scene = study.with_coarser_partner(scene)
     timer = Timer(options.progress if comm.rank == 0 else None)
     body = options.system_file is None if options.snapshots is None else options.snapshots
+    drawn: Any = {"body": body, "everything": options.all_pictures, "pdf": options.pdf}
     with shared_folder(comm, out, scene, options.overwrite, options.resume) as folder:
         found = _found(scene, comm, timer, folder, options)
         if options.starts and found.failure is None:
             found.extra.update(_starts(found, comm, timer, folder, options))
         record, failure = found.record, found.failure
+
+        def written() -> dict[str, Any]:
+            place, own = mpi.given(folder), mpi.given(record)
+            write_record(place / "record.h5", own, overwrite=True)
+            write_probes(place / "probes", own)
+            return summary.summarise(own, found.extra)
+
         if out is not None:
             # written before the pictures too, which may fail
-            text = mpi.on_root(comm, lambda: _write_record(folder, record, found.extra))
+            text = mpi.on_root(comm, written)
             _write_summary(comm, folder, text, timer)
             with resumable(folder, "while drawing"), timer("pictures"):
                 if options.pictures and (failure is None or isinstance(failure, ToleranceNotMet)):
-                    draw_run(
-                        comm,
-                        found.scene,
-                        found.system,
-                        record,
-                        folder,
-                        body=body,
-                        everything=options.all_pictures,
-                        pdf=options.pdf,
-                        say=timer.say,
-                    )
+                    run_of = (found.scene, found.system, record, folder)
+                    draw_run(comm, *run_of, **drawn, say=timer.say)
                     if "accuracy" in found.extra:
                         with drawing_modules():
                             from receding_fenicsx.output.plots.study_plots import draw_search
@@ -195,31 +195,24 @@ def _found(
             return study.within_tolerance(scene, comm, folder, solve, timer.say)
     found = solve(scene)
 
-    def on_mesh(coarse: Scene) -> Record | None:
+    def on_mesh(coarse: Scene, play: Callable[..., Record] = evolve_bare) -> Record | None:
         system = condense(coarse, comm)
-        return mpi.on_root(comm, lambda: evolve_bare(mpi.given(system), coarse))
+        return mpi.on_root(comm, lambda: play(mpi.given(system), coarse))
 
+    # bolts have their preloads on coarser meshes too, not the shortenings of this one
+    own, coarse = replace(found.scene, bolts=scene.bolts), None
     if options.error and found.failure is None:
-        # bolts have their preloads on coarser meshes too, not the shortenings of this one
-        own = replace(found.scene, bolts=scene.bolts)
         with resumable(folder, "on a coarser mesh"), timer("errors"):
             kept = study.Meshes(comm, folder)
             found.extra |= study.errors_of_run(own, found.record, on_mesh, kept)
-    if found.scene.fatigue is not None and found.failure is None:
+    if own.fatigue is not None and found.failure is None:
         with resumable(folder, "on a coarser mesh"), timer("errors"):
-            found.extra |= _fatigue(replace(found.scene, bolts=scene.bolts), found.record, comm)
+            with suppress(InputError):  # none fits
+                partner = meshes.partner(own, comm)
+                coarse = None if partner is None else on_mesh(partner, evolve)
+            more = mpi.on_root(comm, lambda: fatigue_summary(mpi.given(found.record), coarse))
+            found.extra |= more or {}
     return found
-
-
-def _fatigue(scene: Scene, record: Record | None, comm: MPI.Comm) -> dict[str, Any]:
-    """Return fatigue parameters with estimates by a coarser mesh where one fits; collective."""
-    coarse = None
-    with suppress(InputError):  # none fits
-        partner = comm.bcast(mpi.on_root(comm, lambda: meshes.coarser(scene)))
-        if partner is not None:
-            system = condense(partner, comm)
-            coarse = mpi.on_root(comm, lambda: evolve(mpi.given(system), partner))
-    return mpi.on_root(comm, lambda: fatigue_summary(mpi.given(record), coarse)) or {}
 
 
 def _starts(
@@ -339,16 +332,6 @@ def check(scene: Scene, comm: MPI.Comm | None = None) -> int:
     return int(nodes)
 
 
-def _write_record(
-    folder: Path | None, record: Record | None, extra: dict[str, Any]
-) -> dict[str, Any]:
-    """Write the record and the files of its probes; return its summary."""
-    place, found = mpi.given(folder), mpi.given(record)
-    write_record(place / "record.h5", found, overwrite=True)
-    write_probes(place / "probes", found)
-    return summary.summarise(found, extra)
-
-
 def _write_summary(
     comm: MPI.Comm, folder: Path | None, text: dict[str, Any] | None, timer: Timer
 ) -> None:
@@ -356,12 +339,10 @@ def _write_summary(
     from receding_fenicsx import environment
 
     costs = environment.costs(comm, timer.seconds)
-
-    def write() -> None:
-        file = mpi.given(folder) / "summary.json"
-        write_summary(file, mpi.given(text) | costs, overwrite=True)
-
-    mpi.on_root(comm, write)
+    name = "summary.json"
+    mpi.on_root(
+        comm, lambda: write_summary(mpi.given(folder) / name, mpi.given(text) | costs, True)
+    )
 
 
 log = logging.getLogger(__name__)

@@ -11,10 +11,11 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
-from typing import TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
+from receding_fenicsx import mpi
 from receding_fenicsx.arrays import Ints
 from receding_fenicsx.bulk.mesh.user_mesh import takes_elements
 from receding_fenicsx.errors import InputError, MeshMisfit
@@ -23,6 +24,9 @@ from receding_fenicsx.interface.law import State
 from receding_fenicsx.measures.ends import contact_betas, estimated_ends
 from receding_fenicsx.scene.model import Refinement, Scene
 from receding_fenicsx.scene.symmetry import is_cylinder, is_horizontal
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
 
 T = TypeVar("T")
 
@@ -175,6 +179,12 @@ def coarser(scene: Scene) -> Scene | None:
     numbers = elements_near(scene, half, (half / SEARCH_RATIO, half))
     found = first_that_fits(scene, numbers, fitting, InputError)
     return None if found is None else found[1]
+
+
+def partner(scene: Scene, comm: MPI.Comm) -> Scene | None:
+    """Return :func:`coarser` on all ranks; collective."""
+    found: Scene | None = comm.bcast(mpi.on_root(comm, lambda: coarser(scene)))
+    return found
 
 
 # -- smaller elements where a coarse run needs them ----------------------------------------------

@@ -41,7 +41,7 @@ from receding_fenicsx.scene.validate import validate
 from receding_fenicsx.store.run_folder import write_csv, write_summary
 from receding_fenicsx.store.workspace import Case
 from receding_fenicsx.studies import run as study
-from receding_fenicsx.studies.accuracy.meshes import coarser
+from receding_fenicsx.studies.accuracy import meshes
 from receding_fenicsx.studies.joint.backbone import NO_DISSIPATION, Backbone, first_loading
 from receding_fenicsx.studies.runner import (
     Runner,
@@ -322,8 +322,7 @@ def joint_curve(
     partner = None
     if cyclic is not None:
         with suppress(InputError):  # without estimate where no coarser mesh fits
-            unworn = replace(cyclic, wear=WearOptions())
-            partner = comm.bcast(mpi.on_root(comm, lambda: coarser(unworn)))
+            partner = meshes.partner(replace(cyclic, wear=WearOptions()), comm)
 
     def begin() -> Study[JointCurve]:
         if cyclic is None:
@@ -384,15 +383,10 @@ def _driven(scene: Scene, drive: str, values: Array) -> Scene:
     if mode_number(drive):
         mode = Load(drive, mode=mode_number(drive))
         scene = replace(scene, loads=(*scene.loads, mode), probes=())
-    preload = _preload(scene, drive, values)
-    history = HistoryOptions(
-        kind="harmonic",
-        harmonic={drive: Harmonic(amplitude=float(values[0]))},
-        constant=preload,
-        cycles=CYCLES,
-        until="limit",
-    )
-    return replace(scene, history=history, output=OutputOptions(1, ()))
+    held = _preload(scene, drive, values)
+    history = HistoryOptions("harmonic", constant=held, cycles=CYCLES, until="limit")
+    harmonic = {drive: Harmonic(amplitude=float(values[0]))}
+    return replace(scene, history=replace(history, harmonic=harmonic), output=OutputOptions(1, ()))
 
 
 def _curve(
@@ -400,25 +394,23 @@ def _curve(
 ) -> JointCurve:
     """Return the curve of the tables on both meshes, or on one, and of the first loading."""
 
-    def column(table: SweepTable | None, name: str) -> Array:
-        rows = () if table is None else table.rows
-        found = np.array([row.get(name) for row in rows], dtype=float)
-        return found if len(found) else np.full(len(amplitude), np.nan)
+    def column(name: str, table: SweepTable = tables[0]) -> Array:
+        return np.array([row.get(name) for row in table.rows], dtype=float)
 
-    table, coarse = tables[0], tables[1] if len(tables) > 1 else None
-    D = column(table, "dissipation")
+    table, D = tables[0], column("dissipation")
     alive = np.where(D > 0.0, D, np.nan)
+    coarse = column("dissipation", tables[1]) if tables[1:] else np.full(len(D), np.nan)
     # a single change may be small by chance
-    change = np.pad(np.abs(1.0 - column(coarse, "dissipation") / alive), 1, constant_values=np.nan)
+    change = np.pad(np.abs(1.0 - coarse / alive), 1, constant_values=np.nan)
     largest = np.fmax(np.fmax(change[:-2], change[1:-1]), change[2:])
     return JointCurve(
         drive=drive,
         amplitude=amplitude,
         dissipation=D,
         estimate=largest * alive,
-        stiffness=column(table, "stiffness"),
+        stiffness=column("stiffness"),
         masing=backbone.masing(amplitude),
-        slip=column(table, "slip"),
+        slip=column("slip"),
         kind=tuple(row.get("kind") or "failed" for row in table.rows),
         backbone=backbone,
         table=table,

@@ -48,9 +48,9 @@ from receding_fenicsx.scene.identity import body_of, identity_of
 from receding_fenicsx.scene.model import Scene
 from receding_fenicsx.scene.toml_file import to_toml
 from receding_fenicsx.store.run_folder import write_csv, write_summary
-from receding_fenicsx.store.workspace import Case
+from receding_fenicsx.store.workspace import Case, Outcome
 from receding_fenicsx.studies import run as study
-from receding_fenicsx.studies.accuracy.meshes import coarser
+from receding_fenicsx.studies.accuracy import meshes
 from receding_fenicsx.studies.run import shared_system
 from receding_fenicsx.studies.runner import (
     Runner,
@@ -250,7 +250,7 @@ def shakedown(
     failures: list[str] = []
     if all(body.mesh is None for body in scene.bodies):
         try:
-            partner = comm.bcast(mpi.on_root(comm, lambda: coarser(scene)))
+            partner = meshes.partner(scene, comm)
         except RecedingError as error:  # the scene's own limits stand
             failures.append(f"no limits on a coarser mesh: {error}")
 
@@ -342,41 +342,40 @@ def _combined(
     width = max(1.5 * size * limits.upper if np.isfinite(limits.upper) else 0.0, abs(own)) or 1.0
     changes = means(margins, load, width)
 
-    def case(label: str, work: Any, *arguments: Any) -> Case:
-        return Case(digest_of(key, label), (work, *arguments), (label,))
+    def outcomes(work: dict[str, tuple[Any, ...]]) -> dict[str, Outcome]:
+        cases = [Case(digest_of(key, label), what, (label,)) for label, what in work.items()]
+        return dict(zip(work, runner.outcomes(cases, measure), strict=True))
 
-    cases = [
-        case(f"diagram {k} of {parts}", limits_at, margins, load, changes[k::parts].tolist())
+    work: dict[str, tuple[Any, ...]] = {
+        f"diagram {k} of {parts}": (limits_at, margins, load, changes[k::parts].tolist())
         for k in range(min(parts, len(changes)))
-    ]
-    n = len(cases)
+    }
+    pieces = list(work)
     plays = limits.opens and limits.upper > 0.0 and not np.any(system.g0 > 0.0)
     if partner is not None:
-        body = body_of(partner)
-        cases.append(case("second mesh", second_mesh, partner, body, runner.systems))
+        work["second mesh"] = (second_mesh, partner, body_of(partner), runner.systems)
     if plays:
-        cases.append(case("exact cycles", cycles_of, scene, system, limits))
-    found = runner.outcomes(cases, measure)
-    needed = [*found[:n], *(found[-1:] if plays else ())]
-    for reason in (outcome.error for outcome in needed if outcome.error):
-        raise SolveError(reason)
+        work["exact cycles"] = (cycles_of, scene, system, limits)
+    found = outcomes(work)
+    for reason in (each.error for name, each in found.items() if name != "second mesh"):
+        if reason:
+            raise SolveError(reason)
     both = np.zeros((len(changes), 2))
-    for k, outcome in enumerate(found[:n]):
-        both[k::n] = outcome.cells["limits"]
+    for k, piece in enumerate(pieces):
+        both[k :: len(pieces)] = found[piece].cells["limits"]
     diagram = Diagram(name, own + changes, both[:, 0], both[:, 1], own)
     sizes = [(len(limits.separated), limits.lower, limits.upper)]
     if partner is not None:
-        if found[n].error:
-            failures.append(f"no limits on a coarser mesh: {found[n].error}")
+        second = found["second mesh"]
+        if second.error:
+            failures.append(f"no limits on a coarser mesh: {second.error}")
         else:
-            sizes.append(tuple(found[n].cells[key] for key in ("nodes", "lower", "upper")))
+            sizes.append(tuple(second.cells[key] for key in ("nodes", "lower", "upper")))
     cycles, opening = None, None
     if plays:
-        low, high = found[-1].cells["interval"]
+        low, high = found["exact cycles"].cells["interval"]
         cycles = low, high
-        (last,) = runner.outcomes(
-            [case("opening", opening_of, scene, system, limits, high)], measure
-        )
+        last = outcomes({"opening": (opening_of, scene, system, limits, high)})["opening"]
         if last.error:  # cycles have told what they found
             failures.append(f"no range with opening nodes: {last.error}")
         else:
