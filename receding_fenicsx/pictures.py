@@ -89,11 +89,13 @@ def animate(
         The files written, .mp4 and .gif, on rank 0; None on the others.
     """
     with drawing_modules():
-        from receding_fenicsx.output.snapshots import animation, colours
+        from receding_fenicsx.output.snapshots.draw import Scenario
+        from receding_fenicsx.output.snapshots.draw import animate as film
+        from receding_fenicsx.output.snapshots.page import quantity_of
     comm = comm or world()
     folder = Path(folder)
     timer = Timer(progress if comm.rank == 0 else None)
-    quantity = colours.quantity_of(stress)
+    quantity = quantity_of(stress)
 
     def find() -> tuple[Scene, Any]:
         scene, system, record = read_run(folder)
@@ -102,12 +104,12 @@ def animate(
             shown_instant(scene, system, record, (cycle, str(leg), float(s)))
             for leg, s in zip(legs, at, strict=True)
         ]
-        return scene, animation.Scenario(instants, time)
+        return scene, Scenario(instants, time)
 
     scene, scenario = comm.bcast(mpi.on_root(comm, find))
     file = folder / "animations" / f"cycle{cycle:04d}_{stress}"
     with picture_body(scene, comm) as bulk, timer("pictures"):
-        return animation.animate(bulk, scenario, quantity, file, timer.say)
+        return film(bulk, scenario, quantity, file, timer.say)
 
 
 def draw_slip_mode(
@@ -145,8 +147,8 @@ def draw_run(
     """
     with drawing_modules():
         from receding_fenicsx.output.plots import figures
-        from receding_fenicsx.output.snapshots import colours
         from receding_fenicsx.output.snapshots.draw import snapshots
+        from receding_fenicsx.output.snapshots.page import quantity_of
 
     def begin() -> list[Instant]:
         found, formats = mpi.given(record), figures.FORMATS if pdf else ("png",)
@@ -157,7 +159,7 @@ def draw_run(
     if body:
         with picture_body(scene, comm) as fine:
             names = ("von_mises", "max_shear") if everything else ("max_shear",)
-            quantities = tuple(colours.quantity_of(name) for name in names)
+            quantities = tuple(quantity_of(name) for name in names)
             snapshots(fine, instants, place / "snapshots", quantities, say)
 
 

@@ -3,7 +3,7 @@
 The rooms read a :class:`~receding_fenicsx.evolution.record.Record`; they compute no mechanics.
 
 1. :mod:`plots`: ``figures.plot_all`` draws all figures of a record.
-2. :mod:`snapshots`: ``draw.snapshots`` draws stresses on the deformed body, ``animation.animate``
+2. :mod:`snapshots`: ``draw.snapshots`` draws stresses on the deformed body, ``draw.animate``
    a film of a cycle.
 3. :mod:`report`: sections (``summary.SECTIONS``), as ``summary.summarise``,
    ``text.run_table`` and ``html.write_report``.

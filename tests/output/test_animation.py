@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from PIL import Image
 
 import receding_fenicsx as rf
-from receding_fenicsx.output.snapshots import animation, draw
+from receding_fenicsx.output.snapshots import draw
 from receding_fenicsx.output.snapshots.page import Clock, Layout, compose
 from receding_fenicsx.output.snapshots.view import View
 from receding_fenicsx.studies import run as study
@@ -98,7 +98,7 @@ def test_failure_of_the_coder_is_said_and_leaves_no_file(
     monkeypatch.setattr(imageio_ffmpeg, "get_ffmpeg_exe", lambda: "/bin/false")
     path = tmp_path / "film.mp4"
     with pytest.raises(rf.RecedingError, match="FFmpeg failed"):
-        animation.write_film(path, blank)
+        draw.write_film(path, blank)
     assert not path.exists()
 
 

@@ -21,7 +21,7 @@ from receding_fenicsx.evolution.moment import Moment
 from receding_fenicsx.evolution.replay import instant_of
 from receding_fenicsx.mpi import on_root
 from receding_fenicsx.output.snapshots.paraview import Grid, grid_of, write_instant
-from receding_fenicsx.output.snapshots.whole_body import merge_axis, whole_contact
+from receding_fenicsx.output.snapshots.view import merge_axis, whole_contact
 from receding_fenicsx.pictures import picture_body
 from receding_fenicsx.scene.model import Body, Contact, HistoryOptions, Material, Scene, Support
 from receding_fenicsx.studies import run as study

@@ -17,8 +17,13 @@ from pictured import instant_of_row, view_at
 import receding_fenicsx as rf
 from receding_fenicsx.bulk.fields import Fields
 from receding_fenicsx.interface.law import Friction
-from receding_fenicsx.output.snapshots.colours import QUANTITIES, colours_of, scaled
-from receding_fenicsx.output.snapshots.page import compose, layout_of
+from receding_fenicsx.output.snapshots.page import (
+    QUANTITIES,
+    colours_of,
+    compose,
+    layout_of,
+    scaled,
+)
 from receding_fenicsx.output.snapshots.view import Arrows, Strip, View, _traction
 
 PRESSURE, HEIGHT, YOUNG, LARGEST = 2.0, 3.0, 5.0, 4.0

@@ -24,8 +24,8 @@ from receding_fenicsx.bulk import elasticity
 from receding_fenicsx.bulk.fields import Fields, fields_at
 from receding_fenicsx.errors import RecedingError
 from receding_fenicsx.output.plots import style
-from receding_fenicsx.output.snapshots.colours import QUANTITIES, colours_of, fringe_value
 from receding_fenicsx.output.snapshots.draw import snapshots
+from receding_fenicsx.output.snapshots.page import QUANTITIES, colours_of, fringe_value
 from receding_fenicsx.output.snapshots.render import POOL, Pixels, render
 from receding_fenicsx.output.snapshots.view import load_arrows
 from receding_fenicsx.pictures import picture_body

@@ -31,7 +31,7 @@ from numpy.typing import NDArray
 from receding_fenicsx.arrays import Array, Ints
 from receding_fenicsx.atomic import new_file
 from receding_fenicsx.bulk.fields import Fields
-from receding_fenicsx.output.snapshots.whole_body import WholeContact, edge_values
+from receding_fenicsx.output.snapshots.view import WholeContact, edge_values
 from receding_fenicsx.store.hdf5 import new_hdf5
 
 
