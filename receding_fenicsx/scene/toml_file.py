@@ -15,21 +15,11 @@ import tomli_w
 from receding_fenicsx.arrays import check_types
 from receding_fenicsx.atomic import read_text
 from receding_fenicsx.errors import InputError, InputErrors
+from receding_fenicsx.scene import toml_reader
 from receding_fenicsx.scene.checks import unknown_name
 from receding_fenicsx.scene.column_file import with_files
 from receding_fenicsx.scene.model import TABLE_OF, Contact, Scene
 from receding_fenicsx.scene.profiles import DIRECTIONS
-from receding_fenicsx.scene.toml_reader import (
-    ARRAYS,
-    KNOWN,
-    MOVED,
-    NAMED,
-    as_list,
-    named_materials,
-    parse_toml,
-    plain,
-    scene_of,
-)
 from receding_fenicsx.scene.validate import check_rules
 
 
@@ -61,7 +51,7 @@ def from_toml(text: str, overrides: Iterable[str] = (), folder: Path | None = No
     overrides = list(overrides)
     for override in overrides:
         check_types("scene", override=(override, str))
-    raw = parse_toml(text)
+    raw = toml_reader.parse_toml(text)
     for override in overrides:
         apply_override(raw, override)
     return from_raw(raw, folder)
@@ -70,8 +60,8 @@ def from_toml(text: str, overrides: Iterable[str] = (), folder: Path | None = No
 @lru_cache(maxsize=16)
 def known_scene(text: str) -> Scene:
     """Return the scene of a TOML text of :func:`to_toml`, read once, also of an older version."""
-    raw = parse_toml(text)
-    for table, key in MOVED:
+    raw = toml_reader.parse_toml(text)
+    for table, key in toml_reader.MOVED:
         part = raw.get(table.strip("[]"))
         if isinstance(part, dict):
             part.pop(key, None)
@@ -80,7 +70,7 @@ def known_scene(text: str) -> Scene:
 
 def from_raw(raw: dict[str, Any], folder: Path | None = None) -> Scene:
     """Convert parsed TOML into a scene and validate it; see :func:`from_toml`."""
-    scene = scene_of(with_files(raw, folder or Path()))
+    scene = toml_reader.scene_of(with_files(raw, folder or Path()))
     if folder is not None:
         bodies = []
         for body in scene.bodies:
@@ -111,16 +101,20 @@ def tables_of(scene: Scene) -> dict[str, Any]:
     for field in dataclasses.fields(scene):
         table, value = TABLE_OF.get(field.name, field.name), getattr(scene, field.name)
         if field.name == "materials":
-            tables[table] |= {m.name: plain(replace(m, name=""), sparse=True) for m in value}
+            tables[table] |= {
+                m.name: toml_reader.plain(replace(m, name=""), sparse=True) for m in value
+            }
         elif field.name == "others":
-            tables[table] = [tables[table], *plain(value, sparse=True)] if value else tables[table]
+            tables[table] = (
+                [tables[table], *toml_reader.plain(value, sparse=True)] if value else tables[table]
+            )
         elif value is None:
             continue
         elif (
             table not in ("units", "shakedown", "accuracy", "mode", "wear")
             or value != type(value)()
         ):
-            tables[table] = plain(value, sparse=True)
+            tables[table] = toml_reader.plain(value, sparse=True)
     return {name: table for name, table in tables.items() if table != []}
 
 
@@ -149,7 +143,7 @@ def parse_value(text: str, where: str | None) -> Any:
     InputError where it begins as a list or a table, unless ``where`` is None: that takes any text.
     """
     try:
-        parsed = parse_toml(f"value = {text}")
+        parsed = toml_reader.parse_toml(f"value = {text}")
     except InputError as error:
         if where is not None and text.strip().startswith(("{", "[")):
             reason = str(error).partition(" (")[0]
@@ -167,8 +161,8 @@ def set_value(raw: dict[str, Any], key: str, value: Any, where: str) -> None:
     if kind == "title" and not names:
         raw["title"] = value
         return
-    if kind not in KNOWN:
-        unknown_name(kind, KNOWN, where, "table")
+    if kind not in toml_reader.KNOWN:
+        unknown_name(kind, toml_reader.KNOWN, where, "table")
     if kind == "title" or not names:
         raise InputError(f"{where}: write {kind}.key=value")
     table, (name, *parts) = _table_to_set(raw, kind, names, where)
@@ -196,14 +190,14 @@ def _table_to_set(
 ) -> tuple[dict[str, Any], list[str]]:
     """Return the table that "kind.NAMES" changes, and the keys in it."""
     named = ".".join(names[:-1])
-    if kind == "material" and named in named_materials(raw):
-        return named_materials(raw)[named], names[-1:]
-    if kind not in ARRAYS and not isinstance(raw.get(kind), list):
+    if kind == "material" and named in toml_reader.named_materials(raw):
+        return toml_reader.named_materials(raw)[named], names[-1:]
+    if kind not in toml_reader.ARRAYS and not isinstance(raw.get(kind), list):
         table = raw.setdefault(kind, {})
         if not isinstance(table, dict):
             raise InputError(f"'{kind}' must be a table; write [{kind}]")
         return table, names
-    tables = as_list(raw.setdefault(kind, {}), kind)
+    tables = toml_reader.as_list(raw.setdefault(kind, {}), kind)
     for n in range(len(names) - 1, 0, -1):
         # a name, which may hold dots, with a number where several have it; or a number alone
         label, base, number = ".".join(names[:n]), ".".join(names[: n - 1]), names[n - 1]
@@ -218,13 +212,16 @@ def _table_to_set(
             )
         if chosen:
             return chosen[0], names[n:]
-    if kind in NAMED and named:
+    if kind in toml_reader.NAMED and named:
         known = [str(table["name"]) for table in tables if "name" in table]
         unknown_name(named, known, where, kind)
     if kind == "load":
         raise InputError(f"{where}: name the load, for example load.p0.pressure=2.0")
     if len(tables) != 1:
-        count, which = len(tables), "NAME" if kind in NAMED else f"N (1 to {len(tables)})"
+        count, which = (
+            len(tables),
+            "NAME" if kind in toml_reader.NAMED else f"N (1 to {len(tables)})",
+        )
         raise InputError(
             f"{where}: the scene has {count} [[{kind}]] tables; write {kind}.{which}.key=value"
         )

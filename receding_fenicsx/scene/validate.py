@@ -7,6 +7,7 @@ between values, and in ``validate_bodies`` and ``validate_loads``.
 from __future__ import annotations
 
 from receding_fenicsx.errors import InputError
+from receding_fenicsx.scene import validate_bodies as bodies
 from receding_fenicsx.scene.checks import (
     Rules,
     broken,
@@ -19,16 +20,6 @@ from receding_fenicsx.scene.history import history_from_scene
 from receding_fenicsx.scene.model import Probe, Scene, SolverOptions
 from receding_fenicsx.scene.options import HEADLINE_NAMES
 from receding_fenicsx.scene.toml_reader import check_values
-from receding_fenicsx.scene.validate_bodies import (
-    gap_warnings,
-    of_bodies,
-    of_contact,
-    of_half_planes,
-    of_initial_slip,
-    of_joint,
-    of_mesh,
-    of_touching,
-)
 from receding_fenicsx.scene.validate_loads import (
     body_named,
     of_bolt,
@@ -61,16 +52,24 @@ def validate(scene: Scene) -> None:
 
 def check_rules(scene: Scene) -> None:
     """Check the rules between the values of a scene whose types and ranges are right."""
-    refuse(broken([_of_units(scene), of_bodies(scene)]))
+    refuse(broken([_of_units(scene), bodies.of_bodies(scene)]))
     # what follows asks for the edges of contacts and ties
-    refuse(broken(of_joint(scene, k) for k in range(len(scene.joints))))
+    refuse(broken(bodies.of_joint(scene, k) for k in range(len(scene.joints))))
     rules = [
-        *(of_contact(scene, k) for k in range(len(scene.contacts))),
-        *(rule(scene) for rule in (of_touching, of_mesh, of_half_planes, of_initial_slip)),
+        *(bodies.of_contact(scene, k) for k in range(len(scene.contacts))),
+        *(
+            rule(scene)
+            for rule in (
+                bodies.of_touching,
+                bodies.of_mesh,
+                bodies.of_half_planes,
+                bodies.of_initial_slip,
+            )
+        ),
         *(of_bolt(scene, bolt) for bolt in scene.bolts),
         *(of_support(scene, support) for support in scene.supports),
         *(of_spring(scene, spring) for spring in scene.springs),
-        *(rule(scene) for rule in (_of_probes, _of_studies)),
+        *(rule(scene) for rule in (_of_probes, _of_shakedown, _of_wear, _of_accuracy)),
         of_solver(scene.solver),
     ]
     loads = broken([of_names(scene), *(of_load(scene, load) for load in scene.loads)])
@@ -94,7 +93,7 @@ def scene_warnings(scene: Scene) -> list[str]:
             f"[mesh] degree: elements of order 1 lock near incompressibility (Poisson's ratio "
             f"{largest:g}), which the residual does not show; use degree = 2"
         )
-    return lines + gap_warnings(scene)
+    return lines + bodies.gap_warnings(scene)
 
 
 def of_solver(solver: SolverOptions) -> Rules:
@@ -129,16 +128,22 @@ def _of_fatigue(scene: Scene) -> Rules:
         yield f"[fatigue] threshold: needs {along}"
 
 
-def _of_studies(scene: Scene) -> Rules:
-    """Wear has one coefficient; the names in [shakedown] and [accuracy] are known."""
+def _of_wear(scene: Scene) -> Rules:
     if scene.wear.coefficient is not None and scene.wear.archard is not None:
         yield "[wear] coefficient and archard: give one of them"
+
+
+def _of_shakedown(scene: Scene) -> Rules:
     options, known = scene.shakedown, scene.driven_names
     named = [("mean", options.mean), *(("range", vertex) for vertex in options.range)]
     for key, names in [*named, ("diagram", [options.diagram] if options.diagram else [])]:
         for name in names:
             if name not in known:
                 unknown_name(name, known, f"[shakedown] {key}", "load")
+    yield from ()  # unknown names raise
+
+
+def _of_accuracy(scene: Scene) -> Rules:
     owners = {
         "load": scene.load_names,
         "probe": tuple(probe.name for probe in scene.probes),

@@ -10,6 +10,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from receding_fenicsx.errors import MeshMisfit
+from receding_fenicsx.scene import symmetry
 from receding_fenicsx.scene.checks import Rules, check_name, unknown_name, unused
 from receding_fenicsx.scene.model import (
     RECTANGLE_KEYS,
@@ -19,14 +20,6 @@ from receding_fenicsx.scene.model import (
     Scene,
 )
 from receding_fenicsx.scene.profiles import check_table, directions, evaluate_checked
-from receding_fenicsx.scene.symmetry import (
-    EDGES,
-    FAR,
-    HORIZONTAL,
-    contact_samples,
-    edge_range,
-    is_cylinder,
-)
 
 LENGTH_TOLERANCE = 1e-9
 """Distance of two positions that count as equal, over the length of the edge."""
@@ -86,7 +79,7 @@ def of_bodies(scene: Scene) -> Rules:
     for body in scene.bodies:
         low, high = (body.position[0] + 0.5 * side * body.width for side in (-1.0, 1.0))
         # the smallest hole of a ring, over its width
-        ring = scene.axisymmetric and body.is_rectangle and not is_cylinder(scene, body)
+        ring = scene.axisymmetric and body.is_rectangle and not symmetry.is_cylinder(scene, body)
         if ring and not low > 1e-6 * body.width:
             yield (
                 f"{scene.label(body)} position: x = {body.position[0]:g} and width {body.width:g} "
@@ -161,7 +154,7 @@ def _of_refinement(scene: Scene, place: Refinement, at: str, meshed: bool) -> Ru
     for edge in edges:
         if has_mesh_file(scene, edge) or place.edge not in (None, edge):
             continue
-        low, high = edge_range(scene, edge)
+        low, high = symmetry.edge_range(scene, edge)
         slack = 1e-6 * (high - low)  # below it round-off counts
         if place.size < slack:
             yield f"{at} size: {place.size:g} is less than 1e-06 of the contact edge; enlarge it"
@@ -185,7 +178,7 @@ def count_cells(mesh: MeshOptions, slenderness: float) -> float:
 
 def of_elements(mesh: MeshOptions, body: Body, edge: str) -> Rules:
     """A rectangle's depth below its contact edge against the size of its elements."""
-    keys = ("height", "width") if edge in HORIZONTAL else ("width", "height")
+    keys = ("height", "width") if edge in symmetry.HORIZONTAL else ("width", "height")
     depth, length = (getattr(body, key) for key in keys)
     size, cells = length / mesh.contact_elements, count_cells(mesh, depth / length)
     if depth < 0.01 * size:
@@ -214,7 +207,7 @@ def of_touching(scene: Scene) -> Rules:
 def of_joint(scene: Scene, number: int) -> Rules:
     """The edges of a contact or tie, its span, and which side is the slave."""
     joint, at = scene.joints[number], scene.joint_labels[number]
-    surfaces = HORIZONTAL if number < len(scene.contacts) else ()
+    surfaces = symmetry.HORIZONTAL if number < len(scene.contacts) else ()
     yield from of_edge(scene, joint.edge, f"{at} edge", surfaces)
     if joint.against is not None:
         yield from of_edge(scene, joint.against, f"{at} against", surfaces)
@@ -244,7 +237,7 @@ def of_contact(scene: Scene, number: int) -> Rules:
         check_table(profile, f"{at} {key}")
     if body.is_rectangle:
         yield from of_elements(scene.mesh, body, edge)
-    x = np.zeros(1) if body.mesh is not None else contact_samples(scene, contact)
+    x = np.zeros(1) if body.mesh is not None else symmetry.contact_samples(scene, contact)
     for key, profile in profiles.items():
         # the points of a mesh file's edge are known when it is meshed; numbers need none
         if body.mesh is not None and isinstance(profile, dict | str):
@@ -255,20 +248,22 @@ def of_contact(scene: Scene, number: int) -> Rules:
             yield f"{at} {key}: {least}; must not be negative"
 
 
-def of_edge(scene: Scene, edge: str, at: str, of_half_plane: Sequence[str] = (FAR,)) -> Rules:
+def of_edge(
+    scene: Scene, edge: str, at: str, of_half_plane: Sequence[str] = (symmetry.FAR,)
+) -> Rules:
     """A body has the edge; groups of a mesh file are checked when it is read.
 
     ``of_half_plane`` are the names that a half-plane's edge may have here.
     """
     body, name = scene.find_edge(edge, f"{at}: ")
-    choices = of_half_plane if body.is_half_plane else EDGES
+    choices = of_half_plane if body.is_half_plane else symmetry.EDGES
     if body.mesh is not None:
         return
     if not choices:
         yield f"{at}: a half-plane cannot be tied; use a large rectangle"
     if name not in choices:
         yield f'{at}: "{name}" is unknown; use one of {", ".join(choices)}'
-    if is_cylinder(scene, body) and name == "left":
+    if symmetry.is_cylinder(scene, body) and name == "left":
         yield f'{at}: "{edge}" is the axis r = 0 of the axisymmetric body; use another edge'
 
 
@@ -277,9 +272,9 @@ def of_span(scene: Scene, edge: str, span: tuple[float, float] | None, at: str) 
     if span is None:
         return
     meshed = has_mesh_file(scene, edge)
-    if scene.find_edge(edge)[1] == FAR and not meshed:
+    if scene.find_edge(edge)[1] == symmetry.FAR and not meshed:
         yield f"{at}: the far field of a half-plane has no parts; remove span"
-    low, high = span if meshed else edge_range(scene, edge)
+    low, high = span if meshed else symmetry.edge_range(scene, edge)
     slack, own = LENGTH_TOLERANCE * abs(high - low), f"[{span[0]:g}, {span[1]:g}]"
     if not span[1] - span[0] > slack:
         yield f"{at}: {own} is empty; write [lower end, upper end]"
@@ -301,7 +296,7 @@ def of_initial_slip(scene: Scene) -> Rules:
     check_table(slip, at)
     for contact in scene.contacts:
         if not has_mesh_file(scene, contact.edge):
-            evaluate_checked(slip, contact_samples(scene, contact), None, at)
+            evaluate_checked(slip, symmetry.contact_samples(scene, contact), None, at)
     yield from ()  # the checks of a profile raise
 
 
@@ -317,7 +312,7 @@ def gap_warnings(scene: Scene) -> list[str]:
         table = contact.initial_gap
         if not isinstance(table, dict) or has_mesh_file(scene, contact.edge):
             continue
-        nodes = contact_samples(scene, contact)
+        nodes = symmetry.contact_samples(scene, contact)
         x, gap = (np.asarray(table[key]) for key in ("x", "value"))
         slope = np.diff(gap) / np.diff(x)
         # smaller changes of slope are round-off

@@ -8,16 +8,7 @@ from math import hypot
 import numpy as np
 
 from receding_fenicsx.errors import InputError
-from receding_fenicsx.scene.checks import (
-    SMALLEST,
-    Rules,
-    check_name,
-    check_positive,
-    is_given,
-    one_of,
-    unknown_name,
-    unused,
-)
+from receding_fenicsx.scene import checks, symmetry
 from receding_fenicsx.scene.model import (
     FREE,
     INTERFERENCE,
@@ -30,18 +21,7 @@ from receding_fenicsx.scene.model import (
 )
 from receding_fenicsx.scene.options import KINDS, MOST_UNITS
 from receding_fenicsx.scene.profiles import check_table, evaluate_checked
-from receding_fenicsx.scene.symmetry import (
-    HORIZONTAL,
-    body_points,
-    contact_samples,
-    edge_points,
-    edge_range,
-    is_cylinder,
-    is_horizontal,
-    load_samples,
-)
 from receding_fenicsx.scene.validate_bodies import (
-    FAR,
     LENGTH_TOLERANCE,
     has_mesh_file,
     of_edge,
@@ -49,10 +29,10 @@ from receding_fenicsx.scene.validate_bodies import (
 )
 
 
-def of_load(scene: Scene, load: Load) -> Rules:
+def of_load(scene: Scene, load: Load) -> checks.Rules:
     """A load acts outside the contact, on what a body has, and is not zero."""
     at = load.label
-    kinds = [kind for kind in KINDS if is_given(load, kind)]
+    kinds = [kind for kind in KINDS if checks.is_given(load, kind)]
     if load.on_body:
         yield from _of_body_load(scene, load, kinds)
         return
@@ -60,10 +40,10 @@ def of_load(scene: Scene, load: Load) -> Rules:
         yield f"{at}: the key 'edge' is missing; add it"
     if load.body is not None:
         yield f"{at} body: is for body_force and thermal_strain; write BODY.EDGE"
-    surfaces = HORIZONTAL if load.gap is not None else (FAR,)
+    surfaces = symmetry.HORIZONTAL if load.gap is not None else (symmetry.FAR,)
     yield from of_edge(scene, load.edge, f"{at} edge", surfaces)
     yield from of_span(scene, load.edge, None if load.travel else load.span, f"{at} span")
-    yield from one_of(load, at, KINDS)
+    yield from checks.one_of(load, at, KINDS)
     kind, travels = kinds[0], len(load.travel) > 1
     value, key = getattr(load, kind), f"{at} {kind}"
     if load.steps and not travels:
@@ -90,11 +70,11 @@ def of_load(scene: Scene, load: Load) -> Rules:
     if load.gap is not None:
         edges = [contact.edge for contact in scene.contacts]
         if load.edge not in edges:
-            unknown_name(load.edge, edges, f"{at} edge", "edge of a [[contact]]")
+            checks.unknown_name(load.edge, edges, f"{at} edge", "edge of a [[contact]]")
         check_table(load.gap, key)
         for contact in scene.contacts:
             if contact.edge == load.edge and not has_mesh_file(scene, load.edge):
-                evaluate_checked(load.gap, contact_samples(scene, contact), None, key)
+                evaluate_checked(load.gap, symmetry.contact_samples(scene, contact), None, key)
         return
     parts = [part for part in (value if isinstance(value, tuple) else (value,)) if part != FREE]
     if far:
@@ -102,7 +82,7 @@ def of_load(scene: Scene, load: Load) -> Rules:
             yield f"{key}: the far field of a half-plane takes force, displacement or tension"
         if any(not isinstance(part, float | int) for part in parts):
             yield f"{key}: the far field moves as a whole; write numbers"
-        if not any(abs(part) >= SMALLEST for part in parts):
+        if not any(abs(part) >= checks.SMALLEST for part in parts):
             yield f"{key}: is zero; give it a value or remove the load"
         return
     yield from _off_contact(scene, load, at)
@@ -110,22 +90,22 @@ def of_load(scene: Scene, load: Load) -> Rules:
         check_table(part, key)
     if has_mesh_file(scene, load.edge):
         return
-    along = load_samples(scene, load)
-    x, y = edge_points(scene, load.edge, along)
+    along = symmetry.load_samples(scene, load)
+    x, y = symmetry.edge_points(scene, load.edge, along)
     # a table is a function of the position along the edge, an expression of x and y
     points = (along if isinstance(part, dict) else x for part in parts)
     values = [evaluate_checked(p, at_, y, key) for p, at_ in zip(parts, points, strict=True)]
-    if np.abs(values).max(initial=0.0) < SMALLEST:
+    if np.abs(values).max(initial=0.0) < checks.SMALLEST:
         yield f"{key}: is zero everywhere; give it a value or remove the load"
 
 
-def _off_contact(scene: Scene, load: Load, at: str) -> Rules:
+def _off_contact(scene: Scene, load: Load, at: str) -> checks.Rules:
     """A load on a rectangle is off the contact."""
     if has_mesh_file(scene, load.edge):
         return
     for joint, label in zip(scene.joints, scene.joint_labels, strict=True):
         if scene.find_edge(load.edge) == scene.find_edge(joint.edge):
-            whole = edge_range(scene, load.edge)
+            whole = symmetry.edge_range(scene, load.edge)
             span = (not load.travel and load.span) or whole
             if _overlap(span, joint.span or whole) > LENGTH_TOLERANCE * (whole[1] - whole[0]):
                 what = "contact" if "contact" in label else "tie"
@@ -140,12 +120,12 @@ def _overlap(a: tuple[float, float], b: tuple[float, float]) -> float:
     return min(a[1], b[1]) - max(a[0], b[0])
 
 
-def _of_body_load(scene: Scene, load: Load, kinds: list[str]) -> Rules:
+def _of_body_load(scene: Scene, load: Load, kinds: list[str]) -> checks.Rules:
     """A body force or thermal strain: its body, and that its profile is finite, not zero."""
     kind = kinds[-1]
     at, key = load.label, f"{load.label} {kind}"
     others = ("edge", "span", "platen", *(other for other in KINDS if other != kind))
-    yield from unused(load, at, [(True, others, f"{kind} acts on a whole body")])
+    yield from checks.unused(load, at, [(True, others, f"{kind} acts on a whole body")])
     if load.mode is not None:
         yield from of_modes(scene, at)
         return
@@ -157,12 +137,12 @@ def _of_body_load(scene: Scene, load: Load, kinds: list[str]) -> Rules:
     if any(isinstance(part, dict) for part in parts):
         yield f"{key}: a table runs along an edge; write an expression in x, y"
     if body.mesh is None:  # else its points are known when it is meshed
-        x, y = body_points(scene, body)
-        if np.abs([evaluate_checked(part, x, y, key) for part in parts]).max() < SMALLEST:
+        x, y = symmetry.body_points(scene, body)
+        if np.abs([evaluate_checked(part, x, y, key) for part in parts]).max() < checks.SMALLEST:
             yield f"{key}: is zero everywhere; give it a value or remove the load"
 
 
-def of_modes(scene: Scene, at: str) -> Rules:
+def of_modes(scene: Scene, at: str) -> checks.Rules:
     """The bodies have vibration modes."""
     if any(body.is_half_plane for body in scene.bodies):
         yield f"{at}: half-planes have no vibration modes; use bodies with a mesh"
@@ -173,7 +153,7 @@ def of_modes(scene: Scene, at: str) -> Rules:
         yield "[material] density: vibration modes need one of every body; give it"
 
 
-def of_names(scene: Scene) -> Rules:
+def of_names(scene: Scene) -> checks.Rules:
     """Names of loads and bolts, which are those of the load factors."""
     if not scene.load_names:
         yield "[[load]]: the scene has none; add one"
@@ -181,7 +161,7 @@ def of_names(scene: Scene) -> Rules:
     modes = {load.name for load in scene.loads if load.mode is not None}
     names = [("load", name) for name in scene.driven_names]
     for table, name in (*names, *(("bolt", bolt.name) for bolt in scene.bolts)):
-        check_name(name, f"[[{table}]] name")
+        checks.check_name(name, f"[[{table}]] name")
         # of the contacts' interference, of vibration modes, of springs between bodies
         mode = name.startswith("mode:") and name not in modes
         if name == INTERFERENCE or mode or name.startswith("[[spring]] "):
@@ -191,7 +171,7 @@ def of_names(scene: Scene) -> Rules:
         taken.append(name)
 
 
-def of_parts(scene: Scene) -> Rules:
+def of_parts(scene: Scene) -> checks.Rules:
     """Two parts of one load are both forces or both displacements, and not the same part."""
     for k, b in enumerate(scene.loads):
         for a in (other for other in scene.loads[:k] if other.name == b.name):
@@ -199,7 +179,7 @@ def of_parts(scene: Scene) -> Rules:
                 forced, moved = (a, b) if b.is_prescribed else (b, a)
                 on = f'a force on "{forced.edge or "a body"}" and a displacement on "{moved.edge}"'
                 yield f"{a.label}: is {on}; give them two names"
-            kind, other = (next(k for k in KINDS if is_given(part, k)) for part in (a, b))
+            kind, other = (next(k for k in KINDS if checks.is_given(part, k)) for part in (a, b))
             if kind == other and a.on_body and b.on_body and a.body == b.body:
                 yield f"{a.label}: has two of {kind} on one body; add them"
             if kind != other or a.on_body or scene.find_edge(a.edge) != scene.find_edge(b.edge):
@@ -207,7 +187,7 @@ def of_parts(scene: Scene) -> Rules:
             if has_mesh_file(scene, a.edge) or scene.find_edge(a.edge)[0].is_half_plane:
                 overlap = a.span is None or b.span is None or _overlap(a.span, b.span) > 0.0
             else:
-                whole = edge_range(scene, a.edge)
+                whole = symmetry.edge_range(scene, a.edge)
                 length = LENGTH_TOLERANCE * (whole[1] - whole[0])
                 overlap = _overlap(a.span or whole, b.span or whole) > length
             if overlap:
@@ -215,9 +195,9 @@ def of_parts(scene: Scene) -> Rules:
                 yield f"{a.label}: two of its parts are {same}; write them as one, or rename one"
 
 
-def of_effect(scene: Scene, load: Load) -> Rules:
+def of_effect(scene: Scene, load: Load) -> checks.Rules:
     """Supports do not hold the edge of a force in its direction: it would have no effect."""
-    kind = next(kind for kind in KINDS if is_given(load, kind))
+    kind = next(kind for kind in KINDS if checks.is_given(load, kind))
     if load.on_body or kind in ("tension", "gap", "displacement"):
         return
     edge, value = scene.find_edge(load.edge), getattr(load, kind)
@@ -228,13 +208,13 @@ def of_effect(scene: Scene, load: Load) -> Rules:
     elif edge[0].mesh is not None:  # its normal is not known before meshing
         acts = {"x", "y"}
     else:
-        acts = {"y" if is_horizontal(scene, load.edge) else "x"}
+        acts = {"y" if symmetry.is_horizontal(scene, load.edge) else "x"}
     if acts and acts <= held:
         held_by = f'a support holds "{load.edge}" in the direction of the {kind}'
         yield f"{load.label} edge: {held_by}, which has no effect; load or hold another edge"
 
 
-def of_bolt(scene: Scene, bolt: Bolt) -> Rules:
+def of_bolt(scene: Scene, bolt: Bolt) -> checks.Rules:
     """The direction, preload and patches of a bolt."""
     at = f"bolt '{bolt.name}'"
     if not hypot(*bolt.axis) > 0.0:
@@ -242,22 +222,22 @@ def of_bolt(scene: Scene, bolt: Bolt) -> Rules:
     if scene.axisymmetric and bolt.axis[0] != 0.0:
         yield f"{at} axis: of a ring of bolts it is [0, 1] or [0, -1]"
     if not bolt.tightening:
-        yield from one_of(bolt, at, ("preload", "shortening"))
+        yield from checks.one_of(bolt, at, ("preload", "shortening"))
     elif None in (bolt.preload, bolt.shortening) or len(bolt.tightening) != len(scene.preloads):
         yield f"{at} tightening: is found from the preload; remove it"
     if bolt.shortening is not None and not bolt.tightening:
-        check_positive(bolt.shortening, f"{at} shortening")
+        checks.check_positive(bolt.shortening, f"{at} shortening")
     for patch, key in zip(bolt.patches, ("head", "nut"), strict=True):
         yield from of_edge(scene, patch.edge, f"{at} {key}", ())
         yield from of_span(scene, patch.edge, patch.span, f"{at} {key}_span")
         yield from _off_contact(scene, patch, f"{at} {key}")
 
 
-def of_support(scene: Scene, support: Support) -> Rules:
+def of_support(scene: Scene, support: Support) -> checks.Rules:
     """A support holds an edge off the contact, or a point of a body."""
     several = f" number {scene.supports.index(support) + 1}" if len(scene.supports) > 1 else ""
     at = f"[[support]]{several}"
-    yield from one_of(support, at, ("edge", "point"))
+    yield from checks.one_of(support, at, ("edge", "point"))
     if support.edge is None:
         yield from _of_point(scene, support, at)
         return
@@ -267,28 +247,30 @@ def of_support(scene: Scene, support: Support) -> Rules:
         yield f'{at} edge: "{support.edge}" is a contact edge or tied; use another edge'
 
 
-def of_spring(scene: Scene, spring: Spring) -> Rules:
+def of_spring(scene: Scene, spring: Spring) -> checks.Rules:
     """Where a spring acts, and that its stiffness is positive."""
     several = f" number {scene.springs.index(spring) + 1}" if len(scene.springs) > 1 else ""
     at, keys, of_point = f"{spring.label}{several}", ("normal", "tangential"), ("x", "y")
-    yield from one_of(spring, at, ("edge", "point"))
+    yield from checks.one_of(spring, at, ("edge", "point"))
     if spring.edge:
-        yield from unused(spring, at, [(True, ("body", *of_point), "is not for an edge")])
+        yield from checks.unused(spring, at, [(True, ("body", *of_point), "is not for an edge")])
         yield from of_edge(scene, spring.edge, f"{at} edge", ())
         yield from of_span(scene, spring.edge, spring.span, f"{at} span")
     else:
-        yield from unused(spring, at, [(True, ("span", "against", *keys), "is not for a point")])
+        yield from checks.unused(
+            spring, at, [(True, ("span", "against", *keys), "is not for a point")]
+        )
         yield from _of_point(scene, spring, at)
         keys = of_point
     if spring.against is not None:
         yield from of_edge(scene, spring.against, f"{at} against", ())
         if scene.find_edge(spring.edge)[0] == scene.find_edge(spring.against)[0]:
             yield f"{at} against: must be an edge of another body"
-    if max(getattr(spring, key) for key in keys) < SMALLEST:
+    if max(getattr(spring, key) for key in keys) < checks.SMALLEST:
         yield f"{at}: has no stiffness; give {keys[0]}, {keys[1]} or both"
 
 
-def _of_point(scene: Scene, part: Support | Spring, at: str) -> Rules:
+def _of_point(scene: Scene, part: Support | Spring, at: str) -> checks.Rules:
     """The point of a support or spring lies on its body."""
     body = body_named(scene, part.body, at)
     if body.is_half_plane:
@@ -312,14 +294,14 @@ def body_named(scene: Scene, name: str | None, where: str, what: str = "point") 
     return scene.bodies[names.index(name) if name is not None else 0]
 
 
-def of_place(scene: Scene, body: Body, point: tuple[float, ...], at: str) -> Rules:
+def of_place(scene: Scene, body: Body, point: tuple[float, ...], at: str) -> checks.Rules:
     """A point lies on a rectangle; its side of a half-plane is checked where nodes are known."""
     if not body.is_rectangle:
         return
     x, y = point
     left, right = (body.position[0] + side * body.width for side in (-0.5, 0.5))
     low, high = (body.position[1] + part for part in (0.0, body.height))
-    left = 0.0 if is_cylinder(scene, body) else left
+    left = 0.0 if symmetry.is_cylinder(scene, body) else left
     slack = LENGTH_TOLERANCE * max(body.width, body.height)
     if not (left - slack <= x <= right + slack and low - slack <= y <= high + slack):
         body_is = f"{left:g} <= x <= {right:g}, {low:g} <= y <= {high:g}"

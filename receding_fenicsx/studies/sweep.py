@@ -87,9 +87,8 @@ class SweepTable:
     def __getitem__(self, name: str) -> NDArray[Any]:
         """Return a column; missing numbers are NaN, missing texts None."""
         if name not in self.columns:
-            raise InputError(
-                f"sweep: no column is named '{name}'; {suggestion(name, self.columns)}"
-            )
+            hint = suggestion(name, self.columns)
+            raise InputError(f"sweep: no column is named '{name}'; {hint}")
         values = [row.get(name) for row in self.rows]
         given = [value for value in values if value is not None]
         if given and all(isinstance(v, int | float) and not isinstance(v, bool) for v in given):
@@ -180,9 +179,8 @@ def sweep(
 
     def begin() -> Study[SweepTable]:
         if scene.accuracy.tolerance is not None:
-            raise InputError(
-                "[accuracy] tolerance: a sweep solves all its cases on the scene's mesh; omit it"
-            )
+            own = "a sweep solves all its cases on the scene's mesh"
+            raise InputError(f"[accuracy] tolerance: {own}; omit it")
         grid = grid_of(scene, over, options.folder)
 
         def combine(runner: Runner) -> SweepTable:
@@ -192,10 +190,8 @@ def sweep(
             return table
 
         same = {"key": ", ".join(sorted(grid.keys)), "function measure": _identity(measure)}
-        content = {
-            "over": dict(zip(grid.keys, grid.labels, strict=True)),
-            "cases": len(grid.scenes),
-        }
+        over_labels = dict(zip(grid.keys, grid.labels, strict=True))
+        content = {"over": over_labels, "cases": len(grid.scenes)}
         return Study("sweep", "sweep.json", scene, combine, same, content, ("sweep.csv",))
 
     return run_study(begin, out, workers, options, measure)
@@ -401,10 +397,8 @@ def read_over(texts: list[str]) -> dict[str, list[Any]]:
         key, equals, values = (part.strip() for part in text.partition("="))
         where = f"--over {text}"
         if not (key and equals and values):
-            raise InputError(
-                f"{where}: write table.key=values, for example contact.friction=0.1:0.9:9 or "
-                "history.minimum=0,0.25,0.5"
-            )
+            example = "contact.friction=0.1:0.9:9 or history.minimum=0,0.25,0.5"
+            raise InputError(f"{where}: write table.key=values, for example {example}")
         if key in over:
             raise InputError(f"{where}: {key} occurs twice; give all its values at once")
         over[key] = _values(values, where)
@@ -412,7 +406,7 @@ def read_over(texts: list[str]) -> dict[str, list[Any]]:
 
 
 def _values(text: str, where: str) -> list[Any]:
-    """Return the values of one key."""
+    """Return the values of one key; of a range whole numbers where both ends and all are such."""
     found: list[Any] = []
     # first value, last value, number of values
     pattern = r"\s*([^:\s]+)\s*" + 2 * r":\s*([^:\s]+)\s*"
@@ -423,24 +417,18 @@ def _values(text: str, where: str) -> list[Any]:
     for part, match in zip(text.split(","), matches, strict=True):
         if not part.strip():
             raise InputError(f"{where}: a value is missing between commas")
-        found += _range(match, where) if match else [parse_value(part, where)]
+        if not match:
+            found.append(parse_value(part, where))
+            continue
+        try:
+            a, b, n = float(match[1]), float(match[2]), int(match[3])
+        except ValueError:
+            a = b = n = 0
+        if not (math.isfinite(a) and math.isfinite(b) and 2 <= n <= 100_000):
+            numbers = "first:last:number, two numbers and a count of 2 to 100000"
+            raise InputError(f"{where}: a range is {numbers}")
+        values = np.linspace(a, b, n)
+        whole = all(re.fullmatch(r"[+-]?\d+", end) for end in match.groups()[:2])
+        whole = whole and bool(np.all(values == np.round(values)))
+        found += (values.astype(int) if whole else values).tolist()
     return found
-
-
-def _range(match: re.Match[str], where: str) -> list[float] | list[int]:
-    """Return evenly spaced values; whole numbers where both ends and all values are such."""
-    first, last, number = match.groups()
-    wrong = InputError(
-        f"{where}: a range is first:last:number, two numbers and a count of 2 to 100000"
-    )
-    try:
-        a, b, n = float(first), float(last), int(number)
-    except ValueError:
-        raise wrong from None
-    if not (math.isfinite(a) and math.isfinite(b) and 2 <= n <= 100_000):
-        raise wrong
-    values = np.linspace(a, b, n)
-    whole = all(re.fullmatch(r"[+-]?\d+", end) for end in (first, last))
-    if whole and np.all(values == np.round(values)):
-        return [int(value) for value in values]
-    return [float(value) for value in values]
