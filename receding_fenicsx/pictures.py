@@ -151,7 +151,7 @@ def draw_run(
         from receding_fenicsx.output.snapshots.page import quantity_of
 
     def begin() -> list[Instant]:
-        found, formats = mpi.given(record), figures.FORMATS if pdf else ("png",)
+        found, formats = mpi.given(record), ("png", "pdf") if pdf else ("png",)
         figures.plot_all(found, mpi.given(folder) / "figures", formats, say, everything)
         return default_instants(scene, mpi.given(system), found, everything) if body else []
 

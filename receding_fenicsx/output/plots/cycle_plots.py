@@ -16,18 +16,9 @@ from matplotlib.ticker import MaxNLocator, ScalarFormatter
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.evolution.record import Record
-from receding_fenicsx.output.plots import style
+from receding_fenicsx.output.plots import series, style
 from receding_fenicsx.output.plots.labels import MOST_TOLD, Scales, is_word, load_symbol, scales_of
-from receding_fenicsx.output.plots.series import (
-    Loop,
-    fitted_cycles,
-    loop_of,
-    representative_nodes,
-    requested_cycles,
-    requested_nodes,
-    shown_cycles,
-    slip_lines,
-)
+from receding_fenicsx.output.plots.series import Loop
 
 # -- slip and dissipation --------------------------------------------------------------------------
 
@@ -37,10 +28,10 @@ def slip_per_cycle(record: Record, scales: Scales | None = None) -> Figure:
     """Draw the slip increment of each cycle at some nodes, with fitted powers of N."""
     scales = scales or scales_of(record)
     unit, behind = scales.elastic(1, 1)
-    lines = slip_lines(record, scales.length, unit)
+    lines = series.slip_lines(record, scales.length, unit)
     if not lines:
         raise InputError("slip per cycle: no node slips in enough cycles; run more cycles")
-    fitted = fitted_cycles(record).astype(float)
+    fitted = series.fitted_cycles(record).astype(float)
     figure = style.new_figure(style.COLUMN, 3.6)
     axes = figure.subplots()
     for line, colour in zip(lines, style.SERIES_COLOURS, strict=False):
@@ -189,9 +180,14 @@ def trajectories(
     loading, first and last cycle.
     """
     scales, paths = scales or scales_of(record), _paths(record, cycles)
-    chosen = representative_nodes(record) if nodes is None else requested_nodes(record, nodes)
-    if not chosen:
-        raise InputError("trajectories: no node is in contact in the sampled cycles; give nodes")
+    if nodes is None:
+        chosen = series.representative_nodes(record)
+        if not chosen:
+            raise InputError("trajectories: no node touches in the sampled cycles; give nodes")
+    else:
+        chosen = series.whole_numbers(nodes, "node")
+        if not chosen or not 0 <= min(chosen) <= max(chosen) < len(record.x):
+            raise InputError(f"nodes {chosen}: name some of 0 to {len(record.x) - 1}")
     columns = len(chosen)
     figure = style.new_figure(max(style.COLUMN, 0.3 + 1.8 * columns), 4.3)
     panels = figure.subplots(2, columns, squeeze=False)
@@ -274,8 +270,8 @@ def _without_round_off(values: Array, largest: float) -> Array:
 
 
 def _paths(record: Record, cycles: int | Sequence[int] | None) -> list[Loop]:
-    chosen = shown_cycles(record) if cycles is None else requested_cycles(record, cycles)
-    return [loop_of(record, cycle) for cycle in chosen]
+    requested = series.requested_cycles(record, cycles) if cycles is not None else None
+    return [series.loop_of(record, cycle) for cycle in requested or series.shown_cycles(record)]
 
 
 def moving_loads(paths: Sequence[Loop]) -> list[int]:

@@ -24,6 +24,7 @@ from receding_fenicsx.evolution.probes import probe_names
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.evolution.record_data import States
 from receding_fenicsx.measures.fatigue import fatigue, short_cracks
+from receding_fenicsx.output.plots import series
 from receding_fenicsx.output.plots.cycle_plots import (
     dissipation_density,
     dissipation_per_cycle,
@@ -31,15 +32,6 @@ from receding_fenicsx.output.plots.cycle_plots import (
     moving_loads,
     slip_per_cycle,
     trajectories,
-)
-from receding_fenicsx.output.plots.series import (
-    first_unloading,
-    legs_of,
-    loop_of,
-    representative_nodes,
-    sampled_cycles,
-    shown_cycles,
-    slip_lines,
 )
 from receding_fenicsx.output.plots.study_plots import branches, slip_mode
 from receding_fenicsx.output.plots.style import save
@@ -79,7 +71,6 @@ def __dir__() -> list[str]:
     return __all__
 
 
-FORMATS = ("png", "pdf")
 Draw = Callable[[Record, Any], Figure]
 Main = Callable[[int], bool]
 
@@ -131,7 +122,7 @@ def figure(
 def plot_all(
     record: Record,
     folder: str | Path,
-    formats: str | Iterable[str] = FORMATS,
+    formats: str | Iterable[str] = ("png", "pdf"),
     say: Say | None = None,
     everything: bool = True,
 ) -> list[Path]:
@@ -220,8 +211,8 @@ figure(
 
 
 def _sampled_first_unloading(record: Record) -> list[tuple[int, int]]:
-    where = first_unloading(record)
-    return [where] if where is not None and where in legs_of(record, where[0]) else []
+    where = series.first_unloading(record)
+    return [where] if where is not None and where in series.legs_of(record, where[0]) else []
 
 
 figure(
@@ -234,7 +225,7 @@ figure(
 
 def _third_of_load(record: Record) -> Moment | None:
     """Return the instant of the first unloading where about a third of the largest load is left."""
-    where = first_unloading(record)
+    where = series.first_unloading(record)
     if where is None:
         return None
     instants: list[tuple[float, int, States, int]] = []
@@ -253,12 +244,12 @@ figure(
 )(tractions)
 figure(
     "slip_per_cycle",
-    needs=slip_lines,
+    needs=series.slip_lines,
     caption="Slip increment of each cycle at some nodes, with fitted power of N.",
 )(lambda record, _: slip_per_cycle(record))
 figure(
     "zones_last_cycle",
-    needs=lambda record: last_cycle(record) > 1 and legs_of(record, last_cycle(record)),
+    needs=lambda record: last_cycle(record) > 1 and series.legs_of(record, last_cycle(record)),
     caption="Zones along the last cycle. Dashed line: nodes that reach the friction limit without "
     "slip.",
     main=True,
@@ -267,19 +258,19 @@ figure(
 
 @figure(
     "zones_by_cycle",
-    needs=lambda record: [cycle for cycle in sampled_cycles(record) if cycle][1:],
+    needs=lambda record: [cycle for cycle in series.sampled_cycles(record) if cycle][1:],
     caption="Zones along all sampled cycles.",
 )
 def _(record: Record, _later: Any) -> Figure:
     """Draw zones of several cycles as panels or, of many legs, as continuous maps."""
-    sampled = [cycle for cycle in sampled_cycles(record) if cycle]
-    legs = len(legs_of(record, sampled[0]))
+    sampled = [cycle for cycle in series.sampled_cycles(record) if cycle]
+    legs = len(series.legs_of(record, sampled[0]))
     if legs > MAX_PANELS:
         return cycle_maps(record, sorted({sampled[0], sampled[len(sampled) // 2], sampled[-1]}))
     columns = 2 if legs == 4 else min(legs, 3)
     most = 6 // -(-legs // columns)  # rows that fit a page; each cycle begins one
     several = sampled if len(sampled) <= most else [*sampled[: most - 1], sampled[-1]]
-    shown = [leg for cycle in several for leg in legs_of(record, cycle)]
+    shown = [leg for cycle in several for leg in series.legs_of(record, cycle)]
     return zone_maps(record, shown, columns=columns)
 
 
@@ -299,8 +290,8 @@ figure(
 
 def _moving(record: Record) -> list[int]:
     """Return the loads that move in the shown cycles."""
-    cycles = shown_cycles(record) if last_cycle(record) > 0 else []
-    return moving_loads([loop_of(record, cycle) for cycle in cycles])
+    cycles = series.shown_cycles(record) if last_cycle(record) > 0 else []
+    return moving_loads([series.loop_of(record, cycle) for cycle in cycles])
 
 
 figure(
@@ -312,9 +303,7 @@ figure(
 )(lambda record, _: hysteresis(record))
 figure(
     "trajectories",
-    needs=lambda record: (
-        last_cycle(record) > 0 and shown_cycles(record) and representative_nodes(record)
-    ),
+    needs=lambda record: last_cycle(record) and series.representative_nodes(record),
     caption="Paths of single nodes: tractions with the friction cone (above), displacements "
     "(below). Dots are turning points.",
 )(trajectories)

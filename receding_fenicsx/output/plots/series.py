@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from receding_fenicsx.arrays import Array, Ints
+from receding_fenicsx.arrays import Array, Ints, spread
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.evolution.record_data import States
@@ -82,7 +82,7 @@ def shown_cycles(record: Record) -> list[int]:
 
 def requested_cycles(record: Record, asked: int | Iterable[int]) -> list[int]:
     """Return the requested cycles, one or several; refuse none, and those without samples."""
-    found, known = [_whole(cycle, "cycle") for cycle in _each(asked)], sampled_cycles(record)
+    found, known = whole_numbers(asked, "cycle"), sampled_cycles(record)
     for cycle in found:
         if cycle not in known:
             raise InputError(
@@ -96,45 +96,26 @@ def requested_cycles(record: Record, asked: int | Iterable[int]) -> list[int]:
 
 def requested_legs(record: Record, asked: int | Iterable[tuple[int, int]]) -> list[tuple[int, int]]:
     """Return the requested legs as (cycle, leg); of a cycle all; refuse those without samples."""
-    if not _several(asked):
-        return legs_of(record, *requested_cycles(record, [_whole(asked, "cycle")]))
-    found = []
-    for pair in _each(asked):
-        if not _several(pair) or len(pair) != 2:
-            raise InputError(
-                f"legs: give a cycle, or a list of (cycle, leg), legs from 0; {asked!r} is neither"
-            )
-        (cycle,), leg = requested_cycles(record, pair[:1]), _whole(pair[1], "leg")
-        if (cycle, leg) not in legs_of(record, cycle):
-            known = [k for _, k in legs_of(record, cycle)]
-            raise InputError(f"cycle {cycle}, leg {leg}: has no such leg, only {known}")
-        found.append((cycle, leg))
-    if not found:
-        raise InputError(f"legs: none is asked for; cycles {sampled_cycles(record)} have samples")
-    return found
+    if not isinstance(asked, Iterable) or isinstance(asked, str):
+        return legs_of(record, *requested_cycles(record, asked))
+    found = [whole_numbers(pair, "leg") for pair in asked]
+    if not found or any(len(pair) != 2 for pair in found):
+        raise InputError(f"legs {asked!r}: give a cycle, or a list of (cycle, leg), legs from 0")
+    for cycle, leg in found:
+        known = legs_of(record, *requested_cycles(record, cycle))
+        if (cycle, leg) not in known:
+            numbers = [k for _, k in known]
+            raise InputError(f"cycle {cycle}, leg {leg}: has no such leg, only {numbers}")
+    return [(cycle, leg) for cycle, leg in found]
 
 
-def requested_nodes(record: Record, asked: int | Iterable[int]) -> list[int]:
-    """Return the requested contact nodes; refuse none, and those that do not exist."""
-    found = [_whole(node, "node") for node in _each(asked)]
-    if not found or not all(0 <= node < len(record.x) for node in found):
-        raise InputError(f"nodes {found}: name some of 0 to {len(record.x) - 1}")
-    return found
-
-
-def _whole(value: Any, what: str) -> int:
+def whole_numbers(asked: Any, what: str) -> list[int]:
+    """Return one or several whole numbers as a list."""
+    several = isinstance(asked, Iterable) and not isinstance(asked, str)
     try:
-        return operator.index(value)
+        return [operator.index(value) for value in (asked if several else [asked])]
     except TypeError:
-        raise InputError(f"{what} {value!r}: must be a whole number") from None
-
-
-def _several(asked: Any) -> bool:
-    return isinstance(asked, Iterable) and not isinstance(asked, str)
-
-
-def _each(asked: Any) -> list[Any]:
-    return list(asked) if _several(asked) else [asked]
+        raise InputError(f"{what} {asked!r}: must be a whole number") from None
 
 
 # -- paths through a cycle -----------------------------------------------------------------------
@@ -249,20 +230,16 @@ def slip_lines(record: Record, length: float = 1.0, unit: float = 1.0) -> list[S
     """
     cycles = fitted_cycles(record)
     size = np.abs(record.cycles.slip_increment)
-    # smallest number of cycles for the fit of a power law
     if len(cycles) < 5 or not size.any():
         return []
-    # part of the largest increment below which an increment is round-off
-    seen = size > 1e-9 * size.max()
+    seen = size > 1e-9 * size.max()  # less is round-off
     moving = np.all(seen[cycles - 1], axis=0)
     distance = record.x / length
     # positions have round-off
     wanted = moving & (distance >= 0.5 - 1e-6) & (distance <= 0.8 + 1e-6)
     nodes = np.flatnonzero(wanted if wanted.any() else moving)
-    if not len(nodes):
-        return []
     lines = []
-    for i in nodes[np.unique(np.linspace(0, len(nodes) - 1, 4).round().astype(int))]:
+    for i in spread(nodes, 4) if len(nodes) else ():
         values = size[cycles - 1, i] / unit
         fit = fit_power_law(cycles.astype(float), values)
         factor = float(np.exp(np.mean(np.log(values) - fit.exponent * np.log(cycles))))

@@ -27,15 +27,8 @@ from receding_fenicsx.measures.limit_nodes import (
     LimitNodes,
     limit_nodes_of_cycles,
 )
-from receding_fenicsx.output.plots import style
+from receding_fenicsx.output.plots import series, style
 from receding_fenicsx.output.plots.labels import MOST_TOLD, Scales, leg_pieces, load_text, scales_of
-from receding_fenicsx.output.plots.series import (
-    leg_ends,
-    legs_of,
-    phases,
-    requested_cycles,
-    requested_legs,
-)
 from receding_fenicsx.output.plots.zone_map import FLICKER, ZoneMap, zone_map
 
 MAX_PANELS = 6
@@ -57,7 +50,7 @@ def zone_maps(
     are shown as sticking; a dashed line shows where they reach the friction limit.
     """
     scales = scales or scales_of(record)
-    shown_legs = requested_legs(record, legs)
+    shown_legs = series.requested_legs(record, legs)
     if not isinstance(legs, list) and len(shown_legs) > MAX_PANELS:
         return cycle_maps(record, [shown_legs[0][0]], scales)
     stills = limit_nodes_of_cycles(record, [cycle for cycle, _ in shown_legs])
@@ -107,7 +100,7 @@ def load_axis(record: Record, cycle: int, leg: int, scales: Scales) -> tuple[flo
     If one load alone changes, it is this load in the scene's units or over its largest value, else
     s.
     """
-    begin, end = leg_ends(record, cycle, leg)
+    begin, end = series.leg_ends(record, cycle, leg)
     changing = np.flatnonzero(begin != end)
     if len(changing) != 1:
         return 0.0, 1.0, "position $s$ on the leg"
@@ -124,11 +117,11 @@ def cycle_maps(record: Record, cycles: int | Sequence[int], scales: Scales | Non
     are drawn over the phase. Zones are shown as those of :func:`zone_maps`.
     """
     scales = scales or scales_of(record)
-    chosen = requested_cycles(record, cycles)
+    chosen = series.requested_cycles(record, cycles)
     stills = limit_nodes_of_cycles(record, chosen)
-    angles = phases(record) if chosen[0] else None
+    angles = series.phases(record) if chosen[0] else None
     # inches: height of the axes, width of the axes of the loads
-    height = float(np.clip(0.22 * len(legs_of(record, chosen[-1])), 3.0, 5.6))
+    height = float(np.clip(0.22 * len(series.legs_of(record, chosen[-1])), 3.0, 5.6))
     width, loads = style.COLUMN if len(chosen) == 1 else style.PAGE, 0.85
     wide = (width - 0.6 - loads) / len(chosen)
     figure = style.new_figure(width, height + 1.1)
@@ -140,7 +133,7 @@ def cycle_maps(record: Record, cycles: int | Sequence[int], scales: Scales | Non
         still = stills.get(cycle)
         drawn = zone_map(record, cycle, None, still.stuck if still else None, FLICKER)
         shown |= {int(state) for state, _ in drawn.pieces}
-        numbers = [leg for _, leg in legs_of(record, cycle)]
+        numbers = [leg for _, leg in series.legs_of(record, cycle)]
         ends = np.arange(len(numbers) + 1.0) if angles is None else angles
         if angles is not None:
             drawn = drawn.moved_to((angles - angles[0]) / (angles[-1] - angles[0]))
@@ -163,7 +156,7 @@ def cycle_maps(record: Record, cycles: int | Sequence[int], scales: Scales | Non
 
 def _draw_loads(axes: Axes, record: Record, cycle: int, scales: Scales, at: Array) -> None:
     """Draw the load factors at the ends of the legs of a cycle, upwards as the zones."""
-    ends = [leg_ends(record, *leg) for leg in legs_of(record, cycle)]
+    ends = [series.leg_ends(record, *leg) for leg in series.legs_of(record, cycle)]
     load = np.array([ends[0][0], *(end for _, end in ends)]) / scales.load_max
     # none has the colour of a state
     looks: tuple[dict[str, Any], ...] = (

@@ -11,13 +11,7 @@ import numpy as np
 from receding_fenicsx.arrays import aligned
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.interface.measures.zones import contact_zones, on_axis
-from receding_fenicsx.measures.ends import (
-    contact_betas,
-    corners_of,
-    estimated_ends,
-    half_width_estimates,
-    half_widths,
-)
+from receding_fenicsx.measures import ends
 from receding_fenicsx.output.plots.labels import MOST_TOLD
 from receding_fenicsx.output.report.section import Rows, Summary
 from receding_fenicsx.scene.options import in_unit
@@ -30,7 +24,7 @@ def turning_points(record: Record) -> dict[str, Any]:
     """Return the turning points in order; with several contact edges one for each edge."""
     edges = record.by_edge()
     parts = [
-        ({"edge": name} if len(edges) > 1 else {}, part, contact_betas(part))
+        ({"edge": name} if len(edges) > 1 else {}, part, ends.contact_betas(part))
         for name, part in edges.items()
     ]
     count = len(record.turning_points.s)
@@ -48,7 +42,7 @@ def _turning_point(record: Record, i: int, betas: tuple[float, ...]) -> dict[str
         "load": dict(zip(record.load_names, table.load[i].tolist(), strict=True)),
         "zones": [[name, float(a), float(b)] for name, a, b in found],
         **({"p_axis": float(on_axis(x, table.p[i]))} if record.begins_on_axis else {}),
-        **half_widths(record, i),
+        **ends.half_widths(record, i),
         "p_max": float(table.p[i].max()),
         "q_min": float(table.q[i].min()),
         "q_max": float(table.q[i].max()),
@@ -57,8 +51,8 @@ def _turning_point(record: Record, i: int, betas: tuple[float, ...]) -> dict[str
     # longer than a cycle
     early = cycle[i] <= 20 or cycle[i] == cycle[-1]
     if early and np.count_nonzero(cycle == cycle[i]) <= 32:
-        point |= half_width_estimates(record, i, betas)
-        point |= {"zone_ends": estimated_ends(record, i, betas), **corners_of(record, i)}
+        point |= ends.half_width_estimates(record, i, betas)
+        point |= {"zone_ends": ends.estimated_ends(record, i, betas), **ends.corners_of(record, i)}
     return point
 
 

@@ -14,14 +14,7 @@ from receding_fenicsx.evolution.instants import Instant
 from receding_fenicsx.interface.law import Friction, State, friction_of
 from receding_fenicsx.interface.measures.zones import begins_on_axis
 from receding_fenicsx.interface.mirror import AXIS_TOLERANCE, mirror_nodes
-from receding_fenicsx.output.plots.labels import (
-    describe_factors,
-    length_of,
-    name_leg,
-    pressure_of,
-    shown_unit,
-    told_loads,
-)
+from receding_fenicsx.output.plots import labels
 from receding_fenicsx.scene import history
 from receding_fenicsx.scene.model import Load, Scene
 from receding_fenicsx.scene.one_body import in_order
@@ -238,7 +231,7 @@ class View:
     @property
     def stress_unit(self) -> str:
         """Unit of the stresses as text; "" if it is not known or they are nondimensional."""
-        return "" if self.pressure_symbol else shown_unit(self.own_units.stress)
+        return "" if self.pressure_symbol else labels.shown_unit(self.own_units.stress)
 
     @property
     def x(self) -> Array:
@@ -261,7 +254,7 @@ def view_of(bulk: Stack, fields: Fields, instant: Instant, units: Units | None =
     scene, names = bulk.scene, bulk.scene.load_names
     if bulk.body.half:
         fields = merge_axis(fields)
-    length = length_of(scene)
+    length = labels.length_of(scene)
     unit = length or 1.0
     units = units or units_of(bulk, [fields], instant.load)
     size, near = _size(bulk, fields)
@@ -334,7 +327,7 @@ def units_of(bulk: Stack, fields: list[Fields], load: Array, symbol: str = "") -
         factor = float(f"{np.floor(0.1 * size / largest / power) * power:.0e}")
     if all(body.is_half_plane for body in bulk.scene.bodies) and len(bulk.scene.bodies) > 1:
         factor = min(factor, 1.0)  # the gap between them is not drawn, they would overlap
-    pressure, own = pressure_of(bulk.scene, bulk.scene.load_names)
+    pressure, own = labels.pressure_of(bulk.scene, bulk.scene.load_names)
     traction = pressure * abs(float(load[0])) if own else 0.0
     return Units(factor, traction, symbol or own) if traction else Units(factor, 1.0, "")
 
@@ -357,10 +350,10 @@ def _caption(scene: Scene, names: tuple[str, ...], instant: Instant) -> str:
     plain = len(path.loop) <= 3 and len(names) == 1
     falls = (min(instant.cycle, 1), instant.leg) in falling
     first = falling[:1] == [(instant.cycle, instant.leg)]
-    way = name_leg(instant.cycle, instant.leg, falls, first, plain)
+    way = labels.name_leg(instant.cycle, instant.leg, falls, first, plain)
     parts = instant.load / largest_factors(scene)
-    told = told_loads(scene, names, instant.load)
-    return f"{way}, {describe_factors(tuple(names[k] for k in told), parts[told])}"
+    told = labels.told_loads(scene, names, instant.load)
+    return f"{way}, {labels.describe_factors(tuple(names[k] for k in told), parts[told])}"
 
 
 # -- arrows of loads -----------------------------------------------------------------------------
