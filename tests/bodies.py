@@ -76,9 +76,9 @@ def stack_of(bulk: Body | Stack) -> Stack:
     return bulk if isinstance(bulk, Stack) else Stack(bulk.scene, (bulk,))
 
 
-def condense(bulk: Body | Stack, route: str = "schur") -> rf.ContactSystem | None:
+def condense(bulk: Body | Stack) -> rf.ContactSystem | None:
     """Condense one body or several."""
-    return stack.condense(stack_of(bulk), route)
+    return stack.condense(stack_of(bulk))
 
 
 def everything(body: BodyMesh) -> tuple[Array, NDArray[np.int64]]:

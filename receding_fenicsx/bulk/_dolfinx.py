@@ -47,11 +47,7 @@ FACET_CORNERS = {
 
 @contextmanager
 def _quiet() -> Iterator[None]:
-    """Keep the C compiler's command lines, logged by the root logger, off the terminal.
-
-    Raises:
-        InputError: the folder for compiled forms cannot be written.
-    """
+    """Keep the C compiler's command lines, which the root logger logs, off the terminal."""
     before = logging.root.manager.disable
     logging.disable(max(before, logging.INFO))
     try:
@@ -106,13 +102,13 @@ def cell_tensor(mesh: dmesh.Mesh, values: Array) -> fem.Function:
 
 
 def create_mesh(comm: MPI.Comm, cell: str, cells: Ints, points: Array) -> dmesh.Mesh:
-    """Distribute a mesh of straight-sided cells.
+    """Distribute a mesh of straight-sided cells; arrays are empty on all ranks but 0.
 
     Args:
         comm: communicator.
         cell: "triangle" or "quadrilateral".
-        cells: (n, 3 or 4) point numbers around each cell; empty on all ranks but 0.
-        points: (m, 2) coordinates; empty on all ranks but 0.
+        cells: (n, 3 or 4) point numbers around each cell.
+        points: (m, 2) coordinates.
     """
     ordered = np.ascontiguousarray(cells[:, TENSOR_ORDER[cell]])
     if VERSION < (0, 7):  # before basix.ufl, the coordinate element is ufl's own
@@ -132,11 +128,7 @@ def create_mesh(comm: MPI.Comm, cell: str, cells: Ints, points: Array) -> dmesh.
 def tag_entities(mesh: dmesh.Mesh, dim: int, entities: Ints, values: NDArray[np.int32]) -> Any:
     """Tag cells or facets that rank 0 gives by the point numbers of :func:`create_mesh`.
 
-    Args:
-        mesh: the mesh.
-        dim: dimension of the entities.
-        entities: (n, vertices) point numbers, cells in order around them; empty on all ranks but 0.
-        values: (n,) tags.
+    ``entities`` (n, vertices), cells in order around them, are empty on all ranks but 0.
     """
     if dim == 2:
         cell = {3: "triangle", 4: "quadrilateral"}[entities.shape[1]]
@@ -197,15 +189,9 @@ def owned_values(function: fem.Function) -> Array:
 def evaluate_in_cells(
     expression: ufl.core.expr.Expr, points: Array, space: fem.FunctionSpace
 ) -> Array:
-    """Evaluate an expression at reference points of all owned cells.
+    """Evaluate an expression at reference points (n, 2) of all owned cells.
 
-    Args:
-        expression: expression in functions of ``space``.
-        points: (n, 2) reference points.
-        space: the space, for its mesh.
-
-    Returns:
-        (cells, n, components) values.
+    Returns (cells, n, components) values; ``space`` is that of the expression's functions.
     """
     topology = space.mesh.topology
     cells = np.arange(topology.index_map(topology.dim).size_local, dtype=np.int32)

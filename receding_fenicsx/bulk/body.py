@@ -4,8 +4,7 @@ With A = [[A_II, A_IC], [A_CI, A_CC]] for the interior I and the contact C, and 
 
     K = A_CC - A_CI A_II^-1 A_IC,    r*_k = A_CI A_II^-1 f_k,I - f_k,C.
 
-MUMPS forms K during its Cholesky factorisation of A (route "schur"), on any number of ranks. Route
-"solve" needs only a factorisation of A_II and is slower: a fallback and a check.
+MUMPS forms K during its Cholesky factorisation of A, on any number of ranks.
 """
 
 from __future__ import annotations
@@ -24,14 +23,10 @@ from receding_fenicsx.bulk import _dolfinx, schur
 from receding_fenicsx.bulk.contact_nodes import ContactNodes
 from receding_fenicsx.bulk.mesh.meshing import BodyMesh
 from receding_fenicsx.bulk.symmetric_matrix import symmetrise
-from receding_fenicsx.errors import InputError
 from receding_fenicsx.scene.model import Scene
 
 Solve = Callable[[Array], Array]
 """Solves A_II x_I = b_I for the columns of b, each rank giving its own rows; the rest of x is 0."""
-
-BLOCK_COLUMNS = 64
-"""Right-hand sides of one solve."""
 
 
 @dataclass
@@ -178,45 +173,27 @@ class Elimination:
     probe: tuple[Array, Array] | None = None
 
 
-def eliminate_interior(bulk: Bulk, route: str) -> Elimination:
-    """Eliminate the interior by the route "schur" or "solve"; collective."""
-    if route not in ("schur", "solve"):
-        raise InputError(f'route = \'{route}\' is unknown; use "schur" or "solve"')
-    # MUMPS wants a degree of freedom beside those of its Schur complement
-    inside = bulk.stiffness.getSize()[0] > len(bulk.contact.dofs)
-    return _by_schur(bulk) if route == "schur" and inside else _by_solves(bulk)
-
-
-def _by_schur(bulk: Bulk) -> Elimination:
-    """Eliminate by the Schur complement of MUMPS; probe it by one solve."""
+def eliminate_interior(bulk: Bulk) -> Elimination:
+    """Eliminate the interior by MUMPS's Schur complement, and probe K by a solve; collective."""
     supported = bulk.comm.allreduce(len(bulk.fixed)) > 0
     matrix = constrained(bulk, bulk.fixed) if supported else bulk.stiffness
-    if bulk.interior is not None:
-        bulk.interior.destroy()
-    bulk.interior, K = schur.factorise(matrix, bulk.contact.dofs)
+    size = len(bulk.contact.dofs)
+    # MUMPS wants a degree of freedom beside those of its Schur complement
+    if bulk.dofs > size:
+        if bulk.interior is not None:
+            bulk.interior.destroy()
+        bulk.interior, K = schur.factorise(matrix, bulk.contact.dofs)
     solve = interior_solver(bulk)
+    if bulk.dofs == size:
+        K = _contact_forces(bulk, solve, np.eye(size))
+        if K is not None:
+            symmetrise(K)
     held, compliance = _held_response(bulk, solve)
-    u = np.cos(1.0 + np.arange(len(bulk.contact.dofs)) ** 2)
+    u = np.cos(1.0 + np.arange(size) ** 2)
     force = _contact_forces(bulk, solve, u[:, None])
     if supported:
         matrix.destroy()
     return Elimination(K, held, compliance, None if force is None else (u, force[:, 0]))
-
-
-def _by_solves(bulk: Bulk) -> Elimination:
-    """Eliminate by solves with A_II for blocks of unit contact displacements."""
-    solve = interior_solver(bulk)
-    size = len(bulk.contact.dofs)
-    K = np.empty((size, size)) if bulk.comm.rank == 0 else None
-    for first in range(0, size, BLOCK_COLUMNS):
-        unit = np.eye(min(BLOCK_COLUMNS, size - first))
-        columns = _contact_forces(bulk, solve, unit, first)
-        if K is not None and columns is not None:
-            K[:, first : first + len(unit)] = columns
-    if K is not None:
-        symmetrise(K)
-    held, compliance = _held_response(bulk, solve)
-    return Elimination(K, held, compliance)
 
 
 def load_sign(bulk: Bulk) -> Array:
@@ -246,20 +223,12 @@ def _held_response(bulk: Bulk, solve: Solve) -> tuple[Array | None, Array]:
     return gather_contact(bulk, force), compliance
 
 
-def _contact_forces(bulk: Bulk, solve: Solve, u: Array, first: int = 0) -> Array | None:
-    """Return K u (2N, n; rank 0) by solves.
-
-    Args:
-        bulk: the body.
-        solve: see ``Solve``.
-        u: (m, n) displacements of the contact's degrees of freedom from ``first`` on, the others 0.
-        first: see ``u``.
-    """
+def _contact_forces(bulk: Bulk, solve: Solve, u: Array) -> Array | None:
+    """Return K u (2N, n; rank 0) by solves."""
     dofs, places = owned_contact(bulk)
-    inside = (places >= first) & (places < first + len(u))
     start, rows = bulk.stiffness.getOwnershipRange()[0], bulk.stiffness.getLocalSize()[0]
     x = np.zeros((rows, u.shape[1]))
-    x[dofs[inside] - start] = u[places[inside] - first]
+    x[dofs - start] = u[places]
     force = times(bulk.stiffness, x)
     return gather_contact(bulk, force - times(bulk.stiffness, solve(force)))
 
@@ -285,18 +254,11 @@ def _dense(matrix: PETSc.Mat, columns: Array) -> PETSc.Mat:
 
 
 def back_substitute(bulk: Bulk, load: Array | None, u: Array | None) -> fem.Function:
-    """Return the displacement field for load factors and contact displacements.
+    """Return the displacement field for load factors and contact displacements, ghosts up to date.
 
     With I the interior and C the contact, A_II u_I = sum_k lambda_k f_k / E - A_IC u_C; prescribed
-    displacements are added, and platens take their nodes along.
-
-    Args:
-        bulk: the body.
-        load: (n_loads,) load factors; only rank 0's are used.
-        u: (2N,) contact displacements [v; w]; only rank 0's are used.
-
-    Returns:
-        The displacement, ghosts up to date.
+    displacements are added, and platens take their nodes along. Of ``load`` and ``u`` (2N,) only
+    rank 0's are used.
     """
     factors, contact = bulk.comm.bcast((load, u), root=0)
     solve = interior_solver(bulk)

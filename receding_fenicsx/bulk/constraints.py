@@ -104,17 +104,13 @@ def _leader(slaves: Ints, masters: Ints, dofs: Ints) -> Ints:
 def find_constraints(
     scene: Scene, space: fem.FunctionSpace, body: BodyMesh, contact: Ints
 ) -> Constraints:
-    """Find all constraints, also those of contact nodes; collective.
+    """Find all constraints of a body, also those of contact nodes; collective.
 
     Args:
         scene: the scene of this body alone.
         space: displacement space.
         body: the mesh.
         contact: numbers of the nodes on contact edges.
-
-    Raises:
-        InputError: a support without nodes, platens that meet or join contact nodes, or a
-            prescribed displacement that is not unique; on all ranks.
     """
     slaves, masters = _platens(scene, space, body, contact)
     follows = slaves.dofs, masters.dofs

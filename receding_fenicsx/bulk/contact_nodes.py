@@ -117,9 +117,6 @@ def find_contact(
         space: displacement space.
         body: the mesh.
         resisted: (m, 3) components of the rigid motions that springs resist.
-
-    Raises:
-        InputError: constraints that do not fit the mesh, each other or the contact; on all ranks.
     """
     edges = [_edge_nodes(scene, space, body, contact) for contact in body.contacts]
     every = np.concatenate([facets.nodes[0] for facets in edges])
@@ -224,18 +221,7 @@ def _held_at_contact(dofs: Ints, node: Ints, tangent: Array, normal: Array) -> N
 def _held_obliquely(
     node: Ints, points: Array, normal: Array, dofs: Ints, carries: NDArray[np.bool_]
 ) -> NDArray[np.bool_]:
-    """Return which nodes, ends of the edge, a support holds in one direction oblique to it.
-
-    Args:
-        node: numbers of the nodes, sorted along the edge.
-        points: their coordinates.
-        normal: (n, 2) unit normals.
-        dofs: all held degrees of freedom.
-        carries: which nodes may be contact points.
-
-    Raises:
-        InputError: another node is held so.
-    """
+    """Return which nodes, ends of the edge, a support holds in one direction oblique to it."""
     fixed = np.isin(2 * node[:, None] + [0, 1], dofs)
     single = (fixed[:, 0] != fixed[:, 1]) & carries
     single &= np.abs(normal).max(axis=1) <= 1.0 - NORMAL_TOLERANCE

@@ -112,9 +112,6 @@ def eliminate(
 
     Returns:
         A and Y of u_b = A u + Y y, the freedoms (m,) that y are, and the rows that are held.
-
-    Raises:
-        InputError: a freedom that a row is to determine is held, or others follow it.
     """
     n = len(held)
     owner = np.repeat(np.arange(len(diagonal)), [len(part) for part in diagonal])
@@ -171,15 +168,9 @@ def eliminate(
 def relative_of(
     scene: Scene, contacts: Sequence[ContactNodes], bodies: Sequence[Scene]
 ) -> tuple[Relative, ContactPoints]:
-    """Return the contact operator of bodies, and the points of all contacts.
+    """Return the contact operator of bodies and the points of all contacts.
 
-    Args:
-        scene: the scene.
-        contacts: the contact nodes of each body, those of its ties after its contacts.
-        bodies: the scene of each body alone.
-
-    Raises:
-        MeshMisfit: an edge is too coarse.
+    ``bodies`` has the scene of each body alone, ``contacts`` its contact nodes.
     """
     numbers = [sides_of_body(scene, part.body) for part in bodies]
     joints: list[list[tuple[int, int, ContactSide]]] = [[] for _ in scene.joints]

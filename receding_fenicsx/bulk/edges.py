@@ -39,16 +39,9 @@ class EdgeFacets:
 def edge_facets(
     space: fem.FunctionSpace, body: BodyMesh, edge: str, span: tuple[float, float] | None = None
 ) -> EdgeFacets:
-    """Find this rank's facets of a named edge.
+    """Find this rank's facets of a named edge; an edge that the (half) body lacks has none.
 
-    Args:
-        space: displacement space.
-        body: the mesh.
-        edge: name; an edge that the (half) body lacks has no facets.
-        span: keep the facets between these positions along the edge, which are vertices.
-
-    Returns:
-        The facets.
+    With a span, keep the facets between these positions along the edge, which are vertices.
     """
     found = tagged_facets(space, body, body.groups.get(edge, ()))
     if span is None or not len(found):
@@ -88,11 +81,7 @@ def tagged_facets(space: fem.FunctionSpace, body: BodyMesh, tags: Sequence[int])
 
 
 def along(body: BodyMesh, edge: str, points: Array) -> Array:
-    """Return positions of points (n, 2) along a straight edge from its middle.
-
-    Raises:
-        InputError: the edge is not straight.
-    """
+    """Return positions of points (n, 2) along an edge from its middle; it must be straight."""
     if edge not in body.lines:
         raise InputError(
             f"'{edge}' is not straight or in pieces, so there is no position along it; leave out "
@@ -123,15 +112,12 @@ def integrate(
     traction: Callable[[Array, Array], Array],
     part: tuple[Array, Array] | None = None,
 ) -> Array:
-    """Integrate a traction times each nodal shape function by Gauss's rule.
+    """Integrate a traction times each nodal shape function by Gauss's rule; (n, nodes, k) forces.
 
     Args:
         facets: the facets.
         traction: function of points (m, 2) and outward normals (m, 2) that returns (m, k) values.
         part: where the integral begins and ends in each facet (n,), from 0 to 1; default: all.
-
-    Returns:
-        (n, nodes, k) nodal forces.
     """
     s, weight = gauss()
     n, nodes = facets.nodes.shape
@@ -163,15 +149,9 @@ def shape_functions(nodes: int, s: Array) -> Array:
 def integrate_arcs(
     facets: EdgeFacets, arcs: Arcs, traction: Callable[[Array, Array], Array]
 ) -> tuple[Ints, Array]:
-    """Integrate a traction over the true curves behind facets.
+    """Integrate a traction, as of :func:`integrate`, over the true curves behind facets.
 
-    Args:
-        facets: the facets.
-        arcs: the curves of the body's curved edges.
-        traction: function of points (m, 2) and outward normals (m, 2) that returns (m, k) values.
-
-    Returns:
-        Numbers (n,) of the facets on curved edges, and the (n, k) integrals over their curves.
+    Returns numbers (n,) of the facets on curved edges, and the (n, k) integrals over their curves.
     """
     on, numbers = arcs.find(facets.points[:, 0], facets.points[:, 1])
     slopes = arcs.slopes[numbers]

@@ -20,7 +20,6 @@ from dolfinx import fem
 from receding_fenicsx.arrays import Array, Ints
 from receding_fenicsx.bulk import _dolfinx
 from receding_fenicsx.bulk.body import (
-    BLOCK_COLUMNS,
     Bulk,
     Elimination,
     Solve,
@@ -48,14 +47,14 @@ CELL_TOLERANCE = 1e-9
 class ElasticBody(Bulk):
     """The discretised body, with what a stack asks of its bodies; see :class:`stack.Body`."""
 
-    def condensed(self, route: str = "schur") -> CondensedBody | None:
-        """Condense the body by the route "schur" or "solve"; on rank 0, None on the others.
+    def condensed(self) -> CondensedBody | None:
+        """Condense the body, on rank 0; collective.
 
         Raises:
             SolveError: the factorisation failed, or K does not keep the rigid motions or does not
                 agree with a solve; on all ranks.
         """
-        eliminated = eliminate_interior(self, route)
+        eliminated = eliminate_interior(self)
         return on_root(self.comm, lambda: self._checked(eliminated))
 
     def _checked(self, eliminated: Elimination) -> CondensedBody:
@@ -93,12 +92,7 @@ class ElasticBody(Bulk):
         )
 
     def fields(self, load: Array | None, u: Array | None) -> tuple[fem.Function, Stresses]:
-        """Return displacement (in the space of degree 1) and stresses; collective.
-
-        Args:
-            load: (n_loads,) factors of the body's loads; only rank 0's are used.
-            u: (2N,) contact displacements [v; w]; only rank 0's are used.
-        """
+        """Return displacement (of degree 1) and stresses for rank 0's factors and u; collective."""
         displacement = back_substitute(self, load, u)
         linear = fem.Function(_dolfinx.vector_space(self.body.mesh, 1), name="displacement")
         linear.interpolate(displacement)
@@ -110,14 +104,7 @@ class ElasticBody(Bulk):
         """Return rows (m, 6, 2N + own loads) of the values at points on rank 0; collective.
 
         Points in the half that is not modelled get the values of their mirror image; on the axis
-        of symmetry u_x and s_xy are zero.
-
-        Args:
-            points: (m, 2) points of the whole body.
-            labels: (m,) names of the points in messages.
-
-        Raises:
-            InputError: a point lies outside the body; on all ranks.
+        of symmetry u_x and s_xy are zero. A point outside the body is an error, by its label.
         """
         mirrored = self.body.half and not self.scene.axisymmetric
         modelled = np.column_stack([np.abs(points[:, 0]), points[:, 1]]) if mirrored else points
@@ -125,8 +112,8 @@ class ElasticBody(Bulk):
         values = point_values(self, modelled, labels)
         count = 6 * len(points)
         blocks = [
-            self._rows(solve, values, (first, min(first + BLOCK_COLUMNS, count)))
-            for first in range(0, count, BLOCK_COLUMNS)
+            self._rows(solve, values, (first, min(first + 64, count)))
+            for first in range(0, count, 64)  # right-hand sides of one solve
         ]
         if self.comm.rank != 0:
             return None
@@ -186,20 +173,10 @@ class PointValues:
 
 
 def point_values(bulk: Bulk, points: Array, labels: list[str]) -> PointValues:
-    """Return displacements and stresses at points; collective.
+    """Return displacements and stresses at points (m, 2) of the modelled body; collective.
 
-    Stresses jump from cell to cell: a point on several cells gets the mean over them.
-
-    Args:
-        bulk: the body.
-        points: (m, 2) points of the modelled body.
-        labels: (m,) names of the points in messages.
-
-    Returns:
-        The rows of all points.
-
-    Raises:
-        InputError: a point lies in no cell; on all ranks.
+    Stresses jump from cell to cell: a point on several cells gets the mean over them. A point in no
+    cell is an error, by its label.
     """
     found = on_all(bulk.comm, lambda: _in_own_cells(bulk, points))
     every = [part for parts in bulk.comm.allgather(found) for part in parts]
@@ -293,13 +270,6 @@ def touches(cell: str, at: Array) -> bool:
 
 
 def shape_functions(cell: str, degree: int, corners: Array, at: Array) -> tuple[Array, Array]:
-    """Return values (n,) and gradients (n, 2) of a cell's shape functions.
-
-    Args:
-        cell: "triangle" or "quadrilateral".
-        degree: degree of the element.
-        corners: the cell's corners.
-        at: reference coordinates.
-    """
+    """Return values (n,) and gradients (n, 2) of a cell's shape functions at a reference point."""
     value, slopes = _dolfinx.tabulated(cell, degree, at[None])
     return value[0], slopes[:, 0].T @ np.linalg.inv(mapped(cell, corners, at)[1])

@@ -33,12 +33,6 @@ def build(scene: Scene, body: BodyMesh) -> ElasticBody:
     Args:
         scene: the scene of this body alone.
         body: its mesh; a half body is held at u_x = 0 on x = 0.
-
-    Returns:
-        The discretised body.
-
-    Raises:
-        InputError: a load, support or contact that does not fit the mesh; on all ranks.
     """
     clock = time.perf_counter()
     space = _dolfinx.vector_space(body.mesh, scene.mesh.degree)
@@ -101,17 +95,7 @@ def build(scene: Scene, body: BodyMesh) -> ElasticBody:
 
 
 def warm_up(comm: MPI.Comm, cell: str, degree: int, axisymmetric: bool = False) -> float:
-    """Compile (or load from the cache) the forms for a cell and degree.
-
-    Args:
-        comm: communicator.
-        cell: "triangle" or "quadrilateral".
-        degree: degree of the displacement.
-        axisymmetric: in cylindrical coordinates.
-
-    Returns:
-        Seconds that it took.
-    """
+    """Compile or load the forms for a cell and degree; return the seconds that it took."""
     clock = time.perf_counter()
     corners = _dolfinx.REFERENCE_CORNERS[cell]
     n = len(corners)
@@ -161,10 +145,7 @@ def stiffness_form(
 def general_form(space: fem.FunctionSpace, C: fem.Function, axisymmetric: bool) -> Any:
     """Compile a(u, v) = integral of C e(u) . e(v), e = [exx, eyy, ezz, 2 exy], times r if round.
 
-    Args:
-        space: displacement space.
-        C: (4, 4) stiffness in each cell.
-        axisymmetric: with the hoop strain ezz = u_r / r.
+    C is (4, 4) in each cell; an axisymmetric body has the hoop strain ezz = u_r / r.
     """
     u, v = ufl.TrialFunction(space), ufl.TestFunction(space)
     r = ufl.SpatialCoordinate(space.mesh)[0]

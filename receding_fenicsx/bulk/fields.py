@@ -57,16 +57,7 @@ class Fields:
 
 
 def fields_at(bodies: Stack, load: Array, u: Array) -> Fields | None:
-    """Return the fields of the whole bodies; collective.
-
-    Args:
-        bodies: the bodies.
-        load: (n_loads,) load factors, on rank 0.
-        u: (2N,) contact displacements [v; w], on rank 0.
-
-    Returns:
-        The fields on rank 0, None elsewhere.
-    """
+    """Return the fields of the whole bodies on rank 0, for its load factors and u; collective."""
     return gather_fields(solve_fields(bodies, load, u))
 
 
@@ -80,14 +71,7 @@ def solve_fields(bodies: Stack, load: Array, u: Array) -> list[BodyFields]:
 
 
 def probe_matrix(bodies: Stack, scene: Scene) -> ProbeMatrix | None:
-    """Return the values at all probes of a scene; collective.
-
-    Args:
-        bodies: the bodies.
-        scene: the scene, with at least one probe.
-
-    Returns:
-        The matrix on rank 0, None on the others.
+    """Return the values at all probes of a scene (at least one), on rank 0; collective.
 
     Raises:
         InputError: a point lies outside its body; on all ranks.
@@ -159,14 +143,7 @@ def gather_fields(parts: Sequence[BodyFields]) -> Fields | None:
 
 
 def gather_cell_stresses(parts: Sequence[BodyFields]) -> dict[str, Array] | None:
-    """Gather the stresses of the cells on rank 0; collective.
-
-    Args:
-        parts: fields of each modelled body.
-
-    Returns:
-        By name the stress of each cell of :func:`gather_fields`, on rank 0; None elsewhere.
-    """
+    """Gather by name the stress of each cell of :func:`gather_fields` on rank 0; collective."""
     bodies = []
     for part in parts:
         stresses = part.stresses.cell

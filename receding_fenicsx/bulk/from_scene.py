@@ -45,11 +45,7 @@ def is_small(scene: Scene) -> bool:
 
 
 def condensed(scene: Scene, comm: MPI.Comm, timer: Timer) -> tuple[ContactSystem | None, int]:
-    """Mesh, assemble and condense a scene; collective.
-
-    Returns:
-        The system on rank 0 (None elsewhere), and the number of degrees of freedom of the bodies.
-    """
+    """Return a scene's condensed system, on rank 0, and the number of freedoms; collective."""
     from receding_fenicsx.bulk import stack
     from receding_fenicsx.bulk.fields import probe_matrix
 
@@ -75,11 +71,7 @@ def condensed(scene: Scene, comm: MPI.Comm, timer: Timer) -> tuple[ContactSystem
 
 
 def probes_of(scene: Scene, comm: MPI.Comm, timer: Timer) -> ProbeMatrix | None:
-    """Mesh and assemble a scene's bodies for the values at its probes alone; collective.
-
-    Returns:
-        The matrix on rank 0, None elsewhere.
-    """
+    """Return the values at a scene's probes alone, on rank 0; collective."""
     from receding_fenicsx.bulk.fields import probe_matrix
 
     if comm.size > 1 and is_small(scene):

@@ -137,10 +137,7 @@ class JoinedBodies:
     def rows(self, body: int, on_body: Array, on_loads: Array) -> Array:
         """Return rows for [u; lambda] of rows for the displacements of a body and all unit loads.
 
-        Args:
-            body: number of the body.
-            on_body: (..., 2N_b) rows.
-            on_loads: (..., unit loads) rows.
+        The rows are (..., 2N_b) and (..., unit loads).
         """
         motion, (T, G) = self.motions[body], self.factors
         flat = on_body.reshape(-1, on_body.shape[-1])
@@ -165,7 +162,6 @@ def join(
     Raises:
         InputError: a load moves bodies in a motion that no support holds, is a force on one body
             and a displacement on another, or parts tied nodes.
-        SolveError: K does not keep the rigid motions.
     """
     sign = common_sign(np.array([body.sign for body in bodies]), load_names)
     size = relative.size
@@ -263,11 +259,7 @@ def _pin(
     rest: Ints,
     load_names: tuple[str, ...],
 ) -> None:
-    """Add stiffness to H, of the freedoms ``rest``, on the common motions that nothing holds.
-
-    Raises:
-        InputError: a load L is not balanced in one of these motions.
-    """
+    """Add stiffness to H, of the freedoms ``rest``, on common motions that nothing holds."""
     stiffness = np.trace(H) / max(len(H), 1)
     for group, together in common:
         parts = [b.modes if i in group else 0.0 * b.modes for i, b in enumerate(bodies)]

@@ -44,18 +44,7 @@ from receding_fenicsx.scene.profiles import Profile, evaluate, evaluate_checked
 def add_load(
     vector: PETSc.Vec, space: fem.FunctionSpace, body: BodyMesh, scene: Scene, load: Load
 ) -> None:
-    """Add the nodal forces of a load with factor 1.
-
-    Args:
-        vector: nodal forces.
-        space: displacement space.
-        body: the mesh.
-        scene: the scene.
-        load: one of its loads; a half body carries its part at x >= 0.
-
-    Raises:
-        InputError: the load's profile cannot be evaluated; on all ranks.
-    """
+    """Add the nodal forces of a load with factor 1; half a body carries its part at x >= 0."""
     comm = body.mesh.comm
     if load.mode is not None:
         # known once the contact is
@@ -211,13 +200,7 @@ def _rule(cell: str) -> tuple[Array, Array]:
 
 
 def thermal_strain(scene: Scene, load_names: tuple[str, ...], points: Array) -> Array:
-    """Return the thermal strain (..., n_loads) of each load with factor 1 at points (..., 2).
-
-    Args:
-        scene: the scene of one body.
-        load_names: names of its loads.
-        points: points of the body.
-    """
+    """Return the thermal strain (..., n_loads) of each load with factor 1 at points (..., 2)."""
     strain = np.zeros((*points.shape[:-1], len(load_names)))
     for load in scene.loads:
         if load.thermal_strain is not None:

@@ -60,9 +60,7 @@ def stiffness_in(scene: Scene, body: BodyMesh) -> Array:
 def linear_stresses(C: Array, gradient: Array) -> Array:
     """Return (..., [sxx, syy, szz, sxy]) from gradients (..., [xx, xy, yx, yy, zz]).
 
-    Args:
-        C: (4, 4), or (cells, 4, 4) for gradients (cells, ..., 5).
-        gradient: see above.
+    C is (4, 4), or (cells, 4, 4) for gradients (cells, ..., 5).
     """
     shear = gradient[..., 1] + gradient[..., 2]
     strain = np.stack([gradient[..., 0], gradient[..., 3], gradient[..., 4], shear], axis=-1)

@@ -60,10 +60,8 @@ def common_motions(
     """Return the groups of bodies that can move together, and their motions (3, n) about one pivot.
 
     Bodies that contacts connect move together; those that are connected with a plane cannot.
-
-    Args:
-        constraints: (m, 3) of each body.
-        sides: the contacts and ties of each body; one of one body only is one with a plane.
+    ``constraints`` are (m, 3) of each body, ``sides`` its contacts and ties; one of one body only
+    is one with a plane.
     """
     todo, found = set(range(len(sides))), []
     while todo:

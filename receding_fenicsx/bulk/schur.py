@@ -126,4 +126,4 @@ def _call(name: str, *arguments: Any) -> None:
     """Call a function of PETSc and raise when it reports an error."""
     code = getattr(_library(), name)(*arguments)
     if code:
-        raise SolveError(f'PETSc\'s {name} failed with code {code}; use the route "solve"')
+        raise SolveError(f"PETSc's {name} failed with code {code}; report it")

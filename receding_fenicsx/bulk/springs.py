@@ -64,11 +64,7 @@ def add_springs(matrix: PETSc.Mat, space: fem.FunctionSpace, body: BodyMesh, sce
 
 
 def spring_rows(space: fem.FunctionSpace, body: BodyMesh, scene: Scene) -> Array:
-    """Return (m, 3) components of the rigid motions that the springs resist; on every rank.
-
-    Raises:
-        MeshMisfit: no node lies at the point of a spring; on all ranks.
-    """
+    """Return (m, 3) components of the rigid motions that the springs resist, on every rank."""
     rows = [np.empty((0, 3))]
     foundations = _foundations(scene)
     found = on_all(
@@ -107,11 +103,8 @@ def _foundations(scene: Scene) -> list[Spring]:
 def add_links(scene: Scene, parts: Mapping[str, Bulk]) -> Array:
     """Append the unit loads of all springs between two bodies to these, by name; collective.
 
-    Returns:
-        M / k_d (m, m) of the m unit loads, on every rank.
-
-    Raises:
-        InputError: the first edge is not straight, or the nodes of the other one do not match.
+    Returns M / k_d (m, m) of the m unit loads, on every rank. The first edge has to be straight,
+    with the nodes of the other one straight across.
     """
     blocks: list[Array] = []
     number = count()

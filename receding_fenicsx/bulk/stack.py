@@ -69,7 +69,7 @@ class Body(Protocol):
     def half(self) -> bool:
         """Whether only x >= 0 is modelled; always for an axisymmetric body."""
 
-    def condensed(self, route: str) -> CondensedBody | None:
+    def condensed(self) -> CondensedBody | None:
         """Return the body condensed to its contact nodes, on rank 0; collective."""
 
     def fields(self, load: Array | None, u: Array | None) -> tuple[fem.Function, Stresses]:
@@ -152,16 +152,15 @@ class Stack:
         parts = [part.seconds for part in self.parts]
         return {key: sum(part[key] for part in parts) for key in parts[0]}
 
-    def condense(self, route: str = "schur") -> None:
+    def condense(self) -> None:
         """Condense all bodies, unless they are already, and join them on rank 0; collective.
 
         Raises:
             InputError: a load does not suit what holds the bodies; on all ranks.
-            SolveError: see :meth:`Body.condensed`; on all ranks.
         """
         if self.condensed:
             return
-        condensed = [] if self.pair else [part.condensed(route) for part in self.parts]
+        condensed = [] if self.pair else [part.condensed() for part in self.parts]
         self.joined = on_root(self.comm, lambda: self._joined(condensed))
         self.condensed = True
 
@@ -200,12 +199,10 @@ class Stack:
                 )
 
     def as_joined(self, load: Array | None, u: Array | None) -> list[tuple[Body, Any, Any]]:
-        """Return each body with its own load factors and contact displacements, on rank 0.
+        """Return each body with its own load factors and contact displacements, for rank 0's.
 
-        Args:
-            load: (n_loads,) load factors; only rank 0's are used.
-            u: (2N,) contact displacements [v; w], between bodies the first one's less the second
-                one's, with an interference as in the record; only rank 0's are used.
+        ``u`` (2N,) is [v; w], between bodies the first one's less the second one's, with an
+        interference as in the record.
         """
         sides: list[tuple[Body, Any, Any]] = [(part, None, None) for part in self.parts]
         if self.joined is not None:
@@ -223,13 +220,7 @@ class Stack:
 
 
 def build_all(scene: Scene, bodies: tuple[BodyMesh, ...], comm: MPI.Comm | None = None) -> Stack:
-    """Assemble all bodies; see :func:`elasticity.build`.
-
-    Args:
-        scene: the scene.
-        bodies: mesh of each body that has one.
-        comm: communicator of a scene without meshes.
-    """
+    """Assemble all bodies, given the meshes of those that have one."""
     meshes = iter(bodies)
     built = {
         body.name: elasticity.build(part_of(scene, body), next(meshes))
@@ -252,22 +243,13 @@ def build_all(scene: Scene, bodies: tuple[BodyMesh, ...], comm: MPI.Comm | None 
     return Stack(scene, tuple(parts), soft, pair)
 
 
-def condense(bodies: Stack, route: str = "schur") -> ContactSystem | None:
+def condense(bodies: Stack) -> ContactSystem | None:
     """Condense the bodies to the contact nodes; collective.
 
-    Args:
-        bodies: the discretised bodies.
-        route: "schur" or "solve".
-
-    Returns:
-        The condensed system on rank 0, None on the others, with the data of the contact nodes, each
-        on its first body. Its friction and gap are NaN:
-        :func:`receding_fenicsx.evolution.problem.with_profiles` sets them.
-
-    Raises:
-        InputError, SolveError: see :meth:`Stack.condense`; on all ranks.
+    Returns the system on rank 0, with the data of the contact nodes, each on its first body. Its
+    friction and gap are NaN: :func:`receding_fenicsx.evolution.problem.with_profiles` sets them.
     """
-    bodies.condense(route)
+    bodies.condense()
 
     def system() -> ContactSystem:
         scene, contact, joined = bodies.scene, bodies.contact, given(bodies.joined)

@@ -40,14 +40,7 @@ class Stresses:
 def stresses(bulk: Bulk, displacement: fem.Function, load: Array | None = None) -> Stresses:
     """Return the stresses of a displacement field, at midpoints of cells and averaged at vertices.
 
-    Args:
-        bulk: the body.
-        displacement: field in its space, ghosts up to date.
-        load: (n_loads,) load factors of the body, on every rank; needed where it has a
-            thermal strain.
-
-    Returns:
-        The stresses, ghosts up to date.
+    The load factors, on every rank, are needed where the body has a thermal strain.
     """
     corners = _dolfinx.REFERENCE_CORNERS[bulk.body.cell]
     points = np.vstack([corners, corners.mean(axis=0)])

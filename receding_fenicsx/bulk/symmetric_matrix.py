@@ -24,12 +24,9 @@ def block(rows: Ints, columns: Ints) -> tuple[Any, ...]:
 
 
 def symmetrise(K: Array, triangle: str | None = None) -> None:
-    """Make a square matrix symmetric to the last bit.
+    """Make a square matrix symmetric to the last bit, in place.
 
-    Args:
-        K: (n, n) the matrix, changed in place.
-        triangle: "lower" or "upper", the triangle that replaces the other; None for the mean of
-            both.
+    ``triangle`` "lower" or "upper" replaces the other one; None takes the mean of both.
     """
     for rows in _slices(len(K)):
         for columns in _slices(rows.stop):
@@ -50,12 +47,7 @@ def _mirrored(tile: Array, triangle: str) -> Array:
 
 
 def turn(K: Array, to_local: Callable[[Array], Array]) -> None:
-    """Replace a symmetric K by R K R^T, symmetric to the last bit.
-
-    Args:
-        K: (n, n) the matrix, changed in place.
-        to_local: a rotation of pairs of components: function that returns R times a matrix.
-    """
+    """Replace a symmetric K by R K R^T to the last bit; ``to_local`` returns R times a matrix."""
     # no work where the rotation is the identity
     pattern = np.cos(1.0 + np.arange(len(K)) ** 2)
     if np.array_equal(to_local(pattern), pattern):

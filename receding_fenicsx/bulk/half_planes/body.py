@@ -103,8 +103,8 @@ class HalfPlane:
         along = [np.einsum("nc,nc->n", axis, strained) for axis in axes]
         return np.column_stack([self.contact.modes, np.concatenate(along)])
 
-    def condensed(self, route: str) -> CondensedBody | None:
-        """Return the stiffness on rank 0; collective. There is one route."""
+    def condensed(self) -> CondensedBody | None:
+        """Return the stiffness on rank 0; collective."""
 
         def work() -> CondensedBody:
             found = self.stiffness
@@ -122,11 +122,7 @@ class HalfPlane:
         return on_root(self.comm, work)
 
     def value_rows(self, points: Array, labels: list[str]) -> Array | None:
-        """Return rows (m, 6, 2N + own loads) of the values at points on rank 0; collective.
-
-        Raises:
-            InputError: a point lies outside the half-plane; its label begins the message.
-        """
+        """Return rows (m, 6, 2N + own loads) of the values at points on rank 0; collective."""
 
         def rows() -> Array:
             depth = (points - self.contact.points[0]) @ (self.side * self.contact.normal[0])
@@ -152,12 +148,7 @@ class HalfPlane:
         return on_root(self.comm, rows)
 
     def fields(self, load: Array | None, u: Array | None) -> tuple[fem.Function, Stresses]:
-        """Return displacement and stresses in the window; collective.
-
-        Args:
-            load: (n_loads,) load factors; only rank 0's are used.
-            u: (2N,) displacements [v; w] of this body's contact nodes; only rank 0's are used.
-        """
+        """Return displacement and stresses in the window for rank 0's factors and u; collective."""
         load, u = self.comm.bcast((load, u), root=0)
         if self.window is None:
             self.window = _window_mesh(self)
@@ -227,11 +218,8 @@ def half_plane_of(
     Args:
         scene: the scene of this body alone.
         comm: communicator.
-        partner: contact nodes of the first body where this is the second one of a pair.
+        partner: contact nodes, on the surface, of the first body where this is the second one.
         surface: surface of the first body where that is a half-plane too.
-
-    Raises:
-        InputError: the partner's contact nodes do not lie on the half-plane's surface.
     """
     far = _far_field(scene)
     if partner is None:

@@ -18,23 +18,15 @@ from receding_fenicsx.half_plane.stiffness import FarField, SurfaceStiffness, co
 
 
 def join_half_planes(a: HalfPlane, b: HalfPlane, load_names: tuple[str, ...]) -> JoinedBodies:
-    """Join two half-planes on the same nodes to one system, for u = u_a - u_b.
+    """Join two half-planes on the same nodes to one system, for u = u_a - u_b; n points into a.
 
     With the force r of b on a, tractions t and the far fields a_a, a_b, B^T t = r and
 
         (D_a + D_b) t + B R (a_a - a_b) = B u,    u_b = - B^-T D_b t + R a_b:
 
-    a pair behaves as one half-plane of the compliance D_a + D_b. A motion that is free on either
-    side is free; free on both sides, its forces must balance, and that of b is zero.
-
-    Args:
-        a: the half-plane that n points into.
-        b: the other one.
-        load_names: names of the loads on both.
-
-    Raises:
-        InputError: a load moves both half-planes together, or is a force on one and a displacement
-            on the other.
+    a pair behaves as one half-plane of the compliance D_a + D_b, in which the coupling of equal
+    materials cancels exactly. A motion that is free on either side is free; free on both sides, its
+    forces must balance, and that of b is zero.
     """
     n = len(load_names)
     force, moved, sign = np.zeros((2, n, 4)), np.zeros((2, n, 4)), np.zeros((2, n))

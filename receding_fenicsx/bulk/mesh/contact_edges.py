@@ -44,15 +44,7 @@ class Interface:
 
 
 def find_interfaces(scene: Scene, meshes: Sequence[RawMesh], half: bool) -> tuple[Interface, ...]:
-    """Find the facets of all contacts and ties, and check the groups that the scene uses.
-
-    Args:
-        scene: the scene.
-        meshes: mesh of each body.
-        half: the meshes are the halves x >= 0.
-
-    Returns:
-        One interface a contact, then one a tie.
+    """Return one interface a contact, then one a tie; check the groups that the scene uses.
 
     Raises:
         InputError: a group is missing, overlaps another one or lies inside the body; edges of two
@@ -228,11 +220,7 @@ def _opposed(joint: Joint, sides: tuple[_Side, _Side], where: str) -> Interface:
 
 
 def load_facets(mesh: RawMesh, load: Load | Spring | Support, edge: str, half: bool) -> Ints:
-    """Return the facets (k, 2) of a load or support on an edge of its body.
-
-    Raises:
-        InputError: the load's span does not fit the mesh.
-    """
+    """Return the facets (k, 2) of a load or support on an edge of its body."""
     facets = mesh.edges[edge]
     span = None if isinstance(load, Support) else load.span
     if span is None or half:

@@ -71,12 +71,7 @@ def nearest_facet(points: Array, a: Array, b: Array) -> tuple[Ints, Array, Array
 
 
 def curve_of(mesh: RawMesh, edge: str, where: str) -> Line | Curve:
-    """Return the line of a straight edge, the curve of another one; both are in one piece.
-
-    Raises:
-        InputError: the edge is in pieces, has a corner, or is too coarse; ``where`` begins the
-            message.
-    """
+    """Return the line of a straight edge, the curve of another one; both are in one piece."""
     try:
         return line_of(mesh, edge, where)
     except NotStraight:

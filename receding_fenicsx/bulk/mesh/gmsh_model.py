@@ -47,11 +47,7 @@ def gmsh_model() -> Iterator[Any]:
 
 
 def geo_path(name: str) -> Path:
-    """Return the path of a .geo file of the installed package, or of the repository.
-
-    Raises:
-        InputError: there is no such file.
-    """
+    """Return the path of a .geo file of the installed package, or of the repository."""
     package = Path(str(resources.files("receding_fenicsx")))
     for path in (package / "meshes" / name, package.parent / "meshes" / name):
         if path.is_file():
@@ -60,16 +56,13 @@ def geo_path(name: str) -> Path:
 
 
 def mesh_of(gmsh: Any, surface: str | None, where: str, scale: float) -> RawMesh:
-    """Return the mesh in gmsh's model, with its groups.
+    """Return the plane mesh in gmsh's model, with its groups.
 
     Args:
         gmsh: the module, with a meshed model.
         surface: physical surface of the body; None takes all of them, or all surfaces.
         where: begin of error messages.
         scale: length of gmsh's unit.
-
-    Raises:
-        InputError: the mesh is not that of a plane body, or has cells of another kind.
     """
     mesh, model = gmsh.model.mesh, gmsh.model
     if len(mesh.getElementTypes(3)):

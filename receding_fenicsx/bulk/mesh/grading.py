@@ -46,15 +46,9 @@ class Base:
 
 
 def graded(ends: tuple[float, float], base: Base, places: Sequence[Refinement]) -> Array:
-    """Return the positions of the vertices of an edge.
+    """Return the positions of the vertices of an edge between its ends.
 
-    Args:
-        ends: both ends of the edge.
-        base: sizes without refinement.
-        places: refined places with growth; those with a size above the base are breaks only.
-
-    Raises:
-        InputError: more elements than a contact edge can have.
+    Places have a growth; those with a size above the base are breaks only.
     """
     low, high = ends
     near = NEAR * (high - low)
@@ -113,11 +107,7 @@ def _size(place: Refinement, s: float) -> float:
 def size_callback(
     spots: Sequence[tuple[Refinement, Array, Array]],
 ) -> Callable[..., float]:
-    """Return gmsh's callback for the size around places in the plane.
-
-    Args:
-        spots: each place with both ends (2,) of its range.
-    """
+    """Return gmsh's callback for the size around places, each with both ends (2,) of its range."""
     ranges = []
     for place, a, b in spots:
         length = float(np.hypot(*(b - a)))
@@ -135,13 +125,7 @@ def size_callback(
 
 
 def place_nodes(gmsh: Any, curve: int, points: Array) -> None:
-    """Replace the nodes inside a meshed curve.
-
-    Args:
-        gmsh: gmsh, its model meshed in one dimension.
-        curve: tag of the curve.
-        points: (n, 2) new positions, from the curve's start to its end.
-    """
+    """Replace the nodes inside a meshed curve by points (n, 2) from its start to its end."""
     mesh = gmsh.model.mesh
     ends = gmsh.model.getBoundary([(1, curve)])
     first, last = (int(mesh.getNodes(0, point)[0][0]) for _, point in ends)
@@ -155,14 +139,7 @@ def place_nodes(gmsh: Any, curve: int, points: Array) -> None:
 
 
 def grade_half(gmsh: Any, places: Sequence[Refinement], stations: Array, unit: float) -> None:
-    """Mesh the boundary of the half rectangle, its contact edge with vertices at the stations.
-
-    Args:
-        gmsh: gmsh with the geometry of ``rectangle.geo``.
-        places: refined places.
-        stations: (n,) x of the vertices, over the unit.
-        unit: length of gmsh's unit.
-    """
+    """Mesh the half rectangle's boundary, with contact vertices at x = stations (over the unit)."""
     scaled = [replace(place, size=place.size / unit) for place in places]
     ends = [np.array([[s, 0.0] for s in place.span]) / unit for place in places]
     spots = [(place, a, b) for place, (a, b) in zip(scaled, ends, strict=True)]
@@ -175,17 +152,14 @@ def grade_half(gmsh: Any, places: Sequence[Refinement], stations: Array, unit: f
 def mesh_refined(
     gmsh: Any, places: Sequence[Refinement], coarse: RawMesh, scale: float, where: str
 ) -> None:
-    """Mesh gmsh's model again.
+    """Mesh gmsh's model again, with smaller elements at places, each with edge and growth.
 
     Args:
         gmsh: gmsh with the meshed model of the file.
-        places: refined places, each with edge and growth.
+        places: refined places.
         coarse: the mesh without them.
         scale: its coordinates over those of gmsh.
         where: beginning of messages.
-
-    Raises:
-        InputError: the body cannot be meshed so.
     """
     if coarse.cell != "triangle":
         raise InputError(f"{where}: is for triangles; leave it out, or mesh without Recombine")

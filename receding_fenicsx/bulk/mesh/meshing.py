@@ -113,9 +113,6 @@ def contact_nodes_of(scene: Scene) -> list[int]:
 
     Nodes on two edges, at order 2 a node on the axis of revolution, which has no weight, and the
     middles of facets of curved edges are not counted.
-
-    Raises:
-        InputError: a mesh that cannot serve the scene.
     """
     counts = []
     sides = list(_contact_facets(scene))
@@ -132,11 +129,7 @@ def contact_nodes_of(scene: Scene) -> list[int]:
 
 
 def contact_sizes_of(scene: Scene) -> list[float]:
-    """Return the mean length of the elements on each contact edge; no communication.
-
-    Raises:
-        InputError: a mesh that cannot serve the scene.
-    """
+    """Return the mean length of the elements on each contact edge; no communication."""
     found = []
     for edges, mesh, _ in list(_contact_facets(scene))[: len(scene.contacts)]:
         ends = mesh.points[edges[0][1]]
@@ -164,13 +157,7 @@ def _contact_facets(scene: Scene) -> Iterator[tuple[list[tuple[int, Ints]], RawM
 def make_meshes(comm: MPI.Comm, scene: Scene, half: bool) -> tuple[BodyMesh, ...]:
     """Mesh the scene's bodies: rectangles graded from their contact edge, or the user's meshes.
 
-    Args:
-        comm: communicator that gets the meshes.
-        scene: the scene.
-        half: mesh only x >= 0.
-
-    Returns:
-        The distributed meshes; that of a whole rectangle is bitwise mirror-symmetric.
+    The mesh of a whole rectangle is bitwise mirror-symmetric; ``half`` meshes only x >= 0.
 
     Raises:
         InputError: a mesh that cannot serve the scene; on all ranks.

@@ -61,11 +61,7 @@ class RawMesh:
         return keys[order], owner[order]
 
     def facets(self, edge: str, where: str) -> Ints:
-        """Return the facets of an edge.
-
-        Raises:
-            InputError: the mesh has no such group; ``where`` begins the message.
-        """
+        """Return the facets of an edge that the mesh has to have; ``where`` begins the message."""
         if edge in self.edges:
             return self.edges[edge]
         close = nearest(edge, self.edges)
@@ -160,10 +156,10 @@ def cells_behind(mesh: RawMesh, facets: Ints) -> tuple[Ints, Ints]:
 
 
 def line_of(mesh: RawMesh, edge: str, where: str) -> Line:
-    """Return the line of an edge that has to be straight and in one piece.
+    """Return the line of an edge; ``where`` begins the messages.
 
     Raises:
-        InputError: it is not; ``where`` begins the message.
+        NotStraight, InputError: the edge is not straight, or not in one piece.
     """
     facets = mesh.facets(edge, where)
     points = mesh.points[np.unique(facets)]
@@ -216,11 +212,7 @@ def facets_between(mesh: RawMesh, facets: Ints, line: Along, span: tuple[float, 
 def check_span(
     mesh: RawMesh, facets: Ints, line: Along, span: tuple[float, float], where: str
 ) -> None:
-    """Check that a span is part of its edge and ends at vertices.
-
-    Raises:
-        InputError: it does not; ``where`` begins the message. MeshMisfit where a vertex is missing.
-    """
+    """Check that a span is part of its edge and ends at vertices; ``where`` begins messages."""
     along = line.along(mesh.points[np.unique(facets)])
     near = STRAIGHT_TOLERANCE * line.length
     if not span[1] - span[0] > near:

@@ -171,16 +171,7 @@ def _gmsh_half(scene: Scene, frame: Frame, marks: Marks) -> HalfMesh:
 
 
 def make_frame(scene: Scene, half: bool, stacked: bool = False) -> Frame:
-    """Return the coordinates of the first contact edge of a rectangle.
-
-    Args:
-        scene: the scene of this body alone.
-        half: only x >= 0 is meshed.
-        stacked: vertices are the same on opposite contact edges.
-
-    Raises:
-        InputError: only x >= 0 is meshed, but the contact edge is vertical.
-    """
+    """Return the coordinates of the first contact edge; stacked, the opposite one is alike."""
     edge = scene.contacts[0].edge
     both = stacked and any(contact.edge == OPPOSITE[edge] for contact in scene.contacts)
     if edge in ("bottom", "top"):
@@ -193,11 +184,7 @@ def make_frame(scene: Scene, half: bool, stacked: bool = False) -> Frame:
 
 
 def find_marks(scene: Scene, frame: Frame) -> Marks:
-    """Collect the positions where loads, contact and supports need vertices, mirrored to s >= 0.
-
-    Raises:
-        InputError: a point outside the body, or between the vertices of the contact edge.
-    """
+    """Collect where loads, contact and supports need vertices, mirrored to s >= 0."""
     wanted: list[tuple[str, float, float]] = []
     spans = [("contact.span", c.edge, c.span) for c in scene.contacts]
     spans += [(f"{part.label} span", part.edge, part.span) for part in scene.edge_parts]
@@ -246,11 +233,7 @@ def find_marks(scene: Scene, frame: Frame) -> Marks:
 
 
 def places_of(scene: Scene, frame: Frame) -> list[Refinement]:
-    """Return the refined places on the contact edge, with their mirror images, by s.
-
-    Raises:
-        InputError: a place on another contact edge.
-    """
+    """Return the refined places on the contact edge, with their mirror images, by s."""
     left, bottom = scene.body.position
     found = []
     for place in scene.mesh.places:
@@ -304,11 +287,7 @@ def _apart(values: list[float], near: float) -> Array:
 
 
 def snap(scene: Scene, frame: Frame, marks: Marks, mesh: HalfMesh) -> None:
-    """Move the nodes of the boundary and of the marks to their exact positions, in place.
-
-    Raises:
-        SolveError: gmsh has made no node close to one of them.
-    """
+    """Move the nodes of the boundary and of the marks to their exact positions, in place."""
     n = scene.mesh.contact_elements
     s, d = mesh.s, mesh.d
     dx = frame.length / n

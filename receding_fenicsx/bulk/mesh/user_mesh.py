@@ -25,7 +25,7 @@ from receding_fenicsx.scene.model import Body, MeshOptions
 def read_user_meshes(
     bodies: Sequence[Body], options: MeshOptions, axisymmetric: bool = False
 ) -> list[RawMesh]:
-    """Mesh a .geo file, or read a mesh; no communication.
+    """Mesh a .geo file, or read a mesh, of first-order cells; no communication.
 
     A .geo file is given the numbers ``contact_elements``, ``growth`` and ``quadrilaterals`` (0 or
     1) of the scene and the body's own ``parameters``; they replace defaults in DefineConstant.
@@ -35,12 +35,6 @@ def read_user_meshes(
             ``parameters``; one body if places are refined.
         options: the scene's mesh options, with the refined places on the body.
         axisymmetric: positions of places on horizontal edges are radii.
-
-    Returns:
-        The mesh of each body, of first-order cells.
-
-    Raises:
-        InputError: gmsh cannot read or mesh the file, or the mesh cannot be used.
     """
     path = Path(str(bodies[0].mesh))
     where = _label(path)
