@@ -5,14 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
 
-import numpy as np
-
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.scene.model import Body, Contact, Refinement, Scene
 from receding_fenicsx.scene.symmetry import HORIZONTAL, edge_range, is_horizontal
-
-COUNT_TOLERANCE = 1e-9
-"""Relative distance of a number of elements from an even number that counts as round-off."""
 
 
 def part_of(scene: Scene, body: Body) -> Scene:
@@ -88,36 +83,30 @@ def part_of(scene: Scene, body: Body) -> Scene:
 def places_on(scene: Scene, body: Body) -> tuple[Refinement, ...]:
     """Return the refined places on the contact edges of a body, each with its edge and growth.
 
-    Of two rectangles in contact both get all places, their mirror images about the middle of each
-    body and breaks at the ends of both, so that the vertices of both match.
+    Both bodies of a contact get its places, rectangles also breaks where the other one ends.
     """
-    if scene.mesh.refine and scene.is_stack and any(b.is_rectangle for b in scene.bodies):
-        raise InputError(
-            "[mesh] refine: rectangles in a stack have elements of one size on their contact edges;"
-            " use more contact_elements, or mesh files"
-        )
     found = []
-    for contact in scene.contacts:
+    for contact in scene.contacts if scene.mesh.places else ():
         sides = [scene.find_edge(e) for e in (contact.edge, contact.against) if e is not None]
         # a half-plane takes the nodes of its partner, or of the first of two half-planes
         sides = [side for side in sides if not side[0].is_half_plane] or sides[:1]
-        contact = contact if len(sides) > 1 else replace(contact, against=None)
-        if not scene.mesh.refine or body not in [owner for owner, _ in sides]:
+        if body not in [owner for owner, _ in sides]:
             continue
         own = next(name for owner, name in sides if owner == body)
         places = [
             replace(place, growth=place.growth or scene.mesh.growth)
-            for place in scene.mesh.refine
+            for place in scene.mesh.places
             if place.edge in (None, contact.edge)
         ]
         files = [owner.mesh is not None for owner, _ in sides]
-        if not all(files):
-            if any(files):
-                raise InputError(
-                    "[mesh] refine: is not possible on a rectangle against a mesh file; give both "
-                    "bodies mesh files, or refine another edge"
-                )
-            places = _on_rectangle(scene, contact, body, places)
+        if not any(files):
+            edges = [contact.edge, *([contact.against] if contact.against else [])][: len(sides)]
+            places = _on_rectangle(scene, edges, contact.span, body, places)
+        elif not all(files):
+            raise InputError(
+                "[mesh] refine: is not possible on a rectangle against a mesh file; give both "
+                "bodies mesh files, or refine another edge"
+            )
         elif contact.span is not None:
             corners = [place for place in places if place.at == "corners"]
             places = _resolved(places, contact.span) + corners
@@ -145,11 +134,13 @@ def _moved(place: Refinement, sign: float, shift: float) -> Refinement:
 
 
 def _on_rectangle(
-    scene: Scene, contact: Contact, body: Body, places: list[Refinement]
+    scene: Scene,
+    edges: list[str],
+    span: tuple[float, float] | None,
+    body: Body,
+    places: list[Refinement],
 ) -> list[Refinement]:
-    """Return the places on a rectangle; for a pair with mirror images and breaks."""
-    edges = [edge for edge in (contact.edge, contact.against) if edge is not None]
-    radial = scene.axisymmetric and is_horizontal(scene, contact.edge)
+    """Return the places of a contact on one of its rectangles, and breaks at its ends."""
 
     def zero(body: Body, name: str) -> float:
         """Return the coordinate, along a rectangle's edge, from which positions on it count."""
@@ -157,44 +148,21 @@ def _on_rectangle(
             return 0.0 if scene.axisymmetric else body.position[0]
         return body.position[1] + 0.5 * body.height
 
-    zeros = [zero(*scene.find_edge(edge)) for edge in edges]
-    ranges = [
-        [zero + s for s in edge_range(scene, e)] for zero, e in zip(zeros, edges, strict=True)
-    ]
-    low, high = max(a for a, _ in ranges), min(b for _, b in ranges)
-    if contact.span is not None:
-        low, high = max(low, contact.span[0] + zeros[0]), min(high, contact.span[1] + zeros[0])
+    sides = [scene.find_edge(edge) for edge in edges]
+    # from the middle of the first edge
+    shifts = [zero(*side) - zero(*sides[0]) for side in sides]
+    ranges = [edge_range(scene, edge) for edge in edges]
+    low = max(shift + a for shift, (a, _) in zip(shifts, ranges, strict=True))
+    high = min(shift + b for shift, (_, b) in zip(shifts, ranges, strict=True))
+    low, high = (max(low, span[0]), min(high, span[1])) if span is not None else (low, high)
     # nothing ends on the axis of a body of revolution
-    ends = [s - zeros[0] for s in (low, high) if not (radial and s == 0.0)]
-    places = _resolved(places, ends)
+    radial = scene.axisymmetric and is_horizontal(scene, edges[0])
+    places = _resolved(places, [s for s in (low, high) if not (radial and s == 0.0)])
     if len(edges) == 1:
         return places
-    middles = [0.0 if radial and a == 0.0 else 0.5 * (a + b) for a, b in ranges]
-    halves = [b - middle for middle, (_, b) in zip(middles, ranges, strict=True)]
-    todo = [_moved(place, 1.0, zeros[0]) for place in places]
-    base = 2.0 * halves[0] / scene.mesh.contact_elements
-    stops = {low, high, *middles, *(s for pair in ranges for s in pair)}
-    todo += [Refinement(base, (s, s), 2.0) for s in sorted(stops)]
-    found: list[Refinement] = []
-    near = COUNT_TOLERANCE * max(halves)
-    while todo:
-        place = todo.pop(0)
-        alike = (p for p in found if (p.size, p.growth) == (place.size, place.growth))
-        if any(np.allclose(p.span, place.span, rtol=0.0, atol=near) for p in alike):
-            continue
-        found.append(place)
-        if len(found) > 200:
-            raise InputError(
-                "[mesh] refine: the middles of the bodies lie so close that a place has more than "
-                "200 mirror images; align them"
-            )
-        assert place.growth is not None
-        for middle, half in zip(middles, halves, strict=True):
-            reach = half + near + max(base - place.size, 0.0) / (place.growth - 1.0)
-            if place.span[0] <= middle + reach and place.span[1] >= middle - reach:
-                todo.append(_moved(place, -1.0, 2.0 * middle))
-    mine = next(i for i, edge in enumerate(edges) if scene.find_edge(edge)[0] == body)
-    return [_moved(place, 1.0, -zeros[mine]) for place in found]
+    places += [Refinement(high - low, s, 2.0) for s in (low, high)]
+    mine = next(shift for shift, side in zip(shifts, sides, strict=True) if side[0] == body)
+    return [_moved(place, 1.0, -mine) for place in places]
 
 
 def contact_elements(scene: Scene, body: Body) -> int:

@@ -20,8 +20,6 @@ from receding_fenicsx.scene.model import Body, Contact, Scene, Support
 comm = MPI.COMM_WORLD
 Array = NDArray[np.float64]
 
-SUPPORTS = ((), (Support("xy", edge="right"),), (Support("x", point=(0.0, 1.0)),))
-
 
 def system_of(scene: Scene, half: bool = False, on: MPI.Comm = comm) -> ContactSystem | None:
     """Condense a scene."""

@@ -248,10 +248,6 @@ def test_a_beam_on_two_blocks_on_a_base_is_mirror_symmetric() -> None:
             "body 'b1' shape: a half-plane touches one body or one plane only",
         ),
         (
-            {"mesh": rf.MeshOptions(16, refine=(rf.Refinement(0.01, 0.0),))},
-            "rectangles in a stack have elements of one size",
-        ),
-        (
             {"contacts": (rf.Contact("b1.bottom", against="b0.top"),)},
             "load 'p' moves both bodies together",
         ),

@@ -125,10 +125,12 @@ def size_callback(
 
 
 def place_nodes(gmsh: Any, curve: int, points: Array) -> None:
-    """Replace the nodes inside a meshed curve by points (n, 2) from its start to its end."""
+    """Replace the nodes inside a meshed straight curve by points (n, 2), in order along it."""
     mesh = gmsh.model.mesh
-    ends = gmsh.model.getBoundary([(1, curve)])
-    first, last = (int(mesh.getNodes(0, point)[0][0]) for _, point in ends)
+    ends = [mesh.getNodes(0, point)[:2] for _, point in gmsh.model.getBoundary([(1, curve)])]
+    (first, last), (begin, end) = ((int(tags[0]) for tags, _ in ends), (at[:2] for _, at in ends))
+    if len(points) and (points[-1] - points[0]) @ (end - begin) < 0.0:
+        points = points[::-1]
     mesh.clear([(1, curve)])
     tags = int(mesh.getMaxNodeTag()) + 1 + np.arange(len(points))
     flat = np.column_stack([points, np.zeros(len(points))]).ravel()
@@ -138,15 +140,21 @@ def place_nodes(gmsh: Any, curve: int, points: Array) -> None:
     mesh.addElementsByType(curve, 1, [], np.column_stack([chain[:-1], chain[1:]]).ravel())
 
 
-def grade_half(gmsh: Any, places: Sequence[Refinement], stations: Array, unit: float) -> None:
+def grade_half(
+    gmsh: Any, places: Sequence[Refinement], stations: Array, unit: float, both: bool
+) -> None:
     """Mesh the half rectangle's boundary, with contact vertices at x = stations (over the unit)."""
-    scaled = [replace(place, size=place.size / unit) for place in places]
-    ends = [np.array([[s, 0.0] for s in place.span]) / unit for place in places]
-    spots = [(place, a, b) for place, (a, b) in zip(scaled, ends, strict=True)]
+    # physical curves "bottom" and "top" of rectangle.geo, and their y
+    edges = ((1, 0.0), (3, 1.0))[: 1 + both]
+    spots = []
+    for place, (_, y) in itertools.product(places, edges):
+        a, b = (np.array([s / unit, y]) for s in place.span)
+        spots.append((replace(place, size=place.size / unit), a, b))
     gmsh.model.mesh.setSizeCallback(size_callback(spots))
     gmsh.model.mesh.generate(1)
-    (curve,) = gmsh.model.getEntitiesForPhysicalGroup(1, 1)  # "bottom" of rectangle.geo
-    place_nodes(gmsh, curve, np.column_stack([stations[1:-1], np.zeros(len(stations) - 2)]))
+    for group, y in edges:
+        (curve,) = gmsh.model.getEntitiesForPhysicalGroup(1, group)
+        place_nodes(gmsh, curve, np.column_stack([stations[1:-1], np.full(len(stations) - 2, y)]))
 
 
 def mesh_refined(
@@ -189,7 +197,6 @@ def mesh_refined(
         for curve, (first, last) in zip(curves, corners, strict=True):
             low, high = min(first, last) + near, max(first, last) - near
             inner = positions[(positions > low) & (positions < high)]
-            inner = inner if first < last else inner[::-1]
             vertices.append((curve, (line.middle + np.outer(inner, line.direction)) / scale))
         for place in own:
             a, b = (line.middle + s * line.direction for s in place.span)

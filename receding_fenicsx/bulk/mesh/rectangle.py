@@ -158,7 +158,8 @@ def _gmsh_half(scene: Scene, frame: Frame, marks: Marks) -> HalfMesh:
         try:
             gmsh.merge(path)
             if scene.mesh.refine:
-                grade_half(gmsh, places_of(scene, frame), marks.contact / unit, unit)
+                places = places_of(scene, frame)
+                grade_half(gmsh, places, marks.contact / unit, unit, frame.both)
             gmsh.model.mesh.generate(2)
         except Exception as caught:  # gmsh raises nothing more special
             raise SolveError(
@@ -238,10 +239,10 @@ def places_of(scene: Scene, frame: Frame) -> list[Refinement]:
     found = []
     for place in scene.mesh.places:
         assert place.edge is not None
-        if place.edge != frame.edge:
+        if place.edge not in (frame.edge, OPPOSITE[frame.edge] if frame.both else None):
             raise InputError(
-                f"[mesh] refine: of a rectangle only the first contact edge can be refined, "
-                f"'{frame.edge}'; name it by edge, or put '{place.edge}' first"
+                "[mesh] refine: of a rectangle only the first contact edge and the opposite one in "
+                f"contact can be refined, not '{place.edge}'; name another one by edge"
             )
         along = np.column_stack(edge_points(scene, place.edge, np.array(place.span)))
         s = [frame.from_body(float(x) - left, float(y) - bottom)[0] for x, y in along]

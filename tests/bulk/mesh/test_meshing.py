@@ -228,6 +228,33 @@ def test_nodes_of_two_graded_rectangles_match(offset: float) -> None:
     assert np.abs(system.x - 0.4).min() < 1e-9
 
 
+@pytest.mark.parametrize("offset", [0.0, 0.7])
+def test_all_contacts_of_a_stack_are_graded(offset: float) -> None:
+    """Also both edges of the block in the middle; each contact carries the load and the moment."""
+    scene = pair(offset, rf.Refinement(0.02), rf.Refinement(0.05, 0.4, 1.5))
+    lowest = rf.Body("c", width=5.0, position=(0.0, -1.0))
+    scene = replace(
+        scene,
+        others=(*scene.others, lowest),
+        contacts=(
+            *scene.contacts,
+            rf.Contact("b.bottom", against="c.top", friction=0.4),
+            rf.Contact("c.bottom", friction=0.4),
+        ),
+        loads=(rf.Load("p", "a.top", pressure="1 + 0.1*x"),),
+        supports=(),
+    )
+    record = rf.run(scene)
+    if record is None:
+        return
+    middles = (0.0, offset, 0.0)
+    for k, middle in enumerate(middles):
+        x, P = record.x[record.edge == k], record.turning_points.P[-1][record.edge == k]
+        assert np.diff(x)[[0, -1]].max() < 0.014 and np.abs(x - 0.4).min() < 1e-9
+        assert P.sum() == pytest.approx(4.0, rel=1e-10)
+        assert (x + middle) @ P == pytest.approx(0.1 * 16.0 / 3.0, rel=1e-9)
+
+
 def test_geo_files_take_a_size_field() -> None:
     places = (rf.Refinement(0.01, "ends"), rf.Refinement(0.02, (0.2, 0.3), 1.3))
     scene = rf.read_scene(DEMOS / "punch.toml", ["mesh.contact_elements=20"])
