@@ -15,7 +15,7 @@ from receding_fenicsx.bulk import elastic_body, schur
 from receding_fenicsx.bulk.body import Bulk, Elimination
 from receding_fenicsx.errors import SolveError
 from receding_fenicsx.interface.system import ContactSystem
-from receding_fenicsx.scene.model import Body, Contact, Scene, Support
+from receding_fenicsx.scene.model import Body, Contact, Scene
 
 comm = MPI.COMM_WORLD
 Array = NDArray[np.float64]
