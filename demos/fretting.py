@@ -14,13 +14,16 @@ and d changes from the edge of the contact inwards (`rf.reference.fretting`).
 
 **What to look for.** The dissipation doubles with the phase, at the same amplitudes. The table has
 the corners that each phase needs, the error estimate of the polygon, and the difference from the
-reference, which hardly depends on the phase: blocks of finite size are not half-planes.
+reference, which hardly depends on the phase: blocks of finite size are not half-planes. The
+figure has the dissipation over the phase: dots on the reference.
 
     bash demos/run.sh fretting
 """
 
+import argparse
 from pathlib import Path
 
+import matplotlib as mpl
 import numpy as np
 
 import receding_fenicsx as rf
@@ -58,8 +61,27 @@ def rows(phases: tuple[int, ...] = PHASES, *changes: str) -> list[tuple[float, .
     return found
 
 
+def figure(table: list[tuple[float, ...]], path: Path) -> None:
+    """Draw the dissipation over the phase: dots on the reference."""
+    phase, _, _, D, _ = np.array(table).T
+    fine = np.linspace(0.0, 180.0, 37)
+    with mpl.rc_context(rf.style.RC):
+        drawn = rf.style.new_figure(rf.style.COLUMN, 2.6)
+        axes = drawn.subplots()
+        axes.plot(fine, [known(angle, 500) for angle in fine], color="black", lw=0.8)
+        axes.plot(phase, D, "o", color=rf.style.SERIES_COLOURS[0])
+        axes.set(xlabel="phase of the shear force (degrees)", ylabel="dissipation per cycle")
+        axes.set(xticks=PHASES, ylim=(0.0, None))
+        axes.ticklabel_format(axis="y", scilimits=(0, 0))
+    path.parent.mkdir(parents=True, exist_ok=True)
+    drawn.savefig(path)
+
+
 def main() -> None:
     """Print the table; assert that every dissipation is within 1 % of the reference."""
+    parser = argparse.ArgumentParser(description="Fretting under harmonic loads.")
+    parser.add_argument("--out", default="results/fretting", help="folder of the figure")
+    out = Path(parser.parse_args().out)
     table = rows()
     if not table:
         return
@@ -69,6 +91,7 @@ def main() -> None:
             f"{phase:5.0f}  {corners:7.0f}  {error:15.1e}   {D:.5e}   {reference:.5e}  "
             f"{D / reference - 1.0:+.1e}"
         )
+    figure(table, out / "fretting.png")
     worst = max(abs(D / reference - 1.0) for *_, D, reference in table)
     assert worst < TOLERANCE, f"a dissipation is off by {worst:.1%}"
 

@@ -52,7 +52,6 @@ def test_every_demo_has_a_picture_and_every_picture_is_shown() -> None:
     demos = ROOT / "demos"
     names = gallery_pages.demo_names(demos)
     shown = [gallery_pages.pictures_of(demos, name) for name in names]
-    # a figure that the demo writes, or what it prints: docs/picture_of_output.py
     assert [name for name, found in zip(names, shown, strict=True) if not found] == []
     pages = "".join(path.read_text(encoding="utf-8") for path in (ROOT / "docs").glob("*.md"))
     linked = set(re.findall(r"demos/pictures/([\w.]+)", pages))
