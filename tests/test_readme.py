@@ -393,6 +393,13 @@ def test_extras_that_the_documents_name_keep_the_numpy_of_the_stack() -> None:
         assert f"to_{re.split('[<>=]', requirement)[0]}()" in text_of("docs/install.md")
 
 
+def test_install_says_what_each_dependency_is_for() -> None:
+    project = tomllib.loads(text_of("pyproject.toml"))["project"]
+    named = set(re.findall(r"`([\w-]+)`", text_of("docs/install.md").partition("What is each")[2]))
+    needed = {re.split("[<>=]", text)[0] for text in project["dependencies"]}
+    assert named == needed | {"petsc4py", "mpi4py"} | set(project["optional-dependencies"])
+
+
 def test_links_and_pictures_of_the_documents_exist() -> None:
     for name in (*DOCUMENTS, *NOTEBOOKS):
         code = r"^[^#\n].*" if name in NOTEBOOKS else r"(?s:```.*?```)"
