@@ -6,7 +6,7 @@
    :mod:`receding_fenicsx.evolution.histories` finds the corners of a harmonic history, and the
    shortenings of bolts.
 2. **Start** from :func:`~receding_fenicsx.evolution.instants.rest_state`, or from the last cycle of
-   a :class:`~receding_fenicsx.evolution.journal.JournalFile`, with the solver that
+   a :class:`~receding_fenicsx.evolution.journal.JournalFolder`, with the solver that
    :func:`~receding_fenicsx.evolution.solvers.make_solver` makes.
 3. **Trace cycle after cycle** in :func:`~receding_fenicsx.evolution.evolve.continue_history`:
    :meth:`~receding_fenicsx.evolution.run_state.RunState.trace_cycle` follows each leg by the solver

@@ -22,7 +22,7 @@ import numpy as np
 from receding_fenicsx.atomic import make_folder, new_file, unwritable
 from receding_fenicsx.errors import InputError, RecedingError
 from receding_fenicsx.evolution.histories import CORNERS
-from receding_fenicsx.evolution.journal import JOURNAL, has_checkpoint
+from receding_fenicsx.evolution.journal import JOURNAL, checkpoints
 from receding_fenicsx.evolution.probes import probe_names
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.interface.system import ContactSystem
@@ -96,12 +96,8 @@ def run_folder(
                 raise unwritable(path, error) from None
         except BaseException as error:
             # a checkpoint that the resumed run did not have
-            journal = part / JOURNAL
-            if earlier is None or earlier == part:
-                news = has_checkpoint(journal)
-            else:
-                size = (earlier / JOURNAL).stat().st_size
-                news = journal.is_file() and journal.stat().st_size > size
+            before = 0 if earlier is None or earlier == part else checkpoints(earlier)
+            news = checkpoints(part) > before
             if not news and (
                 isinstance(error, RecedingError)
                 or not any((part / name).exists() for name in (SYSTEM, CASES))
@@ -133,9 +129,11 @@ def _fill(part: Path, scene: Scene, earlier: Path | None) -> None:
         else:
             item.unlink()
     if earlier is not None and earlier != part:
-        for name in (SYSTEM, JOURNAL, CORNERS, CASES):
+        for name in (SYSTEM, CORNERS, CASES):
             if (earlier / name).is_file():
                 shutil.copy2(earlier / name, part / name)
+        if (earlier / JOURNAL).is_dir():
+            shutil.copytree(earlier / JOURNAL, part / JOURNAL)
     with new_file(part / SCENE, overwrite=True) as beside:
         beside.write_text(to_toml(scene), encoding="utf-8")
 
@@ -183,15 +181,16 @@ def _earlier(path: Path) -> Path | None:
     """Return the folder of the run to resume, the interrupted one first; None if there is none."""
     part = part_of(path)
     for folder, names in ((part, (SYSTEM,)), (part, (CASES,)), (path, (SYSTEM, JOURNAL))):
-        if all((folder / name).is_file() for name in (SCENE, *names)):
+        if all((folder / name).exists() for name in (SCENE, *names)):
             return folder
     return None
 
 
 def forget_system(part: Path) -> None:
     """Remove the condensed system of a working folder, and what was evolved with it."""
-    for name in (SYSTEM, JOURNAL, CORNERS):
+    for name in (SYSTEM, CORNERS):
         (part / name).unlink(missing_ok=True)
+    shutil.rmtree(part / JOURNAL, ignore_errors=True)
 
 
 def _scene_of(folder: Path) -> Scene:

@@ -21,7 +21,7 @@ from receding_fenicsx.errors import InputError, SolveError, ToleranceNotMet
 from receding_fenicsx.evolution.collect import record_of
 from receding_fenicsx.evolution.evolve import continue_history, evolve, evolve_bare
 from receding_fenicsx.evolution.histories import CORNERS, tightened, with_corners
-from receding_fenicsx.evolution.journal import JOURNAL, Journal, JournalFile
+from receding_fenicsx.evolution.journal import JOURNAL, Journal, JournalFolder
 from receding_fenicsx.evolution.problem import problem_of_scene, system_for, with_profiles
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.interface.system import ContactSystem
@@ -363,7 +363,7 @@ def run_history(
     every = scene.output.checkpoint_cycles
     journal: Journal = Journal(every)
     if folder is not None:
-        journal = JournalFile(folder / JOURNAL, system, every)
+        journal = JournalFolder(folder / JOURNAL, system, every)
         if journal.cycles:
             log.info("resumes from the checkpoint after cycle %d", len(journal.cycles) - 1)
     doubling = None
@@ -394,7 +394,6 @@ def run_history(
         raise interruption(signalled, where, folder, "the record up to there") from None
     finally:
         journal.write()
-        journal.close()
 
 
 def _with_corners(

@@ -1,4 +1,5 @@
 import dataclasses
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +10,7 @@ from small import cyclic, small_system
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.evolution import journal as journal_module
 from receding_fenicsx.evolution.evolve import Progress, continue_history, evolve
-from receding_fenicsx.evolution.journal import Journal, JournalFile
+from receding_fenicsx.evolution.journal import Journal, JournalFolder, packed
 from receding_fenicsx.evolution.problem import problem_of_history
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.interface.system import ContactSystem, eliminate_tangential
@@ -71,13 +72,12 @@ def interrupted(
     system: ContactSystem = BLOCK,
     solver: SolverOptions | None = None,
     every: int = 5,
-) -> JournalFile:
+) -> JournalFolder:
     """Evolve until killed after a cycle; return the journal opened again."""
     with pytest.raises(Killed):
-        journal = JournalFile(path, system, every)
+        journal = JournalFolder(path, system, every)
         play(system, history, solver, progress=kill_after(cycle), journal=journal)
-    journal.close()
-    return JournalFile(path, system, every)
+    return JournalFolder(path, system, every)
 
 
 @pytest.mark.parametrize("solver", [SolverOptions(), GAUSS_SEIDEL], ids=lambda s: s.method)
@@ -126,59 +126,35 @@ def test_run_gone_on_with_is_the_undisturbed_one_in_every_bit(
     equal(play(system, cyclic(cycles), solver, journal=journal), undisturbed)
 
 
-def test_every_cut_leaves_the_checkpoints_before_it(tmp_path: Path) -> None:
-    path, ends = tmp_path / "journal", []
-    journal = JournalFile(path, BLOCK, 2)
-
-    def note(number: int, cycles: int, message: str) -> None:
-        journal.write()
-        ends.append(path.stat().st_size)
-
-    play(BLOCK, cyclic(6), journal=journal, progress=note)
-    journal.close()
-    whole = path.read_bytes()
-    sizes = sorted(set(ends))
-    assert len(sizes) == 4 and sizes[-1] == len(whole)  # after cycles 0, 2, 4 and 6
-    random = np.random.default_rng(3)
-    for cut in [0, 5, 31, *sizes, *random.integers(0, len(whole), 40).tolist()]:
-        path.write_bytes(whole[:cut])
-        opened = JournalFile(path, BLOCK, 2)
-        kept = sum(cut >= size for size in sizes)
-        assert len(opened.cycles) == max(0, 2 * kept - 1), cut
-        opened.close()
-        # what was cut off is gone from the file too
-        assert path.stat().st_size == (sizes[kept - 1] if kept else 32)
-
-
-def test_any_changed_bit_is_refused_or_leaves_the_checkpoints_before_it(tmp_path: Path) -> None:
+def test_any_changed_bit_is_refused_or_changes_nothing(tmp_path: Path) -> None:
     path = tmp_path / "journal"
     journal = interrupted(path, 11, cyclic(12))
-    journal.close()
-    whole, heads = path.read_bytes(), range(8 * 80)
-    places = [*heads, *np.random.default_rng(5).integers(8 * len(whole), size=60).tolist()]
-    for place in places:
-        damaged = bytearray(whole)
-        damaged[place // 8] ^= 1 << place % 8
-        path.write_bytes(damaged)
-        try:
-            opened = JournalFile(path, BLOCK, 5)
-        except InputError:
-            assert place < 8 * 32, place  # in the title
-            continue
-        assert len(opened.cycles) < len(journal.cycles), place
-        before, form = journal.cycles[: len(opened.cycles)], journal._format
-        assert not before or form.pack(opened.cycles) == form.pack(before)
-        opened.close()
+    files, before = sorted(path.iterdir()), packed(journal.cycles, BLOCK).items()
+    assert [file.name for file in files] == ["0.npz", "1.npz", "6.npz"]
+    for seed, file in enumerate(files):
+        whole = file.read_bytes()
+        for place in np.random.default_rng(seed).integers(8 * len(whole), size=60).tolist():
+            damaged = bytearray(whole)
+            damaged[place // 8] ^= 1 << place % 8
+            file.write_bytes(damaged)
+            with suppress(InputError):
+                opened = packed(JournalFolder(path, BLOCK, 5).cycles, BLOCK)
+                assert all(table.tobytes() == opened[name].tobytes() for name, table in before)
+        for cut in (0, 100, len(whole) // 2, len(whole) - 1):
+            file.write_bytes(whole[:cut])
+            with pytest.raises(InputError, match=f"{file.name}: is damaged"):
+                JournalFolder(path, BLOCK, 5)
+        file.write_bytes(whole)
+    files[1].unlink()
+    assert len(JournalFolder(path, BLOCK, 5).cycles) == 1
 
 
-def test_file_of_another_system_or_program_is_refused(tmp_path: Path) -> None:
+def test_folder_of_another_system_or_program_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "journal"
-    JournalFile(path, BLOCK, 5).close()
+    interrupted(path, 6, cyclic(8))
     for system in (block_system(16, 8), small_system(np.eye(2), {"a": [0, 1]}, 0.3)):
         with pytest.raises(InputError, match="another system"):
-            JournalFile(path, system, 5)
-    path.write_bytes(b"something else" * 10)
-    with pytest.raises(InputError, match="another system"):
-        JournalFile(path, BLOCK, 5)
+            JournalFolder(path, system, 5)
+    (tmp_path / "file").touch()
     with pytest.raises(InputError, match="cannot be written"):
-        JournalFile(tmp_path / "none" / "journal", BLOCK, 5)
+        JournalFolder(tmp_path / "file" / "journal", BLOCK, 5)

@@ -116,7 +116,7 @@ def test_run_is_gone_on_with_only_where_no_key_but_the_free_ones_differs(tmp_pat
     out, seen = tmp_path / "run", set()
     with run_folder(out, FULL) as folder:
         (folder / SYSTEM).write_text("a system")
-        (folder / JOURNAL).write_bytes(bytes(100))
+        (folder / JOURNAL).mkdir()
         steady = {"reached": True}
         summary = {"title": "", "turning_points": [], "dissipation_per_cycle": [1.0, 1.0]}
         write_summary(folder / "summary.json", {**summary, "steady": steady})

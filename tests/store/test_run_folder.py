@@ -35,7 +35,8 @@ class Killed(BaseException):
 def fill(folder: Path, text: str = "{}") -> None:
     """Put into a folder what a run leaves there."""
     (folder / SYSTEM).write_text(text)
-    (folder / JOURNAL).write_bytes(bytes(100))
+    (folder / JOURNAL).mkdir(exist_ok=True)
+    (folder / JOURNAL / "0.npz").touch()
     (folder / "summary.json").write_text(text)
 
 
