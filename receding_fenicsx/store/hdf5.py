@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar, get_args, get_type_hints
 
 import h5py
 import numpy as np
@@ -20,21 +20,13 @@ from receding_fenicsx.atomic import new_file
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.evolution.problem import system_for
 from receding_fenicsx.evolution.record import Record
-from receding_fenicsx.evolution.record_data import (
-    Cycles,
-    Events,
-    Limit,
-    PathUniqueness,
-    Probes,
-    States,
-    Steady,
-)
 from receding_fenicsx.interface.branches.choice import Choice
-from receding_fenicsx.interface.system import ContactSystem, ProbeMatrix
+from receding_fenicsx.interface.system import ContactSystem
 from receding_fenicsx.scene.identity import body_difference, digest
 from receding_fenicsx.scene.model import Scene
 from receding_fenicsx.scene.toml_file import known_scene
 
+T = TypeVar("T")
 FORMAT_VERSION = 1
 TITLE_BYTES = 512
 """Size of the title, HDF5's user block: kind, format version and digest of all that follows it."""
@@ -153,58 +145,55 @@ NODE_FIELDS = (
 )
 """Arrays of a Record in the group /nodes; those of the second line where there are such: friction
 of two directions, supports that hold nodes, other branches of the law."""
-GROUPS: dict[str, type] = {
-    "turning_points": States,
-    "samples": States,
-    "events": Events,
-    "cycles": Cycles,
-    "steady": Steady,
-    "probes": Probes,
-    "limit": Limit,
-    "uniqueness": PathUniqueness,
-}
-"""Tables of a Record; each has its own group. Records without probes, or
-without a limit, have no group for them."""
+
+
+def _write_all(group: h5py.Group, data: Any, prefix: str = "") -> None:
+    """Write the values of a dataclass, and inner ones in groups of their own; None is left out."""
+    nodes = group.create_group("nodes") if isinstance(data, Record) else group
+    for field in dataclasses.fields(data):
+        name, value = field.name, getattr(data, field.name)
+        if name == "choices":  # instants with several continuations
+            group.attrs[name] = json.dumps([asdict(choice) for choice in value])
+        elif name == "probes" and isinstance(data, ContactSystem) and value is not None:
+            _write_all(group, value, "probes/")  # attributes too are those of the file
+        elif dataclasses.is_dataclass(value):
+            _write_all(group.create_group(name), value)
+        elif value is not None:
+            write(nodes if name in NODE_FIELDS else group, prefix + name, value)
+
+
+def _read_all(group: h5py.Group, kind: type[T], prefix: str = "") -> T:
+    """Read a dataclass that :func:`_write_all` wrote."""
+    values: dict[str, Any] = {}
+    hints = get_type_hints(kind)
+    for name, optional in ((f.name, f.default is None) for f in dataclasses.fields(kind)):  # type: ignore[arg-type]
+        place = group["nodes"] if kind is Record and name in NODE_FIELDS else group
+        types = (t for t in (hints[name], *get_args(hints[name])) if isinstance(t, type))
+        inner = next((t for t in types if dataclasses.is_dataclass(t)), None)
+        if name == "choices":
+            stored = json.loads(group.attrs.get(name, "[]"))
+            values[name] = tuple(Choice(**_as_tuples(choice)) for choice in stored)
+        elif optional and name not in place and name not in place.attrs:
+            continue
+        elif inner is None:
+            values[name] = read(place, prefix + name)
+        elif kind is ContactSystem:
+            values[name] = _read_all(group, inner, f"{name}/")
+        else:
+            values[name] = _read_all(place[name], inner)
+    return kind(**values)
 
 
 def write_record(path: str | Path, record: Record, overwrite: bool = False) -> None:
     """Write ``record.h5``; InputError where the file exists already or cannot be written."""
     with new_hdf5(path, overwrite, "receding_fenicsx record") as file:
-        nodes = file.create_group("nodes")
-        for field in dataclasses.fields(record):
-            value = getattr(record, field.name)
-            if value is None:
-                continue
-            if field.name == "choices":  # instants with several continuations
-                file.attrs["choices"] = json.dumps([asdict(choice) for choice in value])
-            elif field.name in GROUPS:
-                group = file.create_group(field.name)
-                for inner in dataclasses.fields(value):
-                    write(group, inner.name, getattr(value, inner.name))
-            else:
-                write(nodes if field.name in NODE_FIELDS else file, field.name, value)
+        _write_all(file, record)
 
 
 def read_record(path: str | Path) -> Record:
     """Read ``record.h5``; InputError where it does not exist, is not a record, or is damaged."""
     with open_file(path, "receding_fenicsx record") as file:
-        values: dict[str, Any] = {}
-        for field in dataclasses.fields(Record):
-            if field.name == "choices":
-                stored = json.loads(file.attrs.get("choices", "[]"))
-                values["choices"] = tuple(Choice(**_as_tuples(choice)) for choice in stored)
-            elif field.name in GROUPS:
-                if field.default is None and field.name not in file:
-                    continue
-                kind, group = GROUPS[field.name], file[field.name]
-                values[field.name] = kind(
-                    **{f.name: read(group, f.name) for f in dataclasses.fields(kind)}
-                )
-            else:
-                place = file["nodes"] if field.name in NODE_FIELDS else file
-                if field.default is not None or field.name in place:
-                    values[field.name] = read(place, field.name)
-    return Record(**values)
+        return _read_all(file, Record)
 
 
 def write_system(path: str | Path, system: ContactSystem, overwrite: bool = False) -> None:
@@ -212,14 +201,8 @@ def write_system(path: str | Path, system: ContactSystem, overwrite: bool = Fals
 
     InputError where the file exists already or cannot be written.
     """
-    values = {f.name: getattr(system, f.name) for f in dataclasses.fields(system)}
-    probes = values.pop("probes")
-    if probes is not None:
-        values |= {f"probes/{f.name}": getattr(probes, f.name) for f in dataclasses.fields(probes)}
-    values = {name: value for name, value in values.items() if value is not None}
     with new_hdf5(path, overwrite, "receding_fenicsx contact system") as file:
-        for name, value in values.items():
-            write(file, name, value)
+        _write_all(file, system)
         file.attrs["description"] = inspect.getdoc(ContactSystem) or ""
         file.attrs["digest"] = digest(known_scene(system.scene_toml)) if system.scene_toml else ""
 
@@ -231,17 +214,7 @@ def read_system(path: str | Path, scene: Scene | None = None) -> ContactSystem:
     body, material, mesh, contact edge, load, support or symmetry.
     """
     with open_file(path, "receding_fenicsx contact system") as file:
-        values: dict[str, Any] = {}
-        for field in dataclasses.fields(ContactSystem):
-            optional = field.default is None
-            stored = field.name in file or field.name in file.attrs
-            if field.name != "probes" and (not optional or stored):
-                values[field.name] = read(file, field.name)
-        probes = None
-        if "probes" in file:
-            names, at, rows = (read(file, f"probes/{name}") for name in ("names", "points", "rows"))
-            probes = ProbeMatrix(names, at, rows)
-        system = ContactSystem(**values, probes=probes)
+        system = _read_all(file, ContactSystem)
         condensed_from = file.attrs["digest"]
     if scene is None:
         return system
