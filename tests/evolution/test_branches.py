@@ -5,9 +5,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from branch_problems import all_ends, different, random_problem
 from replay import replay
 from small import small_system, table
+from unique_paths import all_ends, different, random_problem
 from ways import TooMany
 
 import receding_fenicsx as rf

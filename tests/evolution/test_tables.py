@@ -6,6 +6,7 @@ from functools import cache
 import models
 import numpy as np
 import pytest
+from small import random_system, table
 
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.evolution.evolve import evolve
@@ -35,6 +36,16 @@ def test_turning_points_are_found_by_the_size_of_the_load() -> None:
         assert high.load_displacement["p0"] == table.load_displacement[rows[1], 0]
         assert np.array_equal(found.at(cycle).state, high.state)
         assert found.at(cycle - 4).cycle == cycle
+
+
+def test_extremes_of_several_loads_do_not_depend_on_their_units() -> None:
+    system = random_system(3, 4, 0.4)
+    loop = [[0.5, 0.0], [1.0, 0.1], [0.3, 0.4], [0.5, 0.0]]
+    found = evolve(system, table(system, [[0.0, 0.0], loop[0]], loop, 1))
+    for units in ([1.0, 1.0], [1e3, 1.0], [1.0, 1e3]):
+        points = found.turning_points
+        other = replace(found, turning_points=replace(points, load=points.load * units))
+        assert (other.at(1, "maximum").leg, other.at(1, "minimum").leg) == (1, 2)
 
 
 @pytest.mark.parametrize(

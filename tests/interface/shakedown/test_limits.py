@@ -148,6 +148,20 @@ def test_nodes_held_or_without_friction_keep_the_limits_right(seed: int) -> None
         assert played(case, 1.005 * limits.upper, safe).steady.kind == "cyclic slip"
 
 
+def test_nodes_separated_throughout_are_as_good_as_not_there() -> None:
+    system, mean, corners = random_case(9)
+    n, K, r = system.n, system.K, system.r_star
+    away = replace(system, g0=50.0 * (np.arange(n) == 0))
+    limits = rf.shakedown_limits(away, mean, corners, separated="stay")
+    assert limits.separated.tolist() == [True] + [False] * (n - 1)
+    gone, kept = np.array([0, n]), np.setdiff1d(np.arange(2 * n), [0, n])
+    C = np.linalg.solve(K[np.ix_(gone, gone)], K[np.ix_(gone, kept)])
+    loads = dict(zip(system.load_names, r[:, kept] - r[:, gone] @ C, strict=True))
+    bare = small_system(K[np.ix_(kept, kept)] - K[np.ix_(kept, gone)] @ C, loads, system.f[1:])
+    expected = rf.shakedown_limits(bare, mean, corners)
+    assert (limits.lower, limits.upper) == pytest.approx((expected.lower, expected.upper), rel=1e-8)
+
+
 def test_bounded_slips_raise_a_lower_limit_of_zero() -> None:
     # much friction: some slip unloads a node without any range
     system = replace(two_nodes(), f=np.full(2, 3.0))
