@@ -73,7 +73,11 @@ def mode_system(scene: Scene) -> tuple[ContactSystem, Array]:
     try:
         # so far without the load
         system = with_profiles(scene, given(stack.condense(bulk)))
-        closed = np.asarray(_preloaded(system, scene, load.name) != State.SEPARATION)
+        path, closed = preload_path(system, scene, load.name), system.g0 <= 0.0
+        if len(path) > 1:
+            history = History(system.load_names, path, np.zeros((0, path.shape[1])))
+            record = evolve(system, history, scene.solver, OutputOptions(1, ()))
+            closed = record.turning_points.state[-1] != State.SEPARATION
         # along t only with friction
         tied = np.concatenate([closed & system.law.present, closed])
         number = load.mode or 0
@@ -97,16 +101,6 @@ def mode_system(scene: Scene) -> tuple[ContactSystem, Array]:
         return replace(driven, **{key: getattr(system, key) for key in keys}), omega
     finally:
         bulk.destroy()
-
-
-def _preloaded(system: ContactSystem, scene: Scene, drive: str) -> Array:
-    """Return the states of the nodes under the preload."""
-    path = preload_path(system, scene, drive)
-    if len(path) < 2:
-        return np.where(system.g0 > 0.0, State.SEPARATION, State.STICK)
-    history = History(system.load_names, path, np.zeros((0, path.shape[1])))
-    record = evolve(system, history, scene.solver, OutputOptions(1, ()))
-    return record.turning_points.state[-1]
 
 
 def _modes(

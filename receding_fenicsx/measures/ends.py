@@ -155,21 +155,12 @@ def corners_of(record: Record, row: int) -> dict[str, Any]:
     found = []
     for k in record.corner_ends:
         side, state = (-1 if k == 0 else 1), State(int(at.state[k]))
-        if state == State.SEPARATION or not at.P[k] > 0.0:
-            continue
-        angle = _angle(record, float(record.x[k]))
-        fitted = corner_exponent_fit(at, side)
-        exact = None if angle is None else _exponent(record, k, side, state, angle)
-        slides = state == State.STICK and not record.friction[k].present
-        found.append(
-            {
-                "x": float(record.x[k]),
-                "state": FRICTIONLESS_CONTACT if slides else STATE_NAMES[state],
-                "angle": angle,
-                "exponent": exact,
-                "fitted": fitted,
-            }
-        )
+        if state != State.SEPARATION and at.P[k] > 0.0:
+            angle, exact = _closed_form(record, k, side, state)
+            slides = state == State.STICK and not record.friction[k].present
+            name = FRICTIONLESS_CONTACT if slides else STATE_NAMES[state]
+            fits = {"exponent": exact, "fitted": corner_exponent_fit(at, side)}
+            found.append({"x": float(record.x[k]), "state": name, "angle": angle, **fits})
     if not found:
         return {}
     return {"corners": found, "p_max_singular": any(map(is_singular, found))}
@@ -184,42 +175,31 @@ def is_singular(corner: Mapping[str, Any]) -> bool:
     return bool(exact < 0.0 and (fitted is None or fitted < 0.0))
 
 
-def _angle(record: Record, x: float) -> float | None:
-    """Return the angle of the body at an end of the contact, in degrees, where it is known."""
-    scene = record.scene
+def _closed_form(
+    record: Record, k: int, side: int, state: State
+) -> tuple[float | None, float | None]:
+    """Return angle in degrees and real part of the exponent at an end, where they are known."""
+    scene, law = record.scene, record.friction[k]
     if scene is None:
-        return None
+        return None, None
     contact = scene.contacts[int(record.edge[0])]
-    body, _ = scene.find_edge(contact.edge)
-    orthotropic = scene.material_of(body).young_2 is not None
-    if contact.against is not None or body.mesh is not None or orthotropic:
-        return None
-    if body.is_half_plane:
-        return 180.0
-    low, high = edge_range(scene, contact.edge)
-    # distance from the end of a rectangle's edge, over its length, that is none
-    near = 1e-9 * (high - low)
-    return 90.0 if x < low + near or x > high - near else 180.0
-
-
-def _exponent(record: Record, k: int, side: int, state: State, angle: float) -> float | None:
-    """Return the real part of the exponent by the closed form."""
-    scene = record.scene
-    assert scene is not None
-    body, edge = scene.find_edge(scene.contacts[int(record.edge[0])].edge)
+    body, edge = scene.find_edge(contact.edge)
     material = scene.material_of(body)
-    kappa = kolosov(material.poisson, material.kinematics)
-    if state == State.STICK and record.friction[k].present:
-        return _real_part(angle, kappa, None)
+    if contact.against is not None or body.mesh is not None or material.young_2 is not None:
+        return None, None
+    angle, kappa = 180.0, kolosov(material.poisson, material.kinematics)
+    if not body.is_half_plane:
+        low, high = edge_range(scene, contact.edge)
+        # an end this near to that of a rectangle's edge is its corner
+        near = 1e-9 * (high - low)
+        angle = 180.0 if low + near <= record.x[k] <= high - near else 90.0
+    if state == State.STICK and law.present:
+        return angle, _real_part(angle, kappa, None)
     # t runs against x on the top and the left edge
     along = -side if edge in ("top", "left") else side
     outwards = along if state == State.FORWARD_SLIP else -along
-    f = (
-        float(record.friction[k].at_slip(np.asarray(int(state))))
-        if record.friction[k].present
-        else 0.0
-    )
-    return _real_part(angle, kappa, outwards * abs(f))
+    f = abs(float(law.at_slip(np.asarray(int(state))))) if law.present else 0.0
+    return angle, _real_part(angle, kappa, outwards * f)
 
 
 @cache

@@ -28,7 +28,7 @@ from receding_fenicsx.interface.system import ContactSystem
 from receding_fenicsx.measures.fatigue import fatigue_summary
 from receding_fenicsx.mpi import world
 from receding_fenicsx.output.report import summary
-from receding_fenicsx.output.report.cycles import limit_summary
+from receding_fenicsx.output.report.run import limit_summary
 from receding_fenicsx.pictures import draw_run, drawing_modules
 from receding_fenicsx.scene import history
 from receding_fenicsx.scene.model import Scene

@@ -17,7 +17,7 @@ from receding_fenicsx.bulk.stack import build_all
 from receding_fenicsx.evolution.instants import Instant
 from receding_fenicsx.interface.law import MIRRORED
 from receding_fenicsx.output.plots.labels import scales_of
-from receding_fenicsx.output.report.turning_points import zones_header
+from receding_fenicsx.output.report.contact import zones_header
 from receding_fenicsx.output.snapshots.view import whole_contact
 from receding_fenicsx.studies import run as study
 

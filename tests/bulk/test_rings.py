@@ -11,7 +11,7 @@ from bodies import CELLS, NU, YOUNG, built, cylinder
 import receding_fenicsx as rf
 from receding_fenicsx.bulk.mesh.meshing import contact_nodes_of
 from receding_fenicsx.interface.measures.zones import on_axis
-from receding_fenicsx.output.report.turning_points import zones_header, zones_shown
+from receding_fenicsx.output.report.contact import zones_header, zones_shown
 from receding_fenicsx.studies import run as study
 from receding_fenicsx.studies.run import condense as condense_scene
 

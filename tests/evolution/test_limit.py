@@ -13,7 +13,7 @@ from receding_fenicsx.errors import InputError, SolveError
 from receding_fenicsx.evolution.evolve import evolve
 from receding_fenicsx.evolution.limit import search, tail
 from receding_fenicsx.evolution.record import Record
-from receding_fenicsx.output.report.cycles import limit_rows
+from receding_fenicsx.output.report.run import limit_rows
 from receding_fenicsx.output.report.summary import summarise
 from receding_fenicsx.scene.history import history_from_scene
 from receding_fenicsx.scene.model import HistoryOptions, Load, Scene, SolverOptions

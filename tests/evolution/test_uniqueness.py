@@ -13,7 +13,7 @@ from unique_paths import FALSE, KINDS, tally
 from receding_fenicsx.evolution.evolve import evolve
 from receding_fenicsx.evolution.record_data import PathUniqueness
 from receding_fenicsx.interface.system import ContactSystem
-from receding_fenicsx.output.report.checks import uniqueness_rows, uniqueness_summary
+from receding_fenicsx.output.report.contact import uniqueness_rows, uniqueness_summary
 from receding_fenicsx.scene.model import SolverOptions
 
 pytestmark = pytest.mark.one_rank

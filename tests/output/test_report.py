@@ -20,10 +20,9 @@ from small import cyclic
 import receding_fenicsx as rf
 from receding_fenicsx.evolution.record_data import Limit
 from receding_fenicsx.interface.uniqueness.watch import LARGE_MARGIN
-from receding_fenicsx.output.report.checks import uniqueness_rows
+from receding_fenicsx.output.report.contact import extremes_of, uniqueness_rows
 from receding_fenicsx.output.report.html import report_html
 from receding_fenicsx.output.report.run import loose_warnings
-from receding_fenicsx.output.report.turning_points import extremes_of
 from receding_fenicsx.store.run_folder import write_summary
 
 pytestmark = pytest.mark.one_rank

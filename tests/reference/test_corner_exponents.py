@@ -15,7 +15,7 @@ import receding_fenicsx as rf
 from receding_fenicsx.interface.measures.tractions import Tractions
 from receding_fenicsx.interface.measures.zone_ends import corner_exponent_fit, kolosov
 from receding_fenicsx.measures.ends import corners_of
-from receding_fenicsx.output.report.checks import corner_rows
+from receding_fenicsx.output.report.contact import corner_rows
 from receding_fenicsx.reference.corners import corner_exponent
 
 DEMOS = Path(__file__).parents[2] / "demos"

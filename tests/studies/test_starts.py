@@ -13,7 +13,7 @@ from shakedown_cases import TO_AND_FRO, UPPER, two_nodes
 import receding_fenicsx as rf
 from receding_fenicsx import cli
 from receding_fenicsx.mpi import on_root
-from receding_fenicsx.output.report.cycles import limit_rows
+from receding_fenicsx.output.report.run import limit_rows
 from receding_fenicsx.studies.starts import starts_summary
 
 SCENE = """

@@ -12,8 +12,7 @@ from typing import NamedTuple
 import jinja2
 
 from receding_fenicsx.atomic import new_file
-from receding_fenicsx.output.report.cycles import ratio_words
-from receding_fenicsx.output.report.run import model_line
+from receding_fenicsx.output.report.run import model_line, ratio_words
 from receding_fenicsx.output.report.section import Summary, shown
 from receding_fenicsx.output.report.summary import SECTIONS
 from receding_fenicsx.store.run_folder import read_summary

@@ -9,14 +9,8 @@ from typing import Any
 from receding_fenicsx.arrays import aligned
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.measures.fatigue import fatigue_summary
-from receding_fenicsx.output.report import checks, cycles, run
+from receding_fenicsx.output.report import contact, run
 from receding_fenicsx.output.report.section import Section, Summary, shown
-from receding_fenicsx.output.report.turning_points import (
-    console_table,
-    point_head,
-    point_rows,
-    turning_points,
-)
 
 SECTIONS = {
     section.name: section
@@ -28,19 +22,24 @@ SECTIONS = {
             rows=lambda summary: [[text] for text in summary.get("warnings") or []],
             lines=lambda summary: [f"warning: {text}" for text in summary.get("warnings") or []],
         ),
-        Section("Turning points", summary=turning_points, rows=point_rows, head=point_head),
+        Section(
+            "Turning points",
+            summary=contact.turning_points,
+            rows=contact.point_rows,
+            head=contact.point_head,
+        ),
         Section(
             "Steady state and limit",
-            summary=cycles.steady_state,
-            rows=cycles.steady_rows,
-            lines=cycles.steady_lines,
+            summary=run.steady_state,
+            rows=run.steady_rows,
+            lines=run.steady_lines,
         ),
         Section(
             "Cycles",
-            summary=cycles.cycles,
-            rows=cycles.cycle_rows,
+            summary=run.cycles,
+            rows=run.cycle_rows,
             head=lambda _: ["cycle N", "dissipation D", "over cycle 1", "largest slip increment"],
-            note=cycles.cycle_note,
+            note=run.cycle_note,
             form="{:z.8g}",
         ),
         Section(
@@ -54,12 +53,12 @@ SECTIONS = {
         Section(
             "Fatigue parameters",
             summary=fatigue_summary,
-            rows=lambda summary: checks.fatigue_table(summary)[1:],
-            head=lambda summary: checks.fatigue_table(summary)[0],
-            note=checks.fatigue_note,
-            lines=checks.fatigue_lines,
+            rows=lambda summary: contact.fatigue_table(summary)[1:],
+            head=lambda summary: contact.fatigue_table(summary)[0],
+            note=contact.fatigue_note,
+            lines=contact.fatigue_lines,
         ),
-        Section("Checks", checks.checks, checks.check_rows, lines=checks.check_lines),
+        Section("Checks", contact.checks, contact.check_rows, lines=contact.check_lines),
         Section("Space errors", rows=run.error_rows, lines=run.error_lines),
         Section(
             "Search for the tolerance",
@@ -113,7 +112,7 @@ def run_table(summary: Summary, everything: bool = False) -> str:
     room = left - 1 - min(len({point.get("edge") for point in summary["turning_points"]}), 3)
     if len(body) > room:
         body = [*body[: room - 1], "the rest is in report.html"]
-    return "\n".join([*head, *console_table(summary, left - len(body) - 1), *body])
+    return "\n".join([*head, *contact.console_table(summary, left - len(body) - 1), *body])
 
 
 def _wrapped(lines: Sequence[str]) -> list[str]:

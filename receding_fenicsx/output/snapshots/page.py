@@ -75,13 +75,10 @@ def scaled(view: View, quantity: Quantity) -> Array:
 def colours_of(
     values: Array, quantity: Quantity, pressure_symbol: str, areas: Array | None = None
 ) -> tuple[Colours, Array]:
-    """Choose the colours and the values of the contour lines (none for fringes) of a field.
+    """Choose the colours and the values of the contour lines (none for fringes) of a field (n,).
 
-    Args:
-        values: (n,) field at the vertices.
-        quantity: the stress.
-        pressure_symbol: symbol of the pressure that it is divided by; "" for none.
-        areas: (n,) area of each vertex; equal areas by default.
+    Its vertices have the areas (n,), by default equal ones; it is divided by a pressure unless the
+    symbol of that is empty.
     """
     # a large body is almost free of stress far from its load: less than 0.02 of the largest does
     # not affect the range, from whose ends half a per cent of the area may lie beyond, as singular

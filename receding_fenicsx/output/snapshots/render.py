@@ -40,17 +40,9 @@ def render(
 ) -> Pixels:
     """Return the image of a field that is linear in each triangle, white beside the mesh.
 
-    Args:
-        points: (n, 2) vertices.
-        cells: (m, 3 or 4) vertices around each cell.
-        values: (n,) field.
-        limits: values of the first and the last colour.
-        colours: (k, 3 or 4) colours in [0, 1].
-        window: left, right, bottom and top of what is shown.
-        size: width and height in pixels.
-
-    Raises:
-        RecedingError: off-screen rendering does not work on this machine.
+    The mesh has vertices (n, 2) and cells (m, 3 or 4); ``limits`` are the values of the first and
+    the last colour, ``window`` is what is shown (left, right, bottom, top), ``size`` is in pixels.
+    Where off-screen rendering does not work, RecedingError is raised.
     """
     try:
         job = workers.submit(POOL, _render, points, cells, values, limits, colours, window, size)

@@ -20,7 +20,7 @@ from receding_fenicsx.interface.mirror import mirror_of
 from receding_fenicsx.interface.system import ContactSystem
 from receding_fenicsx.measures.fatigue import fatigue_summary
 from receding_fenicsx.output.plots import style
-from receding_fenicsx.output.report.checks import CRITERIA
+from receding_fenicsx.output.report.contact import CRITERIA
 from receding_fenicsx.scene.toml_file import from_toml
 from receding_fenicsx.store.run_folder import write_csv
 from receding_fenicsx.studies.wear.steps import NodePairs, Row
