@@ -6,7 +6,6 @@ from pathlib import Path
 import api_pages
 import gallery_pages
 import pytest
-import site_links
 import site_source
 
 import receding_fenicsx
@@ -71,15 +70,3 @@ def test_links_to_files_lead_to_pages() -> None:
     )
     text = "[d](../receding_fenicsx/bulk/mesh/edges.py)"
     assert site_source.relinked(text) == "[d](api/bulk.mesh.md#edges)"
-
-
-def test_broken_links_of_a_site_are_found(tmp_path: Path) -> None:
-    pages = {
-        "index.html": '<p id="top"><a href="sub/a.html#here">',
-        "sub/a.html": '<b id="here"><a href="../index.html#bottom"><img src="no.png">',
-    }
-    for name, text in pages.items():
-        (tmp_path / name).parent.mkdir(exist_ok=True)
-        (tmp_path / name).write_text(text, encoding="utf-8")
-    found = site_links.broken_links(tmp_path)
-    assert sorted(found) == ["sub/a.html: ../index.html#bottom", "sub/a.html: no.png"]
