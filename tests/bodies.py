@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 import receding_fenicsx as rf
 from receding_fenicsx.bulk import _dolfinx, stack
 from receding_fenicsx.bulk.body import Bulk, back_substitute, gather_contact
-from receding_fenicsx.bulk.elastic_body import ElasticBody
 from receding_fenicsx.bulk.elasticity import build
 from receding_fenicsx.bulk.mesh.meshing import BodyMesh, make_meshes
 from receding_fenicsx.bulk.stack import Body, Stack
@@ -66,7 +65,7 @@ def make_mesh(comm: MPI.Comm, scene: rf.Scene, half: bool) -> BodyMesh:
     return mesh
 
 
-def built(scene: rf.Scene, half: bool = False, comm: MPI.Comm = MPI.COMM_WORLD) -> ElasticBody:
+def built(scene: rf.Scene, half: bool = False, comm: MPI.Comm = MPI.COMM_WORLD) -> Bulk:
     """Mesh and assemble."""
     return build(scene, make_mesh(comm, scene, half))
 

@@ -67,7 +67,7 @@ STUDIES = (
 FEM = ("dolfinx", "petsc4py", "mpi4py", "gmsh", "ufl", "basix")
 """Libraries that the interface and the evolution do without."""
 
-SOLVING = ("body", "elastic_body", "elasticity", "schur", "from_scene")
+SOLVING = ("body", "elasticity", "schur", "from_scene")
 """Modules of the bulk that assemble, factorise and condense."""
 
 MECHANICS = (

@@ -4,7 +4,12 @@ With A = [[A_II, A_IC], [A_CI, A_CC]] for the interior I and the contact C, and 
 
     K = A_CC - A_CI A_II^-1 A_IC,    r*_k = A_CI A_II^-1 f_k,I - f_k,C.
 
-MUMPS forms K during its Cholesky factorisation of A, on any number of ranks.
+MUMPS forms K during its Cholesky factorisation of A, on any number of ranks. A displacement or
+stress at a point is g . u, with few degrees of freedom in g (:mod:`.point_values`), so that
+
+    g . u = (g_C - A_CI z) . u_C + sum_k lambda_k z . f_k,I / E,    A_II z = g_I:
+
+each value costs one solve, made once, and none for each instant.
 """
 
 from __future__ import annotations
@@ -12,7 +17,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
-from mpi4py import MPI
 from petsc4py import PETSc
 
 import numpy as np
@@ -21,24 +25,24 @@ from dolfinx import fem
 from receding_fenicsx.arrays import Array, Ints
 from receding_fenicsx.bulk import _dolfinx, schur
 from receding_fenicsx.bulk.contact_nodes import ContactNodes
-from receding_fenicsx.bulk.mesh.meshing import BodyMesh
-from receding_fenicsx.bulk.symmetric_matrix import symmetrise
-from receding_fenicsx.scene.model import Scene
+from receding_fenicsx.bulk.join_bodies import CondensedBody
+from receding_fenicsx.bulk.mesh.rectangle import POSITION_TOLERANCE
+from receding_fenicsx.bulk.point_values import PointValues, point_values
+from receding_fenicsx.bulk.stress import Discretisation, Stresses, stresses
+from receding_fenicsx.bulk.symmetric_matrix import norm, symmetrise, turn
+from receding_fenicsx.errors import SolveError
+from receding_fenicsx.mpi import given, on_root
 
 Solve = Callable[[Array], Array]
 """Solves A_II x_I = b_I for the columns of b, each rank giving its own rows; the rest of x is 0."""
 
 
 @dataclass
-class Bulk:
+class Bulk(Discretisation):
     """The discretised body.
 
     Attributes:
-        scene: what it was built from.
-        body: its mesh.
-        space: displacements.
         stiffness: A, for Young's modulus 1, without boundary conditions; with platens P^T A P.
-        load_names: names of the loads.
         loads: nodal forces of each load with factor 1, with platens P^T f; for a prescribed
             displacement d the equivalent forces -E A d.
         fixed: degrees of freedom off the contact that symmetry, supports, prescribed displacements
@@ -51,11 +55,7 @@ class Bulk:
         interior: factor of A_II, or of A with its Schur complement; made once.
     """
 
-    scene: Scene
-    body: BodyMesh
-    space: fem.FunctionSpace
     stiffness: PETSc.Mat
-    load_names: tuple[str, ...]
     loads: list[PETSc.Vec]
     fixed: Ints
     contact: ContactNodes
@@ -64,11 +64,6 @@ class Bulk:
     ties: PETSc.Mat | None = None
     seconds: dict[str, float] = field(default_factory=dict)
     interior: PETSc.PC | None = None
-
-    @property
-    def comm(self) -> MPI.Comm:
-        """Communicator of the mesh."""
-        return self.body.mesh.comm
 
     @property
     def half(self) -> bool:
@@ -84,6 +79,112 @@ class Bulk:
     def dofs(self) -> int:
         """Number of displacement degrees of freedom."""
         return self.stiffness.getSize()[0]
+
+    def condensed(self) -> CondensedBody | None:
+        """Condense the body, turned to [t; n], on rank 0; collective.
+
+        Raises:
+            SolveError: the factorisation failed, or K does not keep the rigid motions or does not
+                agree with a solve; on all ranks.
+        """
+        found, held, compliance = eliminate_interior(self)
+        u = np.cos(1.0 + np.arange(len(self.contact.dofs)) ** 2)
+        probe = _contact_forces(self, interior_solver(self), u[:, None])
+
+        def checked() -> CondensedBody:
+            contact, K = self.contact, given(found)
+            turn(K, contact.to_local)
+            scale = norm(K)
+            force = contact.to_local(given(probe)[:, 0])
+            error = np.abs(K @ contact.to_local(u) - force).max() / (scale * np.abs(u).max())
+            if not error <= 1e-10:
+                raise SolveError(
+                    f"the condensed stiffness is off by {error:.1e} from a solve (at most "
+                    "1e-10): move Poisson's ratio off its limit, or mend the mesh"
+                )
+            error = np.abs(K @ contact.null).max(initial=0.0) / scale
+            if not error <= 1e-12:
+                raise SolveError(
+                    f"the condensed stiffness resists a rigid motion by {error:.1e} of its size "
+                    "(at most 1e-12); check the mesh for degenerate cells"
+                )
+            K *= self.young
+            none = np.zeros(len(contact.held))
+            driven = [self.driven.get(name, none) for name in self.load_names]
+            return CondensedBody(
+                K=K,
+                r_star=contact.to_local(given(held)).T.copy(),
+                compliance=compliance / self.young,
+                sign=load_sign(self),
+                held=contact.held,
+                driven=np.array(driven).reshape(-1, len(none)),
+                modes=contact.modes,
+                constraints=contact.constraints,
+            )
+
+        return on_root(self.comm, checked)
+
+    def fields(self, load: Array | None, u: Array | None) -> tuple[fem.Function, Stresses]:
+        """Return displacement (of degree 1) and stresses for rank 0's factors and u; collective."""
+        displacement = back_substitute(self, load, u)
+        linear = fem.Function(_dolfinx.vector_space(self.body.mesh, 1), name="displacement")
+        linear.interpolate(displacement)
+        linear.x.scatter_forward()
+        factors = np.asarray(self.comm.bcast(load), float)
+        return linear, stresses(self, displacement, factors)
+
+    def value_rows(self, points: Array, labels: list[str]) -> Array | None:
+        """Return rows (m, 6, 2N + own loads) of the values at points on rank 0; collective.
+
+        Points in the half that is not modelled get the values of their mirror image; on the axis
+        of symmetry u_x and s_xy are zero. A point outside the body is an error, by its label.
+        """
+        mirrored = self.body.half and not self.scene.axisymmetric
+        modelled = np.column_stack([np.abs(points[:, 0]), points[:, 1]]) if mirrored else points
+        solve = interior_solver(self)
+        values = point_values(self, modelled, labels)
+        count = 6 * len(points)
+        blocks = [
+            self._rows(solve, values, (first, min(first + 64, count)))
+            for first in range(0, count, 64)  # right-hand sides of one solve
+        ]
+        if self.comm.rank != 0:
+            return None
+        rows = np.vstack([given(block) for block in blocks]).reshape(len(points), 6, -1)
+        if mirrored:
+            # u_x and s_xy change their sign in the image
+            near = POSITION_TOLERANCE * self.body.size
+            sign = np.where(np.abs(points[:, 0]) <= near, 0.0, np.sign(points[:, 0]))
+            rows[:, [0, 5]] *= sign[:, None, None]
+        return rows
+
+    def _rows(self, solve: Solve, values: PointValues, rows: tuple[int, int]) -> Array | None:
+        """Return some rows of the matrix (n, 2N + loads) on rank 0, None elsewhere."""
+        start, end = self.stiffness.getOwnershipRange()
+        first, last = rows
+        own = (values.row >= first) & (values.row < last)
+        own &= (values.dof >= start) & (values.dof < end)
+        g = np.zeros((end - start, last - first))
+        np.add.at(g, (values.dof[own] - start, values.row[own] - first), values.value[own])
+        if self.ties is not None:
+            full, result = self.stiffness.createVecLeft(), self.stiffness.createVecRight()
+            for column in g.T:
+                full.getArray()[:] = column
+                self.ties.multTranspose(full, result)
+                column[:] = result.getArray(readonly=True)
+            full.destroy()
+            result.destroy()
+        z = solve(g)
+        of_loads = np.zeros((last - first, len(self.loads)))
+        for k, (name, load) in enumerate(zip(self.load_names, self.loads, strict=True)):
+            of_loads[:, k] = z.T @ load.getArray(readonly=True) / self.young
+            if name in self.prescribed:
+                of_loads[:, k] += g.T @ self.prescribed[name].getArray(readonly=True)
+        of_loads = self.comm.allreduce(of_loads) + values.of_loads[first:last]
+        of_contact = gather_contact(self, g - times(self.stiffness, z))
+        if of_contact is None:
+            return None
+        return np.hstack([self.contact.to_local(of_contact).T, of_loads])
 
     def destroy(self) -> None:
         """Free PETSc's objects; on all ranks together."""
@@ -155,26 +256,15 @@ def gather_contact(bulk: Bulk, rows: Array) -> Array | None:
     return gathered
 
 
-@dataclass(frozen=True)
-class Elimination:
-    """Contact stiffness and load response in [x; y] components; contact arrays on rank 0 only.
+def eliminate_interior(bulk: Bulk) -> tuple[Array | None, Array | None, Array]:
+    """Eliminate the interior for E = 1 by MUMPS's Schur complement; collective.
 
-    Attributes:
-        K: (2N, 2N) stiffness, symmetric to the last bit.
-        held: (2N, n_loads) reactions r* to the loads, all contact nodes held.
-        compliance: (n_loads, n_loads) work-conjugate quantity of load k under load l, contact nodes
-            held: the displacement of a force, or E times the force of a prescribed displacement.
-        probe: contact displacements u and the forces K u found by a solve, to check K with.
+    Returns:
+        Of [x; y] components on rank 0 K (2N, 2N), symmetric to the last bit, and the reactions r*
+        (2N, n_loads) with all contact nodes held. With these held, the work-conjugate quantity of
+        load k under load l: the displacement of a force, or E times the force of a prescribed
+        displacement.
     """
-
-    K: Array | None
-    held: Array | None
-    compliance: Array
-    probe: tuple[Array, Array] | None = None
-
-
-def eliminate_interior(bulk: Bulk) -> Elimination:
-    """Eliminate the interior by MUMPS's Schur complement, and probe K by a solve; collective."""
     supported = bulk.comm.allreduce(len(bulk.fixed)) > 0
     matrix = constrained(bulk, bulk.fixed) if supported else bulk.stiffness
     size = len(bulk.contact.dofs)
@@ -183,17 +273,13 @@ def eliminate_interior(bulk: Bulk) -> Elimination:
         if bulk.interior is not None:
             bulk.interior.destroy()
         bulk.interior, K = schur.factorise(matrix, bulk.contact.dofs)
-    solve = interior_solver(bulk)
-    if bulk.dofs == size:
-        K = _contact_forces(bulk, solve, np.eye(size))
+    else:
+        K = _contact_forces(bulk, interior_solver(bulk), np.eye(size))
         if K is not None:
             symmetrise(K)
-    held, compliance = _held_response(bulk, solve)
-    u = np.cos(1.0 + np.arange(size) ** 2)
-    force = _contact_forces(bulk, solve, u[:, None])
     if supported:
         matrix.destroy()
-    return Elimination(K, held, compliance, None if force is None else (u, force[:, 0]))
+    return (K, *_held_response(bulk, interior_solver(bulk)))
 
 
 def load_sign(bulk: Bulk) -> Array:

@@ -17,8 +17,8 @@ import ufl
 from dolfinx import fem
 
 from receding_fenicsx.bulk import _dolfinx
+from receding_fenicsx.bulk.body import Bulk
 from receding_fenicsx.bulk.contact_nodes import find_contact
-from receding_fenicsx.bulk.elastic_body import ElasticBody
 from receding_fenicsx.bulk.loads import add_load
 from receding_fenicsx.bulk.material import lame_constants, stiffness_in
 from receding_fenicsx.bulk.mesh.meshing import BodyMesh
@@ -27,7 +27,7 @@ from receding_fenicsx.mpi import on_all
 from receding_fenicsx.scene.model import Scene
 
 
-def build(scene: Scene, body: BodyMesh) -> ElasticBody:
+def build(scene: Scene, body: BodyMesh) -> Bulk:
     """Assemble the body's stiffness and loads, and find its contact nodes and supports; collective.
 
     Args:
@@ -78,12 +78,12 @@ def build(scene: Scene, body: BodyMesh) -> ElasticBody:
             driven[name] = contact.to_local(on)
     off = np.union1d(np.setdiff1d(constraints.given, contact.dofs), constraints.slaves)
     seconds["assemble"] = time.perf_counter() - clock
-    return ElasticBody(
+    return Bulk(
         scene,
         body,
         space,
-        stiffness,
-        load_names=tuple(loads),
+        tuple(loads),
+        stiffness=stiffness,
         loads=list(loads.values()),
         fixed=off[(off >= start) & (off < end)],
         contact=contact,

@@ -9,25 +9,23 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any, Protocol
+from typing import Any
 
 from mpi4py import MPI
 
 import numpy as np
-from dolfinx import fem
 from scipy.linalg import block_diag
 
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.bulk import elasticity
+from receding_fenicsx.bulk.body import Bulk
 from receding_fenicsx.bulk.closures import bolt_compliance, closed, with_gaps
-from receding_fenicsx.bulk.contact_nodes import ContactNodes
 from receding_fenicsx.bulk.contact_operator import ContactPoints, Relative, relative_of
 from receding_fenicsx.bulk.half_planes.body import HalfPlane, half_plane_of
 from receding_fenicsx.bulk.half_planes.pair import join_half_planes
 from receding_fenicsx.bulk.join_bodies import CondensedBody, JoinedBodies, join
 from receding_fenicsx.bulk.mesh.meshing import BodyMesh
 from receding_fenicsx.bulk.springs import NAME, add_links
-from receding_fenicsx.bulk.stress import Stresses
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.interface.system import ContactSystem
 from receding_fenicsx.mpi import given, on_root
@@ -35,51 +33,8 @@ from receding_fenicsx.scene.model import Scene
 from receding_fenicsx.scene.one_body import in_order, part_of
 from receding_fenicsx.scene.toml_file import to_toml
 
-
-class Body(Protocol):
-    """What a stack asks of a body, meshed or a half-plane.
-
-    Attributes:
-        scene: the scene of this body alone.
-        contact: its contact nodes.
-        seconds: time spent on "forms" and "assemble".
-    """
-
-    scene: Scene
-    contact: ContactNodes
-    seconds: dict[str, float]
-
-    @property
-    def comm(self) -> MPI.Comm:
-        """Communicator."""
-
-    @property
-    def body(self) -> BodyMesh:
-        """The mesh, of a half-plane that of the window that pictures show."""
-
-    @property
-    def load_names(self) -> tuple[str, ...]:
-        """Names of its loads, also of unit loads of springs between bodies."""
-
-    @property
-    def dofs(self) -> int:
-        """Number of displacement degrees of freedom."""
-
-    @property
-    def half(self) -> bool:
-        """Whether only x >= 0 is modelled; always for an axisymmetric body."""
-
-    def condensed(self) -> CondensedBody | None:
-        """Return the body condensed to its contact nodes, on rank 0; collective."""
-
-    def fields(self, load: Array | None, u: Array | None) -> tuple[fem.Function, Stresses]:
-        """Return displacement and stresses for own load factors and contact displacements."""
-
-    def value_rows(self, points: Array, labels: list[str]) -> Array | None:
-        """Return rows (m, 6, 2N + own loads) of values at points, on rank 0; collective."""
-
-    def destroy(self) -> None:
-        """Free PETSc's objects; on all ranks together."""
+Body = Bulk | HalfPlane
+"""What a stack is made of; both have the same attributes and methods."""
 
 
 @dataclass

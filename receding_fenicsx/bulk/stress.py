@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from mpi4py import MPI
 from petsc4py import PETSc
 
 import numpy as np
@@ -13,15 +14,31 @@ from numpy.typing import NDArray
 
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.bulk import _dolfinx
-from receding_fenicsx.bulk.body import Bulk
 from receding_fenicsx.bulk.loads import thermal_strain
 from receding_fenicsx.bulk.material import free_gradient, linear_stresses, stiffness_in
+from receding_fenicsx.bulk.mesh.meshing import BodyMesh
 from receding_fenicsx.bulk.mesh.rectangle import POSITION_TOLERANCE
 from receding_fenicsx.mpi import given
+from receding_fenicsx.scene.model import Scene
 
 STRESSES = ("sxx", "syy", "szz", "sxy", "von_mises", "max_shear")
 """Names of the stresses; "max_shear" is the largest shear in the plane. In an axisymmetric body
 "x" is r, "y" is z and "szz" the hoop stress."""
+
+
+@dataclass
+class Discretisation:
+    """Scene of one body, its mesh, space of displacements, and names of its loads."""
+
+    scene: Scene
+    body: BodyMesh
+    space: fem.FunctionSpace
+    load_names: tuple[str, ...]
+
+    @property
+    def comm(self) -> MPI.Comm:
+        """Communicator of the mesh."""
+        return self.body.mesh.comm
 
 
 @dataclass(frozen=True)
@@ -37,7 +54,9 @@ class Stresses:
     nodal: dict[str, fem.Function]
 
 
-def stresses(bulk: Bulk, displacement: fem.Function, load: Array | None = None) -> Stresses:
+def stresses(
+    bulk: Discretisation, displacement: fem.Function, load: Array | None = None
+) -> Stresses:
     """Return the stresses of a displacement field, at midpoints of cells and averaged at vertices.
 
     The load factors, on every rank, are needed where the body has a thermal strain.
@@ -69,7 +88,7 @@ def stresses(bulk: Bulk, displacement: fem.Function, load: Array | None = None) 
     return Stresses(in_cells, at_vertices)
 
 
-def _gradient(bulk: Bulk, displacement: fem.Function, points: Array) -> Array:
+def _gradient(bulk: Discretisation, displacement: fem.Function, points: Array) -> Array:
     """Return (cells, n, [xx, xy, yx, yy, zz]) displacement gradients at reference points.
 
     The last is 0 in the plane; in an axisymmetric body it is the hoop strain u_r/r, on the axis

@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 
 import receding_fenicsx as rf
 from receding_fenicsx.bulk import stack
-from receding_fenicsx.bulk.elastic_body import point_values, reference, shape_functions, touches
 from receding_fenicsx.bulk.fields import BodyFields, gather_fields, probe_matrix, solve_fields
 from receding_fenicsx.bulk.mesh.meshing import make_meshes
+from receding_fenicsx.bulk.point_values import point_values, reference, shape_functions, touches
 from receding_fenicsx.bulk.stack import Stack, build_all
 
 comm = MPI.COMM_WORLD
