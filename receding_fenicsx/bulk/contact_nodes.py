@@ -19,9 +19,6 @@ from receding_fenicsx.errors import InputError
 from receding_fenicsx.mpi import on_all
 from receding_fenicsx.scene.model import Scene
 
-NORMAL_TOLERANCE = 1e-10
-"""Largest difference of 1 and the component of t or n along an axis that it is parallel to."""
-
 
 @dataclass(frozen=True)
 class ContactSide:
@@ -212,9 +209,7 @@ def _held_at_contact(dofs: Ints, node: Ints, tangent: Array, normal: Array) -> N
         axes.setdefault(place[int(dof // 2)], set()).add(int(dof % 2))
     for i, fixed in axes.items():
         for k, direction in enumerate((tangent[i], normal[i])):
-            held[k * n + i] = (
-                len(fixed) == 2 or abs(direction[next(iter(fixed))]) > 1.0 - NORMAL_TOLERANCE
-            )
+            held[k * n + i] = len(fixed) == 2 or abs(direction[next(iter(fixed))]) > 1.0 - 1e-10
     return held
 
 
@@ -224,7 +219,7 @@ def _held_obliquely(
     """Return which nodes, ends of the edge, a support holds in one direction oblique to it."""
     fixed = np.isin(2 * node[:, None] + [0, 1], dofs)
     single = (fixed[:, 0] != fixed[:, 1]) & carries
-    single &= np.abs(normal).max(axis=1) <= 1.0 - NORMAL_TOLERANCE
+    single &= np.abs(normal).max(axis=1) <= 1.0 - 1e-10
     for i in np.flatnonzero(single[1:-1]) + 1:
         raise InputError(
             f"[[support]]: holds the contact node at ({points[i, 0]:g}, {points[i, 1]:g}), inside "

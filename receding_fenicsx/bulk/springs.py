@@ -35,8 +35,6 @@ from receding_fenicsx.scene.model import Scene, Spring
 
 NAME = "[[spring]] "
 """Beginning of the names of the unit loads, which no load of a scene has."""
-STRAIGHT = 1e-9
-"""Difference of unit normals, and distance over the edge's length, that is round-off."""
 
 
 def add_springs(matrix: PETSc.Mat, space: fem.FunctionSpace, body: BodyMesh, scene: Scene) -> None:
@@ -133,7 +131,7 @@ def _mass(part: Bulk, edge: str, spring: Spring, nodes: Ints) -> tuple[Array, Ar
     rows = np.searchsorted(nodes, facets.nodes)
     np.add.at(matrix, (rows[:, :, None], rows[:, None]), facet_mass(part.scene, facets))
     normals = np.concatenate(comm.allgather(facets.outward))
-    if np.abs(normals - normals[0]).max() > STRAIGHT:
+    if np.abs(normals - normals[0]).max() > 1e-9:
         raise InputError(f"[[spring]] against: '{spring.edge}' is not straight")
     return comm.allreduce(matrix), normals[0]
 
@@ -146,13 +144,13 @@ def _across(spring: Spring, places: Array, beyond: Array, normal: Array) -> Ints
     found = np.argmin(aside, axis=1)
     worst = int(np.argmax(aside.min(axis=1)))
     gap = offset[np.arange(len(found)), found] @ normal
-    if aside[worst].min() > STRAIGHT * size or gap.min() < -STRAIGHT * size:
+    if aside[worst].min() > 1e-9 * size or gap.min() < -1e-9 * size:
         x, y = places[worst]
         raise InputError(
             f"[[spring]] against: '{spring.against}' has no node straight across from the one of "
             f"'{spring.edge}' at ({x:g}, {y:g}); give a span, or both edges the same nodes"
         )
-    if spring.tangential > 0.0 and gap.max() > STRAIGHT * size:
+    if spring.tangential > 0.0 and gap.max() > 1e-9 * size:
         raise InputError(
             f"[[spring]] tangential: '{spring.edge}' and '{spring.against}' are {gap.max():g} "
             "apart, where forces along them would not balance in moment; put them on each other"

@@ -21,8 +21,7 @@ from receding_fenicsx.bulk import elasticity
 from receding_fenicsx.bulk.body import Bulk
 from receding_fenicsx.bulk.closures import bolt_compliance, closed, with_gaps
 from receding_fenicsx.bulk.contact_operator import ContactPoints, Relative, relative_of
-from receding_fenicsx.bulk.half_planes.body import HalfPlane, half_plane_of
-from receding_fenicsx.bulk.half_planes.pair import join_half_planes
+from receding_fenicsx.bulk.half_planes import HalfPlane, half_plane_of, join_half_planes
 from receding_fenicsx.bulk.join_bodies import CondensedBody, JoinedBodies, join
 from receding_fenicsx.bulk.mesh.meshing import BodyMesh
 from receding_fenicsx.bulk.springs import NAME, add_links

@@ -9,12 +9,10 @@ import numpy as np
 
 from receding_fenicsx.arrays import Array, Ints
 
-TILE = 128
-"""Rows and columns of a tile: two tiles fit into a core's cache."""
-
 
 def _slices(size: int) -> Iterator[slice]:
-    return (slice(first, min(first + TILE, size)) for first in range(0, size, TILE))
+    # two tiles of 128 by 128 fit into a core's cache
+    return (slice(first, min(first + 128, size)) for first in range(0, size, 128))
 
 
 def block(rows: Ints, columns: Ints) -> tuple[Any, ...]:

@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from receding_fenicsx.arrays import Array, Ints
-from receding_fenicsx.bulk.mesh.curves import curve_of, nearest_facet
 from receding_fenicsx.bulk.mesh.raw_mesh import (
     STRAIGHT_TOLERANCE,
     Along,
@@ -17,8 +16,10 @@ from receding_fenicsx.bulk.mesh.raw_mesh import (
     RawMesh,
     cells_behind,
     check_span,
+    curve_of,
     facets_between,
     line_of,
+    nearest_facet,
 )
 from receding_fenicsx.errors import InputError, MeshMisfit
 from receding_fenicsx.scene.model import Joint, Load, Scene, Spring, Support

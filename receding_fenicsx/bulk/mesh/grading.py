@@ -26,8 +26,6 @@ from receding_fenicsx.bulk.mesh.raw_mesh import RawMesh, line_of, sides
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.scene.model import MAX_CONTACT_ELEMENTS, Refinement
 
-COUNT_TOLERANCE = 1e-6
-"""Part of an element by which the integral of ds / h may exceed a whole number."""
 NEAR = 1e-9
 """Distance of breaks, over the length of the edge, below which they are one."""
 
@@ -78,11 +76,9 @@ def _piece(a: float, b: float, base: Base, places: Sequence[Refinement]) -> Arra
     left, right = np.minimum(h[:-1], middle), np.minimum(h[1:], middle)
     ratio = np.log(right / left)
     # (right - left) / ratio, the logarithmic mean of both sizes
-    mean = np.where(
-        np.abs(ratio) > COUNT_TOLERANCE, (right - left) / np.where(ratio, ratio, 1.0), left
-    )
+    mean = np.where(np.abs(ratio) > 1e-6, (right - left) / np.where(ratio, ratio, 1.0), left)
     so_far = np.append(0.0, np.cumsum(np.diff(knots) / mean))
-    count = max(1, math.ceil(so_far[-1] - COUNT_TOLERANCE))
+    count = max(1, math.ceil(so_far[-1] - 1e-6))
     if count > MAX_CONTACT_ELEMENTS:
         raise InputError(
             f"[mesh] refine: makes {count} elements on a contact edge, at most "
@@ -91,7 +87,7 @@ def _piece(a: float, b: float, base: Base, places: Sequence[Refinement]) -> Arra
     wanted = so_far[-1] * np.arange(count) / count
     j = np.clip(np.searchsorted(so_far, wanted, side="right") - 1, 0, len(mean) - 1)
     part = (wanted - so_far[j]) / (so_far[j + 1] - so_far[j])
-    curved = np.abs(ratio[j]) > COUNT_TOLERANCE
+    curved = np.abs(ratio[j]) > 1e-6
     safe = np.where(curved, ratio[j], 1.0)
     part = np.where(curved, np.expm1(part * safe) / np.expm1(safe), part)
     return np.asarray(knots[j] + part * np.diff(knots)[j])

@@ -26,14 +26,6 @@ from receding_fenicsx.scene.symmetry import (
 
 POSITION_TOLERANCE = 1e-9
 """Largest distance of coinciding points, over the body's depth below the contact edge."""
-SAME_NAMES = {"bottom": "bottom", "right": "right", "top": "top", "left": "left", "axis": "axis"}
-EDGE_NAMES = {
-    "bottom": SAME_NAMES,
-    "top": SAME_NAMES | {"bottom": "top", "top": "bottom"},
-    "left": {"bottom": "left", "right": "top", "top": "right", "left": "bottom"},
-    "right": {"bottom": "right", "right": "top", "top": "left", "left": "bottom"},
-}
-"""Names on the body of the edges of ``rectangle.geo``, by contact edge."""
 OPPOSITE = {"bottom": "top", "top": "bottom", "left": "right", "right": "left"}
 """Opposite edges of a rectangle."""
 
@@ -125,7 +117,14 @@ def rectangle_mesh(whole: Scene, body: Body, half: bool) -> RawMesh:
     snap(scene, frame, marks, mesh)
     if not half:
         mesh = mirror(mesh)
-    edges = {EDGE_NAMES[frame.edge][name]: facets for name, facets in mesh.edges.items()}
+    # names on the body of the edges of rectangle.geo, whose contact edge is "bottom"
+    names = {
+        "bottom": {},
+        "top": {"bottom": "top", "top": "bottom"},
+        "left": {"bottom": "left", "right": "top", "top": "right", "left": "bottom"},
+        "right": {"bottom": "right", "right": "top", "top": "left", "left": "bottom"},
+    }[frame.edge]
+    edges = {names.get(name, name): facets for name, facets in mesh.edges.items()}
     if half:
         edges["left"] = np.empty((0, 2), dtype=np.int64)
     middles = {edge: np.hstack(edge_points(scene, edge, [0.0])) for edge in EDGES}

@@ -157,7 +157,7 @@ def first_that_fits(
 
 def count_nodes(scene: Scene) -> int:
     """Return the number of contact nodes; the bodies are meshed on this rank."""
-    from receding_fenicsx.bulk.half_planes import body
+    from receding_fenicsx.bulk import half_planes as body
     from receding_fenicsx.bulk.mesh.meshing import contact_nodes_of
 
     if any(part.is_half_plane for part in scene.bodies):

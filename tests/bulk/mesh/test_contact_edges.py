@@ -11,8 +11,7 @@ from bodies import block, played
 from msh import turned, write_msh
 
 import receding_fenicsx as rf
-from receding_fenicsx.bulk.mesh.curves import curve_of
-from receding_fenicsx.bulk.mesh.raw_mesh import RawMesh
+from receding_fenicsx.bulk.mesh.raw_mesh import RawMesh, curve_of
 
 comm = MPI.COMM_WORLD
 
