@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
@@ -62,7 +61,7 @@ class NodalLoad(Table):
 
 @dataclass(frozen=True)
 class Specification(Table):
-    """Files, their order of rows, and the number of rigid motions that are left free.
+    """Files, their order of rows, the number of rigid motions that are left free, and tables.
 
     The rows of a MatrixMarket file are x and y of one node after the other (``order`` "nodes"), or
     x of all nodes, then y ("components").
@@ -73,18 +72,9 @@ class Specification(Table):
     free: int
     order: Annotated[str, OneOf("nodes", "components")] = "nodes"
     title: str = ""
-
-
-@dataclass(frozen=True)
-class Import:
-    """A specification with its tables and the coordinates of its nodes by their numbers."""
-
-    files: Specification
-    contact: tuple[Edge, ...]
-    support: tuple[Fixed, ...]
-    load: tuple[NodalLoad, ...]
-    points: dict[int, Array]
-    folder: Path
+    contact: tuple[Edge, ...] = ()
+    support: tuple[Fixed, ...] = ()
+    load: tuple[NodalLoad, ...] = ()
 
     @property
     def fixed(self) -> set[Freedom]:
@@ -94,41 +84,35 @@ class Import:
             (int(n), k) for s in self.support for n in s.nodes for k, axis in axes if axis in s.fix
         }
 
-    @property
-    def freedoms(self) -> list[Freedom]:
-        """Freedom of each row of a matrix that does not name them."""
-        if self.files.order == "nodes":
-            return [(node, k) for node in self.points for k in (1, 2)]
-        return [(node, k) for k in (1, 2) for node in self.points]
+
+Points = dict[int, Array]
+"""Coordinates of nodes by their numbers."""
 
 
-def read_specification(path: Path) -> Import:
+def read_specification(path: Path) -> tuple[Specification, Points]:
     """Read a specification and the file of its nodes."""
-    raw = parse_toml(read_text(path))
-    tables: dict[str, Any] = {}
-    for name, kind in (("contact", Edge), ("support", Fixed), ("load", NodalLoad)):
-        label = f"[[{name}]]"
-        items = as_list(raw.pop(name, []), name)
-        tables[name] = tuple(convert(kind, item, partial(_labelled, label)) for item in items)
-    files = convert(Specification, raw, partial(_labelled, "specification"))
-    names = [load.name for load in tables["load"]]
-    if not tables["contact"] or not names or len(set(names)) < len(names):
+    raw, tables = parse_toml(read_text(path)), ("contact", "support", "load")
+    raw |= {name: as_list(raw[name], name) for name in tables if name in raw}
+
+    def label(place: Place) -> tuple[str, Place]:
+        inside = len(place) > 1 and place[0] in tables
+        return (f"[[{place[0]}]]", place[2:]) if inside else ("specification", place)
+
+    given = convert(Specification, raw, label)
+    names = [load.name for load in given.load]
+    if not given.contact or not names or len(set(names)) < len(names):
         raise InputError("needs a [[contact]], and [[load]] tables with names of their own")
-    for load in tables["load"]:
+    for load in given.load:
         if bool(load.forces) == bool(load.reactions):
             raise InputError(f"load '{load.name}': give either forces or reactions")
     wanted = ("node", "x", "y")
-    columns = read_columns(files.nodes, path.parent, "nodes", wanted, wanted)
+    columns = read_columns(given.nodes, path.parent, "nodes", wanted, wanted)
     if len(columns.names) != 3:
         columns.refuse(f"has {len(columns.names)} column(s), not node, x, y")
     points = {int(row[0]): row[1:] for row in columns.values}
     if len(points) < len(columns.values) or np.any(columns.values[:, 0] % 1.0):
         columns.refuse("the numbers of the nodes have to be whole and different")
-    return Import(files, **tables, points=points, folder=path.parent)
-
-
-def _labelled(label: str, place: Place) -> tuple[str, Place]:
-    return label, place
+    return given, points
 
 
 NO_RESISTANCE = 1e-10
@@ -145,22 +129,24 @@ def import_system(path: str | Path) -> ContactSystem:
             symmetric, is indefinite, or leaves other motions free than the specification says.
     """
     try:
-        return _system(read_specification(Path(path)))
+        return _system(*read_specification(Path(path)), Path(path).parent)
     except InputError as error:
         raise InputError(f"{path}: {error}".replace(f"{path}: {path}: ", f"{path}: ")) from None
 
 
-def _system(given: Import) -> ContactSystem:
+def _system(given: Specification, points_of: Points, folder: Path) -> ContactSystem:
     """Eliminate, turn to the contact's directions, and check."""
-    A, freedoms = read_matrix(given.folder / given.files.stiffness)
-    freedoms = freedoms or given.freedoms
+    A, freedoms = read_matrix(folder / given.stiffness)
+    if freedoms is None:
+        freedoms = [(node, k) for node in points_of for k in (1, 2)]
+        freedoms = sorted(freedoms, key=lambda one: one[1] * (given.order == "components"))
     _check_matrix(A, freedoms)
-    edges = [_along(edge, given) for edge in given.contact]
+    edges = [_along(edge, points_of) for edge in given.contact]
     nodes, x, weight, normal = (np.concatenate(part) for part in zip(*edges, strict=True))
     if len(np.unique(nodes)) < len(nodes):
         raise InputError("[[contact]] nodes: a node is named twice")
     C = [(int(node), k) for k in (1, 2) for node in nodes]
-    K, r_star, compliance = _eliminate(A, freedoms, C, given)
+    K, r_star, compliance = _eliminate(A, freedoms, C, given, folder)
     nx, ny = np.diag(normal[:, 0]), np.diag(normal[:, 1])
     turn = np.block([[ny, -nx], [nx, ny]])  # from [x; y] to [t; n]
     K, r_star = turn @ K @ turn.T, r_star @ turn.T
@@ -169,7 +155,7 @@ def _system(given: Import) -> ContactSystem:
     held = np.asarray(part @ is_fixed & ~(part @ ~is_fixed))
     if np.count_nonzero(held) < np.count_nonzero(is_fixed):
         raise InputError("[[support]]: holds a contact node oblique to its normal; hold xy there")
-    points = np.array([given.points[int(node)] for node in nodes])
+    points = np.array([points_of[int(node)] for node in nodes])
     size = float(np.ptp(points, axis=0).max()) or 1.0
     moved = motions(points, points.mean(axis=0), size).transpose(1, 0, 2).reshape(-1, 3)
     edge = np.repeat(np.arange(len(edges)), [len(part[0]) for part in edges])
@@ -190,7 +176,7 @@ def _system(given: Import) -> ContactSystem:
         f=f,
         g0=g0,
         held=held,
-        rigid=_rigid(K, held, turn @ moved, given.files.free),
+        rigid=_rigid(K, held, turn @ moved, given.free),
         load_compliance=compliance,
         load_sign=-np.ones(len(given.load)),
         edge=edge,
@@ -223,17 +209,17 @@ def _check_matrix(A: sparse.csc_matrix, freedoms: list[Freedom]) -> None:
         raise InputError("stiffness: is not symmetric")
 
 
-def _along(edge: Edge, given: Import) -> tuple[Array, Array, Array, Array]:
+def _along(edge: Edge, points_of: Points) -> tuple[Array, Array, Array, Array]:
     """Return nodes sorted along t = (n_y, -n_x), positions from the middle, weights, normals."""
     label = f"contact '{edge.name}'"
-    lost = [node for node in edge.nodes if node not in given.points]
+    lost = [node for node in edge.nodes if node not in points_of]
     if lost or not edge.nodes:
         raise InputError(f"{label}: node {lost[:1] or ''} is not in the file of the nodes")
     length = float(np.hypot(*edge.normal))
     if not length > 0.0:
         raise InputError(f"{label} normal: must not be zero")
     n = np.array(edge.normal) / length
-    points = np.array([given.points[int(node)] for node in edge.nodes])
+    points = np.array([points_of[int(node)] for node in edge.nodes])
     order = np.argsort(points @ [n[1], -n[0]])
     x = (points @ [n[1], -n[0]])[order]
     x = x - 0.5 * (x[0] + x[-1])
@@ -250,7 +236,11 @@ def _along(edge: Edge, given: Import) -> tuple[Array, Array, Array, Array]:
 
 
 def _eliminate(
-    A: sparse.csc_matrix, freedoms: list[Freedom], C: list[Freedom], given: Import
+    A: sparse.csc_matrix,
+    freedoms: list[Freedom],
+    C: list[Freedom],
+    given: Specification,
+    folder: Path,
 ) -> tuple[Array, Array, Array]:
     """Return K (2N, 2N), r* (n_loads, 2N), both [x; y], and the compliance of the loads."""
     place = {freedom: i for i, freedom in enumerate(freedoms)}
@@ -267,7 +257,7 @@ def _eliminate(
         if load.reactions and inside:
             raise InputError(f"load '{load.name}' reactions: needs a matrix of contact nodes alone")
     forces = [
-        read_vector(given.folder / (load.forces or load.reactions), freedoms)
+        read_vector(folder / (load.forces or load.reactions), freedoms)
         * (1.0 if load.forces else -1.0)
         for load in given.load
     ]

@@ -432,24 +432,24 @@ def shared_system(scene: Scene, body: str, folder: Path | None = None) -> Contac
     :func:`~receding_fenicsx.scene.identity.body_of`. In a folder all processes share their systems:
     the first that needs one condenses it.
     """
-    if body not in _systems:
-        found = _from_folder(scene, body, folder) if folder else _condensed(scene)
-        while len(_systems) >= 2:  # a process keeps two
-            del _systems[next(iter(_systems))]
-        _systems[body] = found
-    return _systems[body]
-
-
-def _from_folder(scene: Scene, body: str, folder: Path) -> ContactSystem:
-    """Return a system from a file, which is written first where it is missing or damaged."""
-    path = folder / f"{body}.h5"
-    make_folder(folder)
-    with locked(path.with_suffix(".lock"), wait=True):
-        if path.is_file():
-            with suppress(InputError):
-                return read_system(path)
-        write_system(path, _condensed(scene), overwrite=True)
-    return read_system(path)
+    if body in _systems:
+        return _systems[body]
+    found = None
+    if folder is None:
+        found = _condensed(scene)
+    else:
+        path = folder / f"{body}.h5"
+        make_folder(folder)
+        with locked(path.with_suffix(".lock"), wait=True):
+            with suppress(InputError):  # missing or damaged
+                found = read_system(path)
+            if found is None:
+                write_system(path, _condensed(scene), overwrite=True)
+                found = read_system(path)
+    while len(_systems) >= 2:  # a process keeps two
+        del _systems[next(iter(_systems))]
+    _systems[body] = found
+    return found
 
 
 def _condensed(scene: Scene) -> ContactSystem:

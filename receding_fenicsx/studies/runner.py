@@ -159,9 +159,9 @@ def run_study(
             # new processes of this machine take functions of the main program too
             (pickle if count is None else cloudpickle).dumps(measure)
         except Exception as caught:
+            sent = f"cannot be sent to another process ({caught})"
             raise InputError(
-                f"measure: cannot be sent to another process ({caught}); make it a function of a "
-                "module, without open files"
+                f"measure: {sent}; make it a function of a module, without open files"
             ) from None
 
     def run(executor: Executor | None) -> T:
@@ -301,8 +301,14 @@ class Runner:
             (self.folder / name).unlink(missing_ok=True)  # type: ignore[operator]
         done, failed = len(share) - len(todo), 0
         tell = Countdown(self.options.progress, f"{self.name}: case")
+        if self.executor is not None:
+            play_all = _on_executor(self.executor, todo, measure)
+        elif self.count is not None:
+            play_all = _on_processes(todo, measure, self.count)
+        else:
+            play_all = ((number, play(case, measure)) for number, case in todo.items())
         try:
-            with contextlib.closing(self._play(todo, measure)) as played:
+            with contextlib.closing(play_all) as played:
                 for more, (number, outcome) in enumerate(played, 1):
                     finished[cases[number].identity] = outcome
                     if self.file is not None:
@@ -323,13 +329,6 @@ class Runner:
         ]
         self.complete = self.complete and all(outcome is not missing for outcome in found)
         return found
-
-    def _play(self, cases: Mapping[int, Case], measure: Measure) -> Played:
-        if self.executor is not None:
-            return _on_executor(self.executor, cases, measure)
-        if self.count is not None:
-            return _on_processes(cases, measure, self.count)
-        return ((number, play(case, measure)) for number, case in cases.items())
 
 
 def play(case: Case, measure: Measure) -> Outcome:

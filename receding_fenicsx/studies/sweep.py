@@ -189,24 +189,17 @@ def sweep(
                 table.write_csv(runner.folder / "sweep.csv", overwrite=True)
             return table
 
-        same = {"key": ", ".join(sorted(grid.keys)), "function measure": _identity(measure)}
+        # changes with the function's name and program text
+        function = getattr(measure, "__qualname__", type(measure).__qualname__) if measure else ""
+        with suppress(OSError, TypeError):
+            text = inspect.getsource(measure) if measure else ""
+            function += f" {hashlib.sha256(text.encode()).hexdigest()[:16]}" if measure else ""
+        same = {"key": ", ".join(sorted(grid.keys)), "function measure": function}
         over_labels = dict(zip(grid.keys, grid.labels, strict=True))
         content = {"over": over_labels, "cases": len(grid.scenes)}
         return Study("sweep", "sweep.json", scene, combine, same, content, ("sweep.csv",))
 
     return run_study(begin, out, workers, options, measure)
-
-
-def _identity(measure: Measure | None) -> str:
-    """Return a text that changes with the function's name and program text."""
-    if measure is None:
-        return ""
-    name = getattr(measure, "__qualname__", type(measure).__qualname__)
-    try:
-        text = inspect.getsource(measure)
-    except (OSError, TypeError):
-        return name
-    return f"{name} {hashlib.sha256(text.encode()).hexdigest()[:16]}"
 
 
 def play_scene(

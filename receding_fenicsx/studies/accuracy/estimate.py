@@ -81,7 +81,13 @@ def headline(record: Record) -> dict[str, Number]:
     for edge, part in edges.items():
         behind = f"[{edge}]" if len(edges) > 1 else ""
         found |= {f"{name}{behind}": number for name, number in _of_edge(part, row)}
-    return found | dict(_of_loads(record, row)) | dict(_of_probes(record, row)) | _energies(record)
+    for name, moved in zip(
+        record.load_names, record.turning_points.load_displacement.T, strict=True
+    ):
+        scale = float(np.abs(moved).max())
+        if abs(moved[row]) > ROUND_OFF * scale:
+            found[f"load_displacement[{name}]"] = Number(float(moved[row]), scale=scale)
+    return found | dict(_of_probes(record, row)) | _energies(record)
 
 
 def _of_edge(record: Record, row: int) -> Iterator[tuple[str, Number]]:
@@ -133,15 +139,6 @@ def _scatter(record: Record, p: Array, node: int) -> float:
         return 0.0
     near = p[max(node - 4, 0) : node + 5]
     return float(0.5 * np.abs(np.diff(near, 2)).max(initial=0.0))
-
-
-def _of_loads(record: Record, row: int) -> Iterator[tuple[str, Number]]:
-    """Yield the work-conjugate displacement of each load."""
-    moved = record.turning_points.load_displacement
-    for k, name in enumerate(record.load_names):
-        scale = float(np.abs(moved[:, k]).max())
-        if abs(moved[row, k]) > ROUND_OFF * scale:
-            yield f"load_displacement[{name}]", Number(float(moved[row, k]), scale=scale)
 
 
 def _of_probes(record: Record, at: int) -> Iterator[tuple[str, Number]]:
@@ -320,9 +317,8 @@ def asked_numbers(scene: Scene, levels: Sequence[Level]) -> dict[str, Estimate]:
     for name in wanted:
         if not _has(levels[-1], name):
             if len(levels) > 1 and not _has(levels[-2], name):
-                raise InputError(
-                    f"[accuracy] numbers: the run has no '{name}'; it has {', '.join(every)}"
-                )
+                have = f"it has {', '.join(every)}"
+                raise InputError(f"[accuracy] numbers: the run has no '{name}'; {have}")
             found[name] = Estimate(math.nan, math.nan, math.nan, 1.0)
     return found
 
@@ -340,16 +336,12 @@ def nonconvergence(way: Sequence[Mapping[str, Estimate]]) -> str:
     names = [n for n in now if n in before and now[n].error == before[n].error == math.inf]
     infinite = [n for n in names if now[n].value == before[n].value == math.inf]
     if infinite:
-        return (
-            f"{', '.join(infinite)} does not converge: singular, stresses are infinite at a corner "
-            "in contact; ask for other numbers"
-        )
+        why = "singular, stresses are infinite at a corner in contact"
+        return f"{', '.join(infinite)} does not converge: {why}; ask for other numbers"
     if not names or len(way) < MIN_LEVELS + 1:
         return ""
-    return (
-        f"{', '.join(names)} {'does' if len(names) == 1 else 'do'} not converge in order "
-        "(singular, or the mesh is far from resolving it); ask for other numbers"
-    )
+    they = f"{', '.join(names)} {'does' if len(names) == 1 else 'do'} not converge in order"
+    return f"{they} (singular, or the mesh is far from resolving it); ask for other numbers"
 
 
 # -- what a run says of its mesh -----------------------------------------------------------------
@@ -359,18 +351,14 @@ def level_of(record: Record | None, elements: int, seconds: float = 0.0) -> Leve
     """Return what a record says of its mesh; nothing on ranks without a record."""
     if record is None:
         return Level(elements, 0, seconds, {})
-    resolved = narrowest_zone(record) > UNRESOLVED_NODES
-    sharp = any(map(_ends_sharply, record.by_edge().values()))
+    resolved, sharp = narrowest_zone(record) > UNRESOLVED_NODES, False
+    for part in record.by_edge().values():
+        table = part.turning_points
+        ends = table.p[:, part.corner_ends].max(axis=1, initial=0.0)
+        mean = table.P.sum(axis=1) / part.weight.sum()
+        sharp |= bool(np.any((mean > 0.0) & (ends > 1.5 * mean)))
     graded = record.scene is not None and is_graded(record.scene)
     return Level(elements, len(record.x), seconds, headline(record), resolved, sharp, graded)
-
-
-def _ends_sharply(record: Record) -> bool:
-    """Return whether a contact edge ends at a sharp corner in contact at some turning point."""
-    table = record.turning_points
-    ends = table.p[:, record.corner_ends].max(axis=1, initial=0.0)
-    mean = table.P.sum(axis=1) / record.weight.sum()
-    return bool(np.any((mean > 0.0) & (ends > 1.5 * mean)))
 
 
 def narrowest_zone(record: Record) -> int:
@@ -397,15 +385,10 @@ def narrowest_zone(record: Record) -> int:
 
 def shown(estimates: dict[str, Estimate]) -> dict[str, dict[str, Any]]:
     """Return estimates for the summary: None where not known."""
+    keys = ("value", "error", "relative", "order", "size")
     return {
-        name: {
-            "value": e.value if math.isfinite(e.value) else None,
-            "error": e.error if math.isfinite(e.error) else None,
-            "relative": e.relative if math.isfinite(e.relative) else None,
-            "order": None if math.isnan(e.order) else e.order,
-            "converges": e.error < math.inf if not math.isnan(e.error) else None,
-            "size": e.size if math.isfinite(e.size) else None,
-        }
+        name: {key: v if math.isfinite(v := getattr(e, key)) else None for key in keys}
+        | {"converges": None if math.isnan(e.error) else e.error < math.inf}
         for name, e in estimates.items()
     }
 
