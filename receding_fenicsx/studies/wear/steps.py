@@ -22,13 +22,8 @@ from receding_fenicsx.interface.law import State
 from receding_fenicsx.interface.system import ContactState, ContactSystem, reactions
 from receding_fenicsx.scene.model import OutputOptions
 
-PLAIN_CYCLES, MOST_CYCLES = 4, 60
-"""Cycles that are played before the limit is searched for, and in all."""
-REPEATED = 1e-9
-"""Change of a cycle's ends, as a force over the largest, below which it repeats itself."""
-CHANGE_TO_COME = 1e-3
-"""Change of a node's dissipation in all cycles to come, over the largest dissipation of a node, up
-to which the last cycle takes the place of the limit."""
+MOST_CYCLES = 60
+"""Cycles that are played at most until they repeat themselves."""
 SLIPS = 1e-9
 """Dissipation of a node over the largest above which it slips in a cycle."""
 
@@ -120,20 +115,20 @@ class NodePairs:
         cycles = journal.cycles
         run = RunState(problem, cycles)
         stiffness = np.concatenate(problem.system.local_stiffness)
-        change = np.inf
-        while change > REPEATED and len(cycles) <= PLAIN_CYCLES:
+        repeats = False
+        # four plain ones, before the limit is searched for
+        while not repeats and len(cycles) <= 4:
             before = cycles[-1].corners[-1].state.u
             cycles.append(run.trace_cycle(len(cycles)))
-            last = cycles[-1]
-            moved = np.abs(stiffness * (last.corners[-1].state.u - before))
-            change = float(moved.max()) / last.totals.force_scale
-        if change > REPEATED:
+            moved = np.abs(stiffness * (cycles[-1].corners[-1].state.u - before)).max()
+            repeats = moved <= 1e-9 * cycles[-1].totals.force_scale
+        if not repeats:
             record = continue_history(problem, journal)
             known = record.steady.reached or (record.limit is not None and record.limit.reached)
             before, after = cycles[-2].dissipation, cycles[-1].dissipation
             # what is still to come of a tail that falls with the third power of the cycles
             to_come = len(cycles) * np.abs(after - before).max() / after.max()
-            if not known and to_come > CHANGE_TO_COME:
+            if not known and to_come > 1e-3:
                 raise SolveError(f"wear: no limit cycle was found in {MOST_CYCLES} cycles")
         last, start = cycles[-1], cycles[-2].corners[-1]
         corners = [corner.state for corner in last.corners]

@@ -34,25 +34,11 @@ from receding_fenicsx.studies.wear.result import (
 from receding_fenicsx.studies.wear.steps import Convected, NodePairs, Row, advance
 from receding_fenicsx.timing import Countdown, Timer
 
-CYCLES, THROUGH, DEEP = "cycles done", "stick zone worn through", "depth reached"
-SHAKEDOWN, EDGE = "shakedown", "contact past the fine mesh"
-"""Ends of a study."""
+THROUGH = "stick zone worn through"
 LARGEST_STROKE = 0.05
 """Stroke over the width of the contact up to which node pairs stay opposite each other."""
-NO_MORE = 1e-6
-"""Dissipation of a cycle over that of the first one below which nothing more wears."""
 ROWS, COARSE = "steps.bin", "coarser.bin"
 """Files of the rows so far on both meshes, from which a study is continued."""
-RESULTS = (
-    ROWS,
-    COARSE,
-    "wear.csv",
-    "wear.json",
-    "wear.npz",
-    "profiles.png",
-    "zones.png",
-    "fatigue.png",
-)
 
 
 def wear(
@@ -96,7 +82,9 @@ def wear(
             with timer("wear"):
                 return _wear(own, begun, other, runner.folder, timer)
 
-        return Study("wear study", "wear_of.json", same, combine, results=RESULTS)
+        files = (ROWS, COARSE, *(f"wear.{ending}" for ending in ("csv", "json", "npz")))
+        pictures = "profiles.png", "zones.png", "fatigue.png"
+        return Study("wear study", "wear_of.json", same, combine, results=(*files, *pictures))
 
     return run_study(begin, out, options=options)
 
@@ -121,23 +109,20 @@ def _begin(scene: Scene, system: ContactSystem) -> tuple[NodePairs, Row]:
             "[wear]: needs a history with cycles, this one is monotonic; use "
             'kind = "cyclic", "table" or "harmonic"'
         )
-    return _model(scene, problem, _coefficient(problem.system, scene.wear))
-
-
-def _coefficient(system: ContactSystem, options: WearOptions) -> Array:
-    """Return depth per density of dissipated energy at the nodes."""
+    system, options = problem.system, scene.wear
     law = system.law
     if system.kind == "normal" or not np.any(law.present):
         raise InputError("[wear]: nothing dissipates without friction; give [contact] friction")
     if options.coefficient is not None:
-        return np.full(system.n, options.coefficient)
-    f = law.largest
+        return _model(scene, problem, np.full(system.n, options.coefficient))
     if system.has_branches or np.any(law.forward != law.backward):
         raise InputError(
             "[wear] archard: friction differs by direction, or has a shear limit or a cohesion; "
             "give coefficient instead"
         )
-    return np.divide(options.archard or 0.0, f, out=np.zeros(system.n), where=f > 0.0)
+    archard = np.full(system.n, options.archard or 0.0)
+    f = law.largest
+    return _model(scene, problem, np.divide(archard, f, out=np.zeros(system.n), where=f > 0.0))
 
 
 def _wear(
@@ -211,7 +196,7 @@ def _wear(
         save(profiles_figure(found), folder / "profiles.png")
         save(zones_figure(found), folder / "zones.png")
         if head["fatigue"]:
-            save(fatigue_figure(found), folder / "fatigue.png")
+            save(fatigue_figure(head["fatigue"]), folder / "fatigue.png")
     if failure is not None:
         raise failure
     return found
@@ -250,10 +235,9 @@ def _end(system: ContactSystem, rows: list[Row], cycles: float, depth: float) ->
     """Return why a study ends with its last row, "" where it goes on."""
     first, last = rows[0], rows[-1]
     if last["depth"].max() >= (1.0 - 1e-3) * depth:  # within a thousandth
-        return DEEP
-    energy, before = last["energy"].sum(), first["energy"].sum()
-    if energy <= NO_MORE * before:
-        return SHAKEDOWN
+        return "depth reached"
+    if last["energy"].sum() <= 1e-6 * first["energy"].sum():  # nothing more wears
+        return "shakedown"
     if len(rows) > 1 and np.any(rows[-2]["zone"] == State.STICK):
         if not np.any(last["zone"] == State.STICK):
             return THROUGH
@@ -262,5 +246,5 @@ def _end(system: ContactSystem, rows: list[Row], cycles: float, depth: float) ->
     spacing = np.maximum(np.append(apart, 0.0), np.append(0.0, apart))
     coarse = spacing > 2.0 * spacing[begun].max(initial=0.0)
     if np.any(touches & ~begun & (ends_of_edges(system) | coarse)):
-        return EDGE
-    return CYCLES if last["cycles"] >= cycles else ""
+        return "contact past the fine mesh"
+    return "cycles done" if last["cycles"] >= cycles else ""
