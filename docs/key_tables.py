@@ -6,31 +6,17 @@ The texts are those of the dataclasses' docstrings, which the JSON Schema of sce
 import dataclasses
 import json
 import re
-from typing import Any
+from typing import Any, get_args, get_type_hints
 
 import receding_fenicsx as rf
+from receding_fenicsx.scene.model import TABLE_OF
 from receding_fenicsx.scene.toml_reader import descriptions
 
 KINDS: dict[str, Any] = {
-    "body": rf.Body,
-    "material": rf.Material,
-    "mesh": rf.MeshOptions,
-    "contact": rf.Contact,
-    "tie": rf.Tie,
-    "load": rf.Load,
-    "support": rf.Support,
-    "spring": rf.Spring,
-    "bolt": rf.Bolt,
-    "probe": rf.Probe,
-    "history": rf.HistoryOptions,
-    "solver": rf.SolverOptions,
-    "output": rf.OutputOptions,
-    "mode": rf.ModeOptions,
-    "units": rf.Units,
-    "shakedown": rf.ShakedownOptions,
-    "accuracy": rf.AccuracyOptions,
-    "wear": rf.WearOptions,
-    "fatigue": rf.FatigueOptions,
+    TABLE_OF.get(name, name): kind
+    for name, hint in get_type_hints(rf.Scene).items()
+    for kind in (hint, *get_args(hint))
+    if dataclasses.is_dataclass(kind)
 }
 """Dataclass of each table of a scene file."""
 
