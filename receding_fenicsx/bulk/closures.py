@@ -136,7 +136,8 @@ def driven_gaps(scene: Scene, contact: ContactPoints) -> Array:
                 inside = on & (contact.x >= low) & (contact.x <= high)
                 where = f"{load.label} gap"
                 gap = evaluate_checked(load.gap, contact.x[inside], None, where)
-                gaps[names.index(load.name), inside] += gap
+                # parts of one load that meet have one value there
+                gaps[names.index(load.name), inside] = gap
         if part.interference is not None:
             depth = evaluate_checked(part.interference, contact.x[on], None, KEY)
             if depth.min() < 0.0:

@@ -210,6 +210,8 @@ def test_a_run_writes_and_prints_its_errors(shared_tmp_path: Path) -> None:
         assert found["value"] == numbers[name].value
         assert 0.0 < found["error"] < abs(found["value"])
         assert name.partition("[")[0] in rf.HEADLINE_NAMES
+        if name.endswith("half_width"):
+            assert found["size"] == 0.5 * np.ptp(record.x) != found["value"]
     D, first = record.cycles.dissipation, record.dissipation_first_loading
     assert summary["errors"]["dissipation_ratio"]["value"] == D[-1] / D[0]
     assert summary["errors"]["dissipation_first_loading"]["value"] == first > 0.0

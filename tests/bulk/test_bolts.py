@@ -94,10 +94,14 @@ def test_preload_is_reached_and_the_length_then_locked(round_: bool) -> None:
 
 @pytest.mark.one_rank
 def test_bolts_are_tightened_to_their_preloads_one_after_the_other() -> None:
-    slow = rf.HistoryOptions(kind="monotonic", maximum=0.1)
-    scene = with_preloads(lap(probes=(), history=slow), 0.01, 0.03)
+    slow = rf.HistoryOptions("monotonic", load="pull", maximum=0.1, constant={"kept": 1.0})
+    loads = (*lap().loads, rf.Load("kept", "a.right", traction=(1e-4, 0.0)))
+    scene = with_preloads(lap(probes=(), history=slow, loads=loads), 0.01, 0.03)
     record = played(scene)
-    force = record.turning_points.load_displacement[:, 1:]
+    shortened = record.turning_points.load[:, 2:]
+    # once tightened, their lengths are locked under what is constant and what grows
+    assert len(shortened) == 4 and np.all(shortened[1:] == shortened[1]) and shortened[1].all()
+    force = record.turning_points.load_displacement[:, 2:]
     # the second one carries nothing before its turn; the first one follows
     np.testing.assert_allclose(force[0], [0.01, 0.0], atol=1e-11)
     assert force[1, 1] == pytest.approx(0.03, rel=1e-9) and force[1, 0] != force[0, 0]
@@ -109,7 +113,7 @@ def test_bolts_are_tightened_to_their_preloads_one_after_the_other() -> None:
     plain = played(replace(one, bolts=(replace(bolt, preload=None, tightening=()),)))
     np.testing.assert_array_equal(plain.turning_points.P, found.turning_points.P)
     # that of the first bolt alone, up to what the second one carries within the leg
-    assert bolt.shortening == pytest.approx(record.turning_points.load[0, 1], rel=2e-3)
+    assert bolt.shortening == pytest.approx(shortened[0, 0], rel=2e-3)
 
 
 @pytest.mark.one_rank

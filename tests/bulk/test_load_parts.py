@@ -78,6 +78,7 @@ def test_load_of_several_parts_is_their_sum(case: str) -> None:
     [
         rf.Load("L", "top", displacement=("0.1*x", "-0.1*(1 + x**2)")),
         rf.Load("L", "top", traction=("1 + x", 0.5)),
+        rf.Load("L", "bottom", gap="0.1*(1 + x**2)"),
     ],
 )
 def test_halves_of_an_edge_are_the_whole_edge(whole: rf.Load) -> None:

@@ -136,4 +136,5 @@ def test_instants_spread_over_a_cycle_go_evenly_and_meet_every_turning_point() -
         assert time[(leg == 1) & (s == 1.0)][0] == pytest.approx(way[:2].sum() / way.sum())
     assert np.diff(evenly_spaced(table, 2, 60)[2]).max() < 1.2 / 59
     # at rest nothing is loaded and nothing to be seen
-    assert evenly_spaced(table, 0, 5)[1][0] > 0.0
+    assert evenly_spaced(table, 0, 5)[2][0] > 0.0
+    assert np.all(np.diff(evenly_spaced(table, 0, 5)[2]) > 0.0)

@@ -1,9 +1,10 @@
 import dataclasses
 from pathlib import Path
+from typing import Any
 
 import pytest
 
-from receding_fenicsx.scene.model import Load, Scene, Support
+from receding_fenicsx.scene.model import Load, Scene, Spring, Support
 from receding_fenicsx.scene.symmetry import is_mirror_symmetric
 from receding_fenicsx.scene.toml_file import from_toml
 from receding_fenicsx.scene.validate import validate
@@ -58,7 +59,7 @@ def test_load_is_symmetric_when_nothing_of_it_goes_to_a_side(part: dict, symmetr
 
 
 @pytest.mark.parametrize(
-    ("supports", "symmetric"),
+    ("held", "symmetric"),
     [
         ((Support("x", edge="left"), Support("x", edge="right")), True),
         ((Support("xy", edge="left"), Support("yx", edge="right")), True),
@@ -68,8 +69,14 @@ def test_load_is_symmetric_when_nothing_of_it_goes_to_a_side(part: dict, symmetr
         ((Support("x", point=(0.0, 1.0)),), True),
         ((Support("x", point=(-1.0, 1.0)), Support("x", point=(1.0, 1.0))), True),
         ((Support("x", point=(-1.0, 1.0)), Support("x", point=(1.0, 0.5))), False),
+        ((Spring("top", (-2.0, -1.0), 1.0), Spring("top", (1.0, 2.0), 1.0)), True),
+        ((Spring("top", (1.0, 2.0), 1.0),), False),
+        ((Spring("left", (0.0, 0.5), 1.0), Spring("right", (0.0, 0.5), 1.0)), True),
     ],
 )
-def test_supports_need_their_images(supports: tuple[Support, ...], symmetric: bool) -> None:
-    scene = dataclasses.replace(block("load.p0.span=[-0.5, 0.5]"), supports=supports)
+def test_supports_and_springs_need_their_images(
+    held: tuple[Support | Spring, ...], symmetric: bool
+) -> None:
+    parts: dict[str, Any] = {"springs" if isinstance(held[0], Spring) else "supports": held}
+    scene = dataclasses.replace(block("load.p0.span=[-0.5, 0.5]"), **parts)
     assert is_mirror_symmetric(scene) == symmetric

@@ -62,7 +62,9 @@ def test_rows_hold_the_numbers_of_single_runs() -> None:
             continue
         row, summary = table.rows[k], rf.summarise(record)
         assert (row["contact.friction"], row["history.minimum"]) == (f, minimum)
-        assert row["dissipation_last_cycle"] == summary["dissipation_per_cycle"][-1]
+        D = summary["dissipation_per_cycle"]
+        assert (row["dissipation_cycle_1"], row["dissipation_last_cycle"]) == (D[0], D[-1])
+        assert D[0] != D[-1] and row["cycles"] == len(D)
         assert row["dissipation_first_loading"] == summary["dissipation_first_loading"]
         assert (row["steady"], row["events"]) == (summary["steady"]["kind"], summary["events"])
         assert row["residual_max"] == summary["residual_max"]
