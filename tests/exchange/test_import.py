@@ -204,6 +204,11 @@ def test_supports_hold_and_interior_nodes_can_be_fixed(tmp_path: Path) -> None:
     assert system.held.nonzero()[0].tolist() == [0]
     # the block moves along y alone
     assert np.allclose(np.abs(system.rigid[:, 0]), np.repeat([0.0, 1.0], system.n))
+    more = more.replace('nodes = [1]\nfix = "x"', 'nodes = [1]\nfix = "xy"')
+    system = rf.import_system(specification(tmp_path, name, block, more, free=0))
+    assert system.held.nonzero()[0].tolist() == [0, system.n]
+    # the support carries the normal force
+    assert system.f[0] == 0.0 and np.all(system.f[1:] == 0.32)
 
 
 @pytest.mark.parametrize("degrees", [0.0, 30.0, 180.0, 250.0])
