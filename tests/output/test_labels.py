@@ -15,6 +15,7 @@ import receding_fenicsx as rf
 from receding_fenicsx.output.plots.figures import draw_all
 from receding_fenicsx.output.plots.labels import kind_of
 from receding_fenicsx.output.plots.zone_map import zone_map
+from receding_fenicsx.output.report.turning_points import headline_points
 
 pytestmark = pytest.mark.one_rank
 
@@ -150,6 +151,26 @@ def test_figures_of_harmonic_loads_are_drawn_over_their_phase() -> None:
     path = rf.figures.probe_stresses(found, "corner").axes[-1]
     assert (path.get_xlabel(), path.get_xlim()) == (r"phase $\theta$ (°)", (0.0, 360.0))
     assert curve(path, 0)[[0, -1], 0].tolist() == [0.0, 360.0]
+    # a table of the many turning points has those of extreme loads, Q's largest at the end
+    legs = [p["leg"] for p in headline_points(rf.summarise(found)) if p["cycle"] == 3]
+    ends = Q[1:, 0], bulk[1:, 0]
+    assert legs == sorted({f(load) for load in ends for f in (np.argmin, np.argmax)})
+
+
+def test_titles_leave_out_an_interference_once_it_is_closed() -> None:
+    scene = rf.Scene(
+        material=rf.Material(10.0, 0.3),
+        mesh=rf.MeshOptions(contact_elements=8, degree=1),
+        contacts=(rf.Contact("top", friction=0.3, interference=0.01),),
+        supports=(rf.Support("xy", "bottom"),),
+        loads=(rf.Load("P", "left", (-0.2, 0.2), pressure=0.1),),
+        history=rf.HistoryOptions(cycles=1),
+    )
+    found = rf.evolve(rf.given(rf.condense(scene, MPI.COMM_SELF)), scene)
+    instants = found.at(0, leg=0, s=0.5), found.at(0, leg=1, s=0.5), found.at(1, "minimum")
+    titles = [rf.figures.tractions(found, moment).axes[0].get_title() for moment in instants]
+    assert ["interference" in title for title in titles] == [True, False, False]
+    assert all("$P = " in title for title in titles)
 
 
 @pytest.mark.parametrize(
