@@ -111,7 +111,14 @@ def reduced_model(scene: Scene) -> ReducedModel:
         names = scene.driven_names
         loads = names, np.array([_forces(bulk, whole, name) for name in names])
         system = with_profiles(scene, given(stack.condense(bulk)))
-        return _reduced(whole, _relative(bulk, whole, system), loads, system, scene.mode.count)
+        # from all freedoms to the relative displacements [v; w]
+        on = sparse.hstack([G[: bulk.relative.size] for G in bulk.relative.on]).tocoo()
+        at, shape = (
+            (on.row, np.concatenate(whole.contact)[on.col]),
+            (2 * system.n, len(whole.fixed)),
+        )
+        C = sparse.csr_matrix((on.data, at), shape=shape)
+        return _reduced(whole, C, loads, system, scene.mode.count)
     finally:
         bulk.destroy()
 
@@ -167,14 +174,6 @@ def _forces(bulk: Any, whole: Assembled, name: str) -> Array:
     ]
     forces: Array = whole.turn.T @ np.concatenate(own)
     return forces
-
-
-def _relative(bulk: Any, whole: Assembled, system: ContactSystem) -> sparse.csr_matrix:
-    """Return the map (2N, dofs) from all freedoms to the relative displacements [v; w]."""
-    relative = bulk.relative
-    on = sparse.hstack([G[: relative.size] for G in relative.on]).tocoo()
-    at = on.row, np.concatenate(whole.contact)[on.col]
-    return sparse.csr_matrix((on.data, at), shape=(2 * system.n, whole.A.shape[0]))
 
 
 def export_reduced(source: Path, out: Path, overwrite: bool) -> None:

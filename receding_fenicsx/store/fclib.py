@@ -130,12 +130,8 @@ def write_fclib(
 def _matrix(group: h5py.Group, matrix: Array) -> None:
     """Write a dense matrix in compressed rows."""
     rows, columns = matrix.shape
-    for key, value in (
-        ("nzmax", matrix.size),
-        ("m", rows),
-        ("n", columns),
-        ("nz", -2),  # compressed rows
-    ):
+    # -2: compressed rows
+    for key, value in {"nzmax": matrix.size, "m": rows, "n": columns, "nz": -2}.items():
         group[key] = np.array([value], dtype=np.intc)
     group["p"] = (columns * np.arange(rows + 1)).astype(np.intc)
     group["i"] = np.tile(np.arange(columns), rows).astype(np.intc)

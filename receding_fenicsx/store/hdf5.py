@@ -43,23 +43,16 @@ def new_hdf5(path: str | Path, overwrite: bool = False, kind: str = "") -> Itera
     with new_file(path, overwrite) as temporary:
         # attributes above 64 kB (a scene with long tables) need the layout of HDF5 1.8
         layout = ("v108", "v110")
-        # first HDF5 release whose file images in memory are used. Those of 1.10 have wrong
-        # checksums; with a newer h5py, a file in a Python object crashes the garbage collector
-        # after an error
-        if h5py.version.hdf5_version_tuple < (1, 14, 0):
-            memory = io.BytesIO()
-            with h5py.File(memory, "w", libver=layout) as file:
-                file.attrs.update(about)
-                yield file
-            image = memory.getvalue()
-        else:
-            with h5py.File(
-                temporary, "w", driver="core", backing_store=False, libver=layout
-            ) as file:
-                file.attrs.update(about)
-                yield file
-                file.flush()
-                image = file.id.get_file_image()
+        # file images in memory: those of HDF5 1.10 have wrong checksums; with a newer h5py, a file
+        # in a Python object crashes the garbage collector after an error
+        old = h5py.version.hdf5_version_tuple < (1, 14, 0)
+        memory, how = io.BytesIO(), {} if old else {"driver": "core", "backing_store": False}
+        with h5py.File(memory if old else temporary, "w", libver=layout, **how) as file:
+            file.attrs.update(about)
+            yield file
+            file.flush()
+            image = b"" if old else file.id.get_file_image()
+        image = memory.getvalue() if old else image
         with open(temporary, "wb") as plain:
             if kind:
                 plain.write(_title(kind, hashlib.sha256(image).hexdigest()))
@@ -89,10 +82,8 @@ def open_file(path: str | Path, kind: str) -> Iterator[h5py.File]:
             intact = bare or title == _title(kind, hashlib.file_digest(plain, "sha256").hexdigest())
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror}); check the path") from None
-    damaged = InputError(
-        f"{path}: is damaged, was changed, or is not a {kind} of format version "
-        f"{FORMAT_VERSION}; create it again"
-    )
+    wrong = f"is damaged, was changed, or is not a {kind} of format version {FORMAT_VERSION}"
+    damaged = InputError(f"{path}: {wrong}; create it again")
     if not intact:
         raise damaged
     try:
@@ -104,9 +95,8 @@ def open_file(path: str | Path, kind: str) -> Iterator[h5py.File]:
     except OSError:
         raise damaged from None
     except KeyError as error:
-        raise InputError(
-            f"{path}: was written by another version of this program ({error}); create it again"
-        ) from None
+        other = f"was written by another version of this program ({error})"
+        raise InputError(f"{path}: {other}; create it again") from None
 
 
 def write(group: h5py.Group, name: str, value: Any) -> None:
@@ -139,12 +129,8 @@ def _as_tuples(value: Any) -> Any:
     return tuple(map(_as_tuples, value)) if isinstance(value, list) else value
 
 
-NODE_FIELDS = (
-    *("x", "points", "f", "g0", "weight", "edge"),
-    *("f_backward", "held", "cohesion", "shear_limit"),
-)
-"""Arrays of a Record in the group /nodes; those of the second line where there are such: friction
-of two directions, supports that hold nodes, other branches of the law."""
+NODE_FIELDS = "x points f g0 weight edge f_backward held cohesion shear_limit".split()
+"""Arrays of a Record in the group /nodes."""
 
 
 def _write_all(group: h5py.Group, data: Any, prefix: str = "") -> None:
@@ -228,10 +214,8 @@ def read_system(path: str | Path, scene: Scene | None = None) -> ContactSystem:
             # digests of other versions of this program differ
             same = digest(known) == digest(scene) and not any(b.mesh for b in known.bodies)
         if not same:
-            raise InputError(
-                f"{path}: was condensed from a scene with another {found or 'mesh file'}; condense "
-                "this scene again"
-            )
+            other = f"was condensed from a scene with another {found or 'mesh file'}"
+            raise InputError(f"{path}: {other}; condense this scene again")
     try:
         return system_for(scene, system)
     except InputError as error:

@@ -286,75 +286,69 @@ def joint_curve(
     )
     values = as_numbers(amplitudes, "joint_curve: amplitudes")
     over = {f"history.harmonic.{drive}.amplitude": values.tolist()}
-    omega = np.zeros(0)
-
-    def check() -> None:
-        check_folder("curve", ("joint_cases.json", RESULTS[1]), out, options)
-
+    omega, partner = np.zeros(0), None
+    given = scene if isinstance(scene, ContactSystem) else None
+    cyclic = None if isinstance(scene, ContactSystem) else _driven(scene, drive, values)
+    held = {} if given is None else _preload(given, drive, values)
     # a mode, the preload or the first loading may fail: before anything is written
-    if isinstance(scene, ContactSystem):
-        held = _preload(scene, drive, values)
-        given, cyclic, title = scene, None, ""
-        system: ContactSystem | None = scene
-        mpi.on_root(comm, check)
-        factors = np.array([held.get(name, 0.0) for name in given.load_names])
+    marks = ("joint_cases.json", RESULTS[1])
+    mpi.on_root(comm, lambda: check_folder("curve", marks, out, options))
+    system = given
+    if cyclic is not None and mode_number(drive):
+        validate(cyclic)
+        found = mpi.on_root(comm, lambda: mode_system(cyclic))
+        system, omega = (None, omega) if found is None else found
+    elif cyclic is not None:
+        system = study.condense(cyclic, comm, options.progress, whole=True)
+
+    def loaded() -> tuple[Array, Backbone]:
+        own, played, solver = mpi.given(system), cyclic, None if cyclic is None else cyclic.solver
+        factors = np.array([held.get(name, 0.0) for name in own.load_names])
         start = np.array([0.0 * factors, factors] if np.any(factors) else [factors])
-        if given.scene_toml:
+        if given is not None and given.scene_toml:
             # bolts and interference have legs of their own
             known = replace(from_toml(given.scene_toml), history=HistoryOptions())
-            start = preload_path(given, _driven(known, drive, values), drive)
-    else:
-        cyclic, title = _driven(scene, drive, values), scene.title
-        mpi.on_root(comm, check)
-        if mode_number(drive):
-            validate(cyclic)
-            found = mpi.on_root(comm, lambda: mode_system(cyclic))
-            system, omega = (None, omega) if found is None else found
-        else:
-            system = study.condense(cyclic, comm, options.progress, whole=True)
+            played = _driven(known, drive, values)
+        if played is not None:
+            start = preload_path(own, played, drive)
+        return start, first_loading(own, drive, start, values, solver)
 
-    def loaded() -> Backbone:
-        own = mpi.given(system)
-        path = start if cyclic is None else preload_path(own, cyclic, drive)
-        return first_loading(own, drive, path, values, None if cyclic is None else cyclic.solver)
-
-    backbone = mpi.on_root(comm, loaded)
-    partner = None
+    first = mpi.on_root(comm, loaded)
     if cyclic is not None:
         with suppress(InputError):  # without estimate where no coarser mesh fits
             partner = meshes.partner(replace(cyclic, wear=WearOptions()), comm)
 
     def begin() -> Study[JointCurve]:
-        if cyclic is None:
-            grid = Grid(("amplitude",), (tuple(values.tolist()),), ())
-            body, names = digest_of(given), np.array(given.load_names)
-            unit = np.array(names == drive, dtype=float)
-            cases = []
+        start, backbone = mpi.given(first)
+        cases, names = [], np.array(mpi.given(system).load_names)
+        if given is not None:
+            grids = [Grid(("amplitude",), (tuple(values.tolist()),), ())]
+            body, unit = digest_of(given), np.array(names == drive, dtype=float)
             for value in values.tolist():
                 loop = start[-1] + np.outer([value, -value, value], unit)
                 history = History(given.load_names, np.vstack([start, loop[0]]), loop, CYCLES)
                 cases.append(Case(digest_of(body, drive, value), (given, history, drive), (value,)))
         else:
-            grid = grid_of(cyclic, over, options.folder)
+            scenes = [each for each in (cyclic, partner) if each is not None]
+            grids = [grid_of(each, over, options.folder) for each in scenes]
 
         def combine(runner: Runner) -> JointCurve:
-            if cyclic is None:
-                tables = [grid.table(runner.outcomes(cases, _play_system))]
+            if given is not None:
+                outcomes = runner.outcomes(cases, _play_system)
             else:
-                grids = [grid, *([grid_of(partner, over)] if partner else [])]
-                all_cases = [c for g in grids for c in g.cases(runner.systems, loop_numbers)]
-                outcomes = runner.outcomes(all_cases, _play_scene)
-                n = len(values)
-                tables = [g.table(outcomes[k * n : k * n + n]) for k, g in enumerate(grids)]
-            curve = _curve(drive, values, tables, mpi.given(backbone), omega)
+                every = [c for g in grids for c in g.cases(runner.systems, loop_numbers)]
+                outcomes = runner.outcomes(every, _play_scene)
+            n = len(values)
+            tables = [g.table(outcomes[k * n : k * n + n]) for k, g in enumerate(grids)]
+            curve = _curve(drive, values, tables, backbone, omega)
             if runner.folder is not None and runner.complete:
+                title = scene.title if isinstance(scene, Scene) else ""
                 _write(runner.folder, title, curve)
             return curve
 
-        same = {"drive": drive, "system": "" if cyclic is not None else digest_of(given)}
+        same = {"drive": drive, "system": "" if given is None else digest_of(given)}
         # amplitudes may be added, or left out
-        own = scene if isinstance(scene, Scene) else None
-        whose = own and _driven(own, drive, np.ones(1))
+        whose = _driven(scene, drive, np.ones(1)) if isinstance(scene, Scene) else None
         content = {"amplitudes": values.tolist()}
         return Study("curve", "joint_cases.json", whose, combine, same, content, RESULTS)
 
