@@ -55,7 +55,7 @@ def main() -> None:
     page = ROOT / "docs" / "measured.md"
     names = sys.argv[1:] or NAMES
     head = (
-        "# Measured tables\n\nWhat the demos with known solutions print, and assert.\n"
+        "# Measured tables\n\nWhat demos with known solutions print and assert (but for seconds).\n"
         f"Version {rf.__version__}, {dt.date.today()}, Python {platform.python_version()}, "
         f"{platform.machine()}; made by `python demos/benchmarks/measured.py`.\n"
     )
