@@ -43,11 +43,4 @@ for _variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
 
 __version__ = "1.0.0"
 
-_load, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
-
-
-def __getattr__(name: str) -> object:
-    """Return a public name, loaded when it is first used."""
-    if name == "SweepOptions":
-        raise AttributeError("SweepOptions is now StudyOptions, for all studies")
-    return _load(name)
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -7,7 +7,6 @@ under the fringes. Zone maps mark with a dashed line where :func:`limit_nodes` f
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -81,11 +80,6 @@ def shown_states(record: Record, cycle: int, state: NDArray[np.integer]) -> NDAr
 def without_slip(state: NDArray[np.int8], stuck: NDArray[np.bool_]) -> NDArray[np.int8]:
     """Return (N,) states with stick in place of the slip of some nodes."""
     return np.where(np.isin(state, SLIP) & stuck, State.STICK, state).astype(np.int8)
-
-
-def limit_nodes_of_cycles(record: Record, cycles: Iterable[int]) -> dict[int, LimitNodes]:
-    """Return :func:`limit_nodes` of each settled cycle."""
-    return {cycle: limit_nodes(record, cycle) for cycle in set(cycles) if is_settled(record, cycle)}
 
 
 def limit_nodes(record: Record, cycle: int) -> LimitNodes:

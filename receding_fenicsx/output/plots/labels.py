@@ -156,7 +156,7 @@ class Scales:
     begins_on_axis: bool  # whether the contact edge begins on the axis r = 0
     # units of the scene; with a unit of length (or stress) no length (or stress) is nondimensional
     units: Units
-    kinds: tuple[LoadKind, ...]  # kind of each load
+    kinds: tuple[LoadKind, ...]
 
     @property
     def x_label(self) -> str:

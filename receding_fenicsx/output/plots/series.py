@@ -125,7 +125,7 @@ def whole_numbers(asked: Any, what: str) -> list[int]:
 class Loop:
     """n instants of one cycle in order of time, from the end of the cycle before, or from rest."""
 
-    cycle: int  # the cycle
+    cycle: int
     # load, displacement: (n, n_loads) load factors and their work-conjugate displacements
     load: Array
     displacement: Array
@@ -214,7 +214,7 @@ def representative_nodes(record: Record) -> list[int]:
 class SlipLine:
     """Slip per cycle of one node."""
 
-    node: int  # the node
+    node: int
     x: float  # its position over the length scale
     N: Array  # cycles in which it slips by more than round-off
     slip: Array  # its absolute slip in them, over the slip scale

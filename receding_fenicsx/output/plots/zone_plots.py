@@ -25,7 +25,8 @@ from receding_fenicsx.interface.law import State
 from receding_fenicsx.measures.limit_nodes import (
     NEGLIGIBLE_SLIP,
     LimitNodes,
-    limit_nodes_of_cycles,
+    is_settled,
+    limit_nodes,
 )
 from receding_fenicsx.output.plots import series, style
 from receding_fenicsx.output.plots.labels import MOST_TOLD, Scales, leg_pieces, load_text, scales_of
@@ -53,7 +54,6 @@ def zone_maps(
     shown_legs = series.requested_legs(record, legs)
     if not isinstance(legs, list) and len(shown_legs) > MAX_PANELS:
         return cycle_maps(record, [shown_legs[0][0]], scales)
-    stills = limit_nodes_of_cycles(record, [cycle for cycle, _ in shown_legs])
     places = [(0, 0)]
     for (before, _), (cycle, _) in pairwise(shown_legs):
         row, column = places[-1]
@@ -77,16 +77,11 @@ def zone_maps(
     dashed: list[LimitNodes] = []
     sides = [load_axis(record, *where, scales) for where in shown_legs]
     for n, ((row, column), (cycle, leg)) in enumerate(zip(places, shown_legs, strict=True)):
-        axes, still = grid[row, column], stills.get(cycle)
-        drawn = zone_map(record, cycle, leg, still.stuck if still else None, FLICKER)
-        shown |= {int(state) for state, _ in drawn.pieces}
+        axes, (*ends, label) = grid[row, column], sides[n]
         axes.set_title(titles[n])
-        begin, end, label = sides[n]
-        _draw_map(axes, drawn, (begin, end), scales, inches)
+        _draw_zones(axes, record, cycle, [leg], np.array(ends), scales, inches, shown, dashed)
         if column == 0 or label != sides[n - 1][2]:
             axes.set_ylabel(label)
-        if still and _draw_limit(axes, record, still, [leg], (begin, end), scales):
-            dashed.append(still)
         if (row + 1, column) not in places:
             axes.set_xlabel(scales.x_label)
             axes.tick_params(labelbottom=True)
@@ -118,7 +113,6 @@ def cycle_maps(record: Record, cycles: int | Sequence[int], scales: Scales | Non
     """
     scales = scales or scales_of(record)
     chosen = series.requested_cycles(record, cycles)
-    stills = limit_nodes_of_cycles(record, chosen)
     angles = series.phases(record) if chosen[0] else None
     # inches: height of the axes, width of the axes of the loads
     height = float(np.clip(0.22 * len(series.legs_of(record, chosen[-1])), 3.0, 5.6))
@@ -130,17 +124,9 @@ def cycle_maps(record: Record, cycles: int | Sequence[int], scales: Scales | Non
     shown: set[int] = set()
     dashed: list[LimitNodes] = []
     for n, (axes, cycle) in enumerate(zip(panels, chosen, strict=True)):
-        still = stills.get(cycle)
-        drawn = zone_map(record, cycle, None, still.stuck if still else None, FLICKER)
-        shown |= {int(state) for state, _ in drawn.pieces}
-        numbers = [leg for _, leg in series.legs_of(record, cycle)]
-        ends = np.arange(len(numbers) + 1.0) if angles is None else angles
-        if angles is not None:
-            drawn = drawn.moved_to((angles - angles[0]) / (angles[-1] - angles[0]))
-        whole = float(ends[0]), float(ends[-1])
-        _draw_map(axes, drawn, whole, scales, (wide, height), len(numbers))
-        if still and _draw_limit(axes, record, still, numbers, ends, scales):
-            dashed.append(still)
+        legs = [leg for _, leg in series.legs_of(record, cycle)]
+        ends, inches = np.arange(len(legs) + 1.0) if angles is None else angles, (wide, height)
+        _draw_zones(axes, record, cycle, legs, ends, scales, inches, shown, dashed)
         name = f"cycle {cycle}" if cycle else "first loading"
         axes.set_title(style.panel_title(n, len(chosen), name))
         axes.set_xlabel(scales.x_label)
@@ -199,21 +185,33 @@ def add_legends(
     figure.legend(handles=patches, loc="outside lower center", ncols=ncols, columnspacing=1.4)
 
 
-def _draw_map(
+def _draw_zones(
     axes: Axes,
-    drawn: ZoneMap,
-    ends: tuple[float, float],
+    record: Record,
+    cycle: int,
+    legs: list[int],
+    ends: Array,
     scales: Scales,
     inches: tuple[float, float],
-    legs: int = 1,
+    shown: set[int],
+    dashed: list[LimitNodes],
 ) -> None:
-    """Draw zones, their boundaries and numbers; no arrows to zones of very many legs."""
-    begin, end = ends
+    """Draw the zones of one or all legs of a cycle between these values at the ends of the legs.
+
+    The states that are drawn are added to ``shown``, and nodes at the limit to ``dashed``.
+    """
+    limit = limit_nodes(record, cycle) if is_settled(record, cycle) else None
+    one = legs[0] if len(legs) == 1 else None
+    drawn = zone_map(record, cycle, one, None if limit is None else limit.stuck, FLICKER)
+    begin, end = float(ends[0]), float(ends[-1])
+    if len(legs) > 1:
+        drawn = drawn.moved_to((ends - begin) / (end - begin))
+    shown.update(int(state) for state, _ in drawn.pieces)
 
     def place(points: Array) -> Array:
         return points * [1.0 / scales.length, end - begin] + [0.0, begin]
 
-    height = inches[1] / legs
+    height = inches[1] / len(legs)
     colours = [style.STATE_COLOURS[state] for state, _ in drawn.pieces]
     # a hairline of the same colour closes the gaps between polygons that PDF viewers leave, no
     # antialiasing those in PNG files
@@ -227,7 +225,7 @@ def _draw_map(
     if scales.symmetric and low < 0.0:
         low = 0.0
     axes.set_xlim(0.0 if scales.begins_on_axis else low / scales.length, high / scales.length)
-    axes.set_ylim(min(ends), max(ends))
+    axes.set_ylim(min(begin, end), max(begin, end))
     style.ticks(axes.xaxis, 5)
     axes.set_axisbelow(False)
     # smallest height of a leg in inches with which numbers beside thin zones point to them
@@ -242,27 +240,28 @@ def _draw_map(
         arrow |= {"color": ink, "shrinkA": 1.0, "shrinkB": 0.0}
         tip = place(np.array(label.tip)).tolist()
         axes.annotate(text, (tip[0], tip[1]), xytext=(x, y), arrowprops=arrow, **look)
+    if limit is not None and _draw_limit(axes, record, limit, legs, ends, scales):
+        dashed.append(limit)
 
 
 def _draw_limit(
     axes: Axes,
     record: Record,
-    still: LimitNodes,
-    legs: Sequence[int],
-    ends: Sequence[float] | Array,
+    limit: LimitNodes,
+    legs: list[int],
+    ends: Array,
     scales: Scales,
 ) -> bool:
     """Draw where nodes reach the friction limit without slip; return whether there are any."""
-    here = np.isin(still.leg, legs)
+    here = np.isin(limit.leg, legs)
     if len(legs) == 1:
         # at a turning point the line would lie on the frame
-        here &= (still.s > 0.005) & (still.s < 0.995)
+        here &= (limit.s > 0.005) & (limit.s < 0.995)
     if scales.symmetric and record.x[0] < 0.0:
-        here &= record.x[still.node] >= 0.0
-    node = still.node[here]
-    s = (np.searchsorted(legs, still.leg[here]) + still.s[here]) / len(legs)
-    # largest part of a leg between the instants of two neighbouring nodes on one dashed line
-    # or the same over the height of a map of many legs
+        here &= record.x[limit.node] >= 0.0
+    node = limit.node[here]
+    s = (np.searchsorted(legs, limit.leg[here]) + limit.s[here]) / len(legs)
+    # largest part of a leg, or of a map of many legs, between neighbouring nodes of a dashed line
     step = 0.25 if len(legs) == 1 else 0.1
     cuts = np.flatnonzero((np.diff(node) > 1) | (np.abs(np.diff(s)) > step)) + 1
     for nodes, part in zip(np.split(node, cuts), np.split(s, cuts), strict=True):
@@ -278,7 +277,7 @@ def _draw_limit(
 class Label(NamedTuple):
     """The number of one zone."""
 
-    state: State  # the state
+    state: State
     at: tuple[float, float]  # (x, s) of the number's centre
     # (x, s) that an arrow from the number points to; None when the number is inside
     tip: tuple[float, float] | None

@@ -105,7 +105,7 @@ class WholeContact:
     # tangent, normal: (N, 2) unit vectors t and n
     tangent: Array
     normal: Array
-    state: NDArray[np.int8]  # (N,) states
+    state: NDArray[np.int8]
     # p, q: (N,) tractions P/m and Q/m on the body; nan at nodes without weight
     p: Array
     q: Array
@@ -174,14 +174,14 @@ class Units:
 class Strip:
     """Contact nodes of one contact edge in a picture."""
 
-    name: str  # name of the edge
+    name: str
     # x, place: (N,) positions along the edge, (N, 2) undeformed coordinates
     x: Array
     place: Array
     moved: Array  # (N, 2) coordinates after the exaggerated deformation of the first body
     normal: Array  # (2,) unit normal n into the body
     gap: Array  # (N,) exaggerated initial gap, from the contact nodes to the plane
-    state: NDArray[np.int8]  # (N,) states
+    state: NDArray[np.int8]
     rigid: bool  # whether the other side is a rigid plane, not a second body
 
     @property
