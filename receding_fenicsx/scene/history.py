@@ -272,8 +272,8 @@ def _rules(scene: Scene, varying: tuple[str, ...]) -> Rules:
     if not names:
         return
     if kind == "cyclic" and options.minimum >= options.maximum:
-        not_below = f"{options.minimum:g} is not below maximum = {options.maximum:g}"
-        yield f"[history] minimum: {not_below}; reduce it"
+        low, high = options.minimum, options.maximum
+        yield f"[history] minimum: {low:g} is not below maximum = {high:g}; reduce it"
     steps = sorted({len(load.units) - 1 for load in travel})
     if len(steps) > 1:
         different = f"loads travel in {' and '.join(map(str, steps))} steps"
@@ -283,8 +283,7 @@ def _rules(scene: Scene, varying: tuple[str, ...]) -> Rules:
             yield "[history] harmonic: no load has an amplitude, so nothing is cyclic; give one"
         least = len(_extremes(list(options.harmonic.values())))
         if options.corners is not None and options.corners < least:
-            few = f"{options.corners} are too few"
-            yield f"[history] corners: {few}; the extremes of the loads need {least}"
+            yield f"[history] corners: {options.corners} are too few; the extremes need {least}"
     if kind == "table":
         yield from _of_table(options)
 

@@ -99,8 +99,7 @@ def scene_warnings(scene: Scene) -> list[str]:
 def of_solver(solver: SolverOptions) -> Rules:
     """The method finds the branch that is taken."""
     if solver.branch != "first" and solver.method != "events":
-        one = "load steps find one continuation only"
-        yield f'[solver] branch: {one}; use method "events" with it'
+        yield '[solver] branch: load steps find one continuation only; use method "events"'
 
 
 def _of_units(scene: Scene) -> Rules:
@@ -118,14 +117,12 @@ def _of_fatigue(scene: Scene) -> Rules:
     if not scene.probes:
         yield '[fatigue]: needs points; add a [[probe]], such as edge = "bottom" for a contact edge'
     if not len(history_from_scene(scene).loop):
-        kinds = 'kind = "cyclic", "table" or "harmonic"'
-        yield f"[fatigue]: needs a history with cycles, this one is monotonic; use {kinds}"
+        yield '[fatigue]: needs a history with cycles; use kind = "cyclic", "table" or "harmonic"'
     if (options.threshold is None) != (options.fatigue_limit is None):
         yield "[fatigue] threshold and fatigue_limit: give both, or none"
     long = any(probe.segment and len(probe.coordinates) > 2 for probe in scene.probes)
     if options.threshold is not None and not long:
-        along = "a [[probe]] with a segment, and a count of 3 or more, along which a crack grows"
-        yield f"[fatigue] threshold: needs {along}"
+        yield "[fatigue] threshold: needs a [[probe]] with a segment, and a count of 3 or more"
 
 
 def _of_wear(scene: Scene) -> Rules:
@@ -167,8 +164,7 @@ def _of_record(scene: Scene) -> Rules:
     history, output = history_from_scene(scene), scene.output
     for number in output.cycles if isinstance(output.cycles, tuple) else ():
         if number > history.cycles:
-            have = f"the history has cycles 0 to {history.cycles}"
-            yield f"[output] cycles: cycle {number} does not occur; {have}"
+            yield f"[output] cycles: cycle {number} does not occur; the last is {history.cycles}"
     legs = max(len(history.loop) - 1, len(history.path) - 1)
     # a run until the steady state or the limit ends long before
     cycles = 0 if history.until_steady or history.until_limit else history.cycles
@@ -198,8 +194,7 @@ def _of_probes(scene: Scene) -> Rules:
         # characters that some systems do not allow
         odd = any(c in '/\\:*?"<>|' for c in name) or name != name.strip() or name[0] == "."
         if odd or len(name) > 80:
-            use = "use letters, digits, _ and -"
-            yield f"[[probe]] name: {name!r} cannot be the name of a file; {use}"
+            yield f"[[probe]] name: {name!r} cannot be the name of a file; use letters, digits"
         if name.casefold() in seen:
             yield f"{at}: two probes have this name; rename one"
         seen.add(name.casefold())

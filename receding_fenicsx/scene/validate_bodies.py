@@ -94,8 +94,7 @@ def of_half_planes(scene: Scene) -> Rules:
     if not flat:
         return
     if scene.is_stack:
-        only = "a half-plane touches one body or one plane only, not a stack"
-        yield f"{scene.label(flat[0])} shape: {only}; use a large rectangle"
+        yield f"{scene.label(flat[0])} shape: a half-plane is in no stack; use a large rectangle"
     if scene.axisymmetric:
         yield "[material] kinematics: a half-plane is not axisymmetric; use another one"
     edges = [edge for contact in scene.contacts for edge in (contact.edge, contact.against)]
@@ -129,8 +128,7 @@ def of_mesh(scene: Scene) -> Rules:
     """The table [mesh]."""
     mesh, meshed = scene.mesh, [body.mesh is not None for body in scene.bodies]
     if mesh.contact_elements % 2 and not all(meshed):
-        odd = f"{mesh.contact_elements} is odd"
-        yield f"[mesh] contact_elements: {odd}; use an even number, half on each side of x = 0"
+        yield f"[mesh] contact_elements: {mesh.contact_elements} is odd; use an even number"
     if mesh.refinements and not any(meshed):
         yield "[mesh] refinements: is for bodies from mesh files; use more contact_elements"
     if mesh.refine and mesh.cell != "triangle":
@@ -146,8 +144,7 @@ def _of_refinement(scene: Scene, place: Refinement, at: str, meshed: bool) -> Ru
     if not isinstance(place.at, str) and place.span[0] > place.span[1]:
         yield f"{at} at: is empty; write [from, to]"
     if place.growth is None and scene.mesh.growth < 1.01:
-        own = f"that of the mesh is {scene.mesh.growth:g}"
-        yield f"{at} growth: {own}; give one of 1.01 to 3"
+        yield f"{at} growth: that of the mesh is {scene.mesh.growth:g}; give one of 1.01 to 3"
     edges = [contact.edge for contact in scene.contacts]
     if place.edge is not None and place.edge not in edges:
         unknown_name(place.edge, edges, f"{at} edge", "contact edge")
@@ -188,8 +185,7 @@ def of_elements(mesh: MeshOptions, body: Body, edge: str) -> Rules:
         yield f"[body] {keys[0]}: {depth:g} is more than 100000 times the contact edge; reduce it"
     # above which no machine can mesh and factor it
     if cells > 1e8:
-        more = f"{mesh.growth:g} makes about {cells:.0e} cells"
-        yield f"[mesh] growth: {more}; enlarge it, or use fewer contact_elements"
+        yield f"[mesh] growth: {mesh.growth:g} makes about {cells:.0e} cells; enlarge it"
 
 
 def of_touching(scene: Scene) -> Rules:

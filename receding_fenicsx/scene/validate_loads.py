@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from itertools import pairwise
 from math import hypot
 
@@ -55,8 +56,7 @@ def of_load(scene: Scene, load: Load) -> checks.Rules:
     if any(a == b for a, b in pairwise(load.travel)):
         yield f"{at} travel: stays at a position; write each once"
     if travels and len(load.units) > MOST_UNITS:
-        units = f"takes {len(load.units)} unit loads, {MOST_UNITS} are the most"
-        yield f"{at} travel: {units}; shorten it, or give fewer steps"
+        yield f"{at} travel: takes {len(load.units)} unit loads, at most {MOST_UNITS} are possible"
     far = scene.find_edge(load.edge)[0].is_half_plane
     if load.tension is not None and not far:
         yield f"{at} tension: acts on the far field of a half-plane; use traction"
@@ -65,8 +65,7 @@ def of_load(scene: Scene, load: Load) -> checks.Rules:
     if load.platen and kind not in ("force", "displacement"):
         yield f"{at} platen: needs force or displacement, not {kind}; give one of them"
     if scene.axisymmetric and load.platen and value[0] not in (0.0, FREE):
-        axial = f"write [0.0, {value[1]}]"
-        yield f"{key}: a platen on a body of revolution moves along its axis only; {axial}"
+        yield f"{key}: a platen of revolution moves along its axis only; write [0.0, {value[1]}]"
     if load.gap is not None:
         edges = [contact.edge for contact in scene.contacts]
         if load.edge not in edges:
@@ -233,10 +232,13 @@ def of_bolt(scene: Scene, bolt: Bolt) -> checks.Rules:
         yield from _off_contact(scene, patch, f"{at} {key}")
 
 
+def _numbered(label: str, part: object, parts: Sequence[object]) -> str:
+    return f"{label} number {parts.index(part) + 1}" if len(parts) > 1 else label
+
+
 def of_support(scene: Scene, support: Support) -> checks.Rules:
     """A support holds an edge off the contact, or a point of a body."""
-    several = f" number {scene.supports.index(support) + 1}" if len(scene.supports) > 1 else ""
-    at = f"[[support]]{several}"
+    at = _numbered("[[support]]", support, scene.supports)
     yield from checks.one_of(support, at, ("edge", "point"))
     if support.edge is None:
         yield from _of_point(scene, support, at)
@@ -249,8 +251,8 @@ def of_support(scene: Scene, support: Support) -> checks.Rules:
 
 def of_spring(scene: Scene, spring: Spring) -> checks.Rules:
     """Where a spring acts, and that its stiffness is positive."""
-    several = f" number {scene.springs.index(spring) + 1}" if len(scene.springs) > 1 else ""
-    at, keys, of_point = f"{spring.label}{several}", ("normal", "tangential"), ("x", "y")
+    at, keys = _numbered(spring.label, spring, scene.springs), ("normal", "tangential")
+    of_point = ("x", "y")
     yield from checks.one_of(spring, at, ("edge", "point"))
     if spring.edge:
         yield from checks.unused(spring, at, [(True, ("body", *of_point), "is not for an edge")])
