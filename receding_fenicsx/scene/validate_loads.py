@@ -56,7 +56,7 @@ def of_load(scene: Scene, load: Load) -> checks.Rules:
     if any(a == b for a, b in pairwise(load.travel)):
         yield f"{at} travel: stays at a position; write each once"
     if travels and len(load.units) > MOST_UNITS:
-        yield f"{at} travel: takes {len(load.units)} unit loads, at most {MOST_UNITS} are possible"
+        yield f"{at} travel: {len(load.units)} unit loads, {MOST_UNITS} are the most; shorten it"
     far = scene.find_edge(load.edge)[0].is_half_plane
     if load.tension is not None and not far:
         yield f"{at} tension: acts on the far field of a half-plane; use traction"
