@@ -64,11 +64,13 @@ SINGLE = {
     # and 20203 the loads of a leg cancel up to round-off, in 954 all contact forces vanish; the
     # guide of 951078 is as steep as the friction; 1200078 is wedged between two nodes; 99000291
     # slips where it has almost no stiffness; 71000032 is halved in load steps, two of which the
-    # exact path begins at one state; the load of 71000428 presses nothing
+    # exact path begins at one state; the load of 71000428 presses nothing; all forces of 98001664
+    # vanish together with its loads
     "guided bodies that come off an edge or float": (
         oblique,
         "181 298 340 422 437 549 595 600 954 1294 2153 2402 2522 2563 2578 2592 3813 4013 20203 "
-        "560562 562071 605252 951078 1200078 99000291 71000032 71000428 74000044",
+        "560562 562071 605252 951078 1200078 99000291 71000032 71000428 74000044 "
+        "98001664",
         {ACCEPTED, REFUSED},
     ),
     # near-singular bodies unloaded, feet that slip apart, levers, balanced and hanging bodies

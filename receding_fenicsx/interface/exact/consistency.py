@@ -31,7 +31,12 @@ from receding_fenicsx.interface.exact.segments import EPSILON, Segment, Segments
 from receding_fenicsx.interface.exact.tableau import A, B, V
 from receding_fenicsx.interface.law import BACKWARD, FORWARD, SEPARATION, STICK
 from receding_fenicsx.interface.lcp.contact import Undecided, is_exhaustible, solve_states
-from receding_fenicsx.interface.tolerances import ACCEPTED_RESIDUAL, ON_LIMIT, ROUND_OFFS
+from receding_fenicsx.interface.tolerances import (
+    ACCEPTED_RESIDUAL,
+    END_TOLERANCE,
+    ON_LIMIT,
+    ROUND_OFFS,
+)
 
 SIMULTANEOUS_ROUNDS = 3
 """Rounds in which all violating nodes change state together; afterwards only the worst does."""
@@ -111,7 +116,7 @@ class ConsistentStates:
                 segment = segments.at(point.state, self.direction)
             if segment is not None and len(self.violations(segment)):
                 segment, exhausted = self._pivoted(before)
-        if segment is None and self._widen_limits():
+        if segment is None and self._widen_limits(before):
             point.state[:] = before
             segment, exhausted = self._pivoted(before)
         if segment is None:
@@ -124,12 +129,13 @@ class ConsistentStates:
             raise self.error(before, exhausted=exhausted)
         return segment
 
-    def _widen_limits(self) -> bool:
+    def _widen_limits(self, before: States) -> bool:
         """Count nodes as on a limit up to larger distances; return whether more of them are.
 
         Up to the round-off of the reactions, eps |K| |u|, which exceeds ``ON_LIMIT`` where a nearly
         singular body is displaced far, and up to the residual that is accepted: a body that wedges
-        itself may hold round-off of the loads by a force at a small arm.
+        itself may hold round-off of the loads by a force at a small arm. And up to what is reached
+        within round-off of the place: all forces of a body vanish together where its loads do.
         """
         system, segments, y = self.segments.system, self.segments, self.point.y
         n, u = system.n, self.point.displacements()
@@ -138,7 +144,11 @@ class ConsistentStates:
         A = np.where(segments.frictional, Q + friction.forward * P, P)
         by_round_off = np.concatenate([np.zeros(n), gap, A, Q + friction.backward * P])
         by_residual = ACCEPTED_RESIDUAL / ON_LIMIT * segments.limit * self.point.problem.force_scale
-        wide = np.maximum.reduce([self.on_limit, by_round_off, by_residual])
+        rates = np.zeros_like(y)
+        with suppress(SingularExchange):
+            rates = segments.at(before, self.direction).q
+        by_place = END_TOLERANCE * np.abs(rates)
+        wide = np.maximum.reduce([self.on_limit, by_round_off, by_residual, by_place])
         more = (y > self.on_limit) & (y <= wide)
         self.on_limit, self._highest_limit = wide, float(wide.max())
         return bool(np.any(more[n:]))
