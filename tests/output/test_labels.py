@@ -15,7 +15,7 @@ import receding_fenicsx as rf
 from receding_fenicsx.output.plots.figures import draw_all
 from receding_fenicsx.output.plots.labels import kind_of
 from receding_fenicsx.output.plots.zone_map import zone_map
-from receding_fenicsx.output.report.turning_points import headline_points
+from receding_fenicsx.output.report.contact import headline_points
 
 pytestmark = pytest.mark.one_rank
 
