@@ -37,6 +37,7 @@ from itertools import combinations
 from typing import Any
 
 import numpy as np
+from scipy.interpolate import make_interp_spline
 from scipy.optimize import brentq
 
 from receding_fenicsx.arrays import Array
@@ -334,19 +335,10 @@ def _ruiz(record: Record, probe: ProbeHistory, cycle: int) -> dict[str, Paramete
 
 def averaged(value: Array, points: Array, length: float) -> Array:
     """Return the largest mean of values over a length along points, ends with less room cut."""
-    steps = np.linalg.norm(np.diff(points, axis=0), axis=1)
-    along = np.append(0.0, np.cumsum(steps))
-    total = np.append(0.0, np.cumsum(0.5 * steps * (value[1:] + value[:-1])))
+    along = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1)))
+    integral = make_interp_spline(along, value, k=1).antiderivative()
     low = np.clip(along - 0.5 * length, 0.0, max(along[-1] - length, 0.0))
     high = np.minimum(low + length, along[-1])
-
-    # the integral is quadratic between the points
-    def integral(x: Array) -> Array:
-        k = np.clip(np.searchsorted(along, x, side="right") - 1, 0, len(steps) - 1)
-        part = x - along[k]
-        slope = (value[k + 1] - value[k]) / steps[k]
-        return np.asarray(total[k] + part * (value[k] + 0.5 * slope * part))
-
     return np.asarray((integral(high) - integral(low)) / (high - low))
 
 
