@@ -83,22 +83,20 @@ class BranchedPath:
             places = tuple(k / self.steps for k in sorted(stored))
         whole = LegProblem(start, ends, scale, places)
         crossing = zero_crossing(ends)
-        targets = {k / self.steps for k in range(1, self.steps + 1)} | {1.0}
+        targets = {k / self.steps for k in range(1, self.steps + 1)} | {crossing or 1.0, 1.0}
         leg = Leg(start, np.zeros(self.system.n), force_scale=scale, stops=[(0.0, start.u)])
         s = 0.0
-        for target in sorted(targets | ({crossing} if crossing else set())):
-            if not np.any(whole.load(s)) and carries_nothing(leg.end, scale):
-                # an unloaded body with gaps rolls to where it rests
+        for target in sorted(targets):
+            unloaded = not np.any(whole.load(s)) and carries_nothing(leg.end, scale)
+            if unloaded and (s == 0.0 or self.sweeps is None):
+                # a body with gaps rolls to where it rests
                 resting = at_rest(self.system, leg.end, ends[1])
-                if s == 0.0 or self.sweeps is None:
-                    turned = Changes.between(s, leg.end.state, resting.state)
-                    leg.events = Changes.joined(leg.events, turned)
-                    leg.stops.append((s, resting.u))
-                    leg.end = resting
-            if self.sweeps is None:
-                self._follow(leg, whole, (s, target))
-            else:
-                self._step(leg, whole, (s, target))
+                turned = Changes.between(s, leg.end.state, resting.state)
+                leg.events = Changes.joined(leg.events, turned)
+                leg.stops.append((s, resting.u))
+                leg.end = resting
+            follow = self._follow if self.sweeps is None else self._step
+            follow(leg, whole, (s, target))
             s = target
         if leg.samples:
             leg.samples[-1] = (places[-1], leg.end)
@@ -114,11 +112,10 @@ class BranchedPath:
         problem, now = LegProblem(start, ends, scale), self.cones.branches_of(start)
         tried: set[bytes] = set()
         while True:
-            path, force = self._path(now)
+            path, force, inner = self._inner(now, problem)
             tried.add(now.key)
-            load = (with_force(ends[0], force), with_force(ends[1], force))
-            begun = ContactState(start.u, start.r + force, start.state)
-            found = self._outer(path.static_leg(begun, load, scale), problem, force, 1.0)
+            found = path.static_leg(inner.start, inner.ends, scale)
+            found = self._outer(found, problem, force, 1.0)
             wrong = self._violated(now, found.end, scale)
             lands = self.cones.cohesive & ~now.bonded & (found.end.state != SEPARATION)
             if not wrong and not lands.any():
@@ -191,21 +188,14 @@ class BranchedPath:
         self, now: Branches, problem: LegProblem, target: float
     ) -> tuple[Leg, float, SolveError | None]:
         """Follow a piece of a leg in given branches; return it, its end, and why it ends early."""
-        path, force = self._path(now)
+        path, force, inner = self._inner(now, problem)
         assert isinstance(path, EventPath)
-        s, start, scale = problem.s_start, problem.start, problem.force_scale
-        state = self.cones.on_branches(now, start, STEP_ON_LIMIT * scale)
-        turned = Changes.between(s, start.state, state)
-        begun = start
-        if np.any(force) or len(turned):
-            begun = ContactState(start.u, start.r + force, state)
-        a, b = (with_force(end, force) for end in problem.ends)
-        for load in (problem.load(s), problem.load(target)):
-            scale = largest_force(path.system, with_force(load, force), begun.r, scale)
+        s, begun, scale = problem.s_start, inner.start, problem.force_scale
+        turned = Changes.between(s, problem.start.state, begun.state)
+        for load in (inner.load(s), inner.load(target)):
+            scale = largest_force(path.system, load, begun.r, scale)
         places = tuple(place for place in problem.samples if s < place < target)
-        inner = replace(
-            problem, start=begun, ends=(a, b), force_scale=scale, samples=(*places, target)
-        )
+        inner = replace(inner, force_scale=scale, samples=(*places, target))
         found, end, error = None, target, None
         if not np.any(force) and not (np.any(inner.load(s)) and np.any(inner.load(target))):
             # from no load or to none, which a walk does not end at
@@ -352,19 +342,15 @@ class BranchedPath:
         # a node that lands begins on its friction
         while not np.any(now.branch[start.state == SEPARATION]):
             tried.add(now.key)
-            path, force = self._path(now)
+            path, force, inner = self._inner(now, problem)
             assert isinstance(path, GaussSeidelPath)
-            state = self.cones.on_branches(now, start, STEP_ON_LIMIT * scale)
-            begun = ContactState(start.u, start.r + force, state)
-            a, b = (with_force(end, force) for end in whole.ends)
-            inner = replace(problem, start=begun, ends=(a, b), samples=(), s_start=0.0)
-            steps = path.begin(inner)
+            steps = path.begin(replace(inner, samples=(), s_start=0.0))
             try:
                 path.advance(steps, s, target)
             except (NoEquilibrium, NoQuasiStaticContinuation):
                 return None
             found = self._outer(steps.leg, problem, force, target)
-            if not np.array_equal(state, start.state):
+            if not np.array_equal(inner.start.state, start.state):
                 found.events = Changes.between(target, start.state, found.end.state)
             wrong = self._violated(now, found.end, scale)
             touched = found.end.state != SEPARATION
@@ -377,8 +363,10 @@ class BranchedPath:
 
     # -- both
 
-    def _path(self, now: Branches) -> tuple[EventPath | GaussSeidelPath, Array]:
-        """Return the path of a set of branches, and its constant force (2N,)."""
+    def _inner(
+        self, now: Branches, problem: LegProblem
+    ) -> tuple[EventPath | GaussSeidelPath, Array, LegProblem]:
+        """Return the path of a set of branches, its constant force (2N,), and the problem of it."""
         if now.key not in self._paths:
             if len(self._paths) >= self._kept:
                 del self._paths[next(iter(self._paths))]
@@ -387,7 +375,14 @@ class BranchedPath:
             if self.sweeps is not None:
                 path = GaussSeidelPath(system, self.sweeps, 1)
             self._paths[now.key] = path, force
-        return self._paths[now.key]
+        path, force = self._paths[now.key]
+        start, (a, b) = problem.start, problem.ends
+        state = self.cones.on_branches(now, start, STEP_ON_LIMIT * problem.force_scale)
+        if np.any(force):
+            a, b = np.append(a, 1.0), np.append(b, 1.0)
+        if np.any(force) or not np.array_equal(state, start.state):
+            start = ContactState(start.u, start.r + force, state)
+        return path, force, replace(problem, start=start, ends=(a, b))
 
     def _outer(self, found: Leg, problem: LegProblem, force: Array, end: float) -> Leg:
         """Return a piece up to an end as one of the contact: without the force of its cones."""
@@ -443,8 +438,3 @@ class BranchedPath:
                 f"the path from branch to branch of the shear limit lost accuracy: residual "
                 f"{residual:.1e} over {accepted:.0e}; try the other solver method"
             )
-
-
-def with_force(load: Array, force: Array) -> Array:
-    """Return load factors with that of a constant force, where there is one."""
-    return np.append(load, 1.0) if np.any(force) else load
