@@ -94,7 +94,8 @@ def of_half_planes(scene: Scene) -> Rules:
     if not flat:
         return
     if scene.is_stack:
-        yield f"{scene.label(flat[0])} shape: a half-plane is in no stack; use a large rectangle"
+        only = "a half-plane touches one body or one plane only, not a stack"
+        yield f"{scene.label(flat[0])} shape: {only}; use a large rectangle"
     if scene.axisymmetric:
         yield "[material] kinematics: a half-plane is not axisymmetric; use another one"
     edges = [edge for contact in scene.contacts for edge in (contact.edge, contact.against)]
