@@ -22,8 +22,7 @@ from receding_fenicsx.bulk.contact_nodes import find_contact
 from receding_fenicsx.bulk.loads import add_load
 from receding_fenicsx.bulk.material import lame_constants, stiffness_in
 from receding_fenicsx.bulk.mesh.meshing import BodyMesh
-from receding_fenicsx.bulk.springs import add_springs, spring_rows
-from receding_fenicsx.mpi import on_all
+from receding_fenicsx.bulk.springs import add_springs
 from receding_fenicsx.scene.model import Scene
 
 
@@ -45,9 +44,9 @@ def build(scene: Scene, body: BodyMesh) -> Bulk:
 
     clock = time.perf_counter()
     stiffness = _dolfinx.assemble_matrix(form)
-    on_all(body.mesh.comm, lambda: add_springs(stiffness, space, body, scene))
+    resisted = add_springs(stiffness, space, body, scene)
     stiffness.assemble()
-    contact, constraints = find_contact(scene, space, body, spring_rows(space, body, scene))
+    contact, constraints = find_contact(scene, space, body, resisted)
     P = constraints.matrix(stiffness)
     if P is not None:
         untied, stiffness = stiffness, stiffness.PtAP(P)

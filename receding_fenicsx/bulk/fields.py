@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, replace
 
 import numpy as np
 from dolfinx import fem
@@ -46,6 +45,7 @@ class Fields:
         displacement: (n, 2) displacement.
         stress: by name ("sxx", "syy", "szz", "sxy", "von_mises", "max_shear"), (n,) averages over
             the cells around each vertex.
+        cell_stress: by name, (m,) at the midpoints of the cells.
         body: (n,) number of the body that each vertex belongs to; None for one body.
     """
 
@@ -53,6 +53,7 @@ class Fields:
     cells: NDArray[np.int64]
     displacement: Array
     stress: dict[str, Array]
+    cell_stress: dict[str, Array]
     body: NDArray[np.int64] | None = None
 
 
@@ -80,7 +81,11 @@ def probe_matrix(bodies: Stack, scene: Scene) -> ProbeMatrix | None:
     places = [_places(bodies, probe) for probe in scene.probes]
     counted = list(zip(scene.probes, places, strict=True))
     names = tuple(probe.name for probe, found in counted for _ in found)
-    owners = [_owner(scene, probe) for probe, found in counted for _ in found]
+    owners = [
+        probe.body if probe.edge is None else scene.find_edge(probe.edge)[0].name
+        for probe, found in counted
+        for _ in found
+    ]
     points = np.concatenate(places)
     found: list[tuple[list[int], Array | None]] = []
     for part in bodies.parts:
@@ -101,13 +106,6 @@ def probe_matrix(bodies: Stack, scene: Scene) -> ProbeMatrix | None:
         return ProbeMatrix(names, points, rows)
 
     return on_root(bodies.comm, matrix)
-
-
-def _owner(scene: Scene, probe: Probe) -> str | None:
-    """Return the name of a probe's body; None for the only one."""
-    if probe.edge is None:
-        return probe.body
-    return scene.find_edge(probe.edge)[0].name if scene.others else None
 
 
 def _places(bodies: Stack, probe: Probe) -> Array:
@@ -131,91 +129,71 @@ def _places(bodies: Stack, probe: Probe) -> Array:
 
 def gather_fields(parts: Sequence[BodyFields]) -> Fields | None:
     """Gather fields on rank 0 and complete half bodies by their mirror image; collective."""
-    bodies = []
-    for part in parts:
-        points, cells, vectors = _gather(part.bulk, part.displacement)
-        nodal = {name: _gather(part.bulk, f)[2] for name, f in part.stresses.nodal.items()}
-        if part.bulk.comm.rank == 0:
-            values = {name: value[:, 0] for name, value in nodal.items()}
-            whole = Fields(points, cells, vectors, values)
-            bodies.append(_mirrored(whole) if part.bulk.body.half else whole)
-    return _together(bodies) if len(bodies) > 1 else bodies[0] if bodies else None
-
-
-def gather_cell_stresses(parts: Sequence[BodyFields]) -> dict[str, Array] | None:
-    """Gather by name the stress of each cell of :func:`gather_fields` on rank 0; collective."""
-    bodies = []
-    for part in parts:
-        stresses = part.stresses.cell
-        space = next(iter(stresses.values())).function_space
-        dofs = _dolfinx.cell_dofs(space)[: space.dofmap.index_map.size_local, 0]
-        values = [function.x.array[dofs] for function in stresses.values()]
-        own: Any = part.bulk.comm.gather(values, root=0)
-        if own is not None:
-            whole = dict(zip(stresses, np.concatenate(own, axis=1), strict=True))
-            bodies.append(_with_image(whole) if part.bulk.body.half else whole)
-    if not bodies:
-        return None
-    if len({part.bulk.body.cell for part in parts}) > 1:
-        # each quadrilateral is two triangles
-        for part, stress in zip(parts, bodies, strict=True):
-            if part.bulk.body.cell == "quadrilateral":
-                stress.update({name: np.tile(value, 2) for name, value in stress.items()})
-    return {name: np.concatenate([body[name] for body in bodies]) for name in bodies[0]}
-
-
-def _gather(bulk: Body, function: fem.Function) -> tuple[Array, NDArray[np.int64], Array]:
-    """Bring points, cells and values of a function of degree 1 to rank 0; empty elsewhere."""
-    space = function.function_space
-    dofmap, block = space.dofmap, space.dofmap.index_map_bs
-    topology = bulk.body.mesh.topology
-    owned_cells = topology.index_map(topology.dim).size_local
-    local = _dolfinx.cell_dofs(space)[:owned_cells]
-    width = {"triangle": 3, "quadrilateral": 4}[bulk.body.cell]
-    cells = dofmap.index_map.local_to_global(local.ravel()).reshape(-1, width)
-    n = dofmap.index_map.size_local
-    points = space.tabulate_dof_coordinates()[:n, :2]
-    values = function.x.array[: n * block].reshape(n, block)
-    parts: Any = bulk.comm.gather((points, cells, values), root=0)
-    if bulk.comm.rank != 0:
-        return points, cells, values
-    points, cells, values = (np.vstack([part[k] for part in parts]) for k in range(3))
-    # DOLFINx numbers a quadrilateral's vertices like a tensor product, pictures go around it
-    return points, cells if width == 3 else cells[:, [0, 1, 3, 2]], values
-
-
-def _together(bodies: Sequence[Fields]) -> Fields:
-    """Return the fields of several bodies in one."""
-    cells = [body.cells for body in bodies]
-    if len({c.shape[1] for c in cells}) > 1:
-        # triangles stand for quadrilaterals where another body has triangles
-        cells = [np.vstack([c[:, :3], c[:, [0, 2, 3]]]) if c.shape[1] == 4 else c for c in cells]
+    bodies = [whole for part in parts if (whole := _gather(part)) is not None]
+    if len(bodies) < 2:
+        return bodies[0] if bodies else None
+    if len({body.cells.shape[1] for body in bodies}) > 1:
+        # two triangles stand for each quadrilateral where another body has triangles
+        bodies = [_triangles(body) if body.cells.shape[1] == 4 else body for body in bodies]
     sizes = [len(body.points) for body in bodies]
     starts = np.cumsum([0, *sizes[:-1]])
+    stress, cell_stress = (
+        {name: np.concatenate([each[name] for each in every]) for name in every[0]}
+        for every in ([b.stress for b in bodies], [b.cell_stress for b in bodies])
+    )
     return Fields(
         np.vstack([body.points for body in bodies]),
-        np.vstack([c + start for c, start in zip(cells, starts, strict=True)]),
+        np.vstack([body.cells + start for body, start in zip(bodies, starts, strict=True)]),
         np.vstack([body.displacement for body in bodies]),
-        {name: np.concatenate([b.stress[name] for b in bodies]) for name in bodies[0].stress},
+        stress,
+        cell_stress,
         np.repeat(np.arange(len(bodies)), sizes),
     )
 
 
-def _mirrored(half: Fields) -> Fields:
-    """Add the image of the half x >= 0: u_x and s_xy change their sign."""
-    n = len(half.points)
-    flip = np.array([-1.0, 1.0])
-    return Fields(
-        np.vstack([half.points, half.points * flip]),
-        np.vstack([half.cells, half.cells[:, ::-1] + n]),
-        np.vstack([half.displacement, half.displacement * flip]),
-        _with_image(half.stress),
+def _triangles(body: Fields) -> Fields:
+    cells = np.vstack([body.cells[:, :3], body.cells[:, [0, 2, 3]]])
+    twice = {name: np.tile(value, 2) for name, value in body.cell_stress.items()}
+    return replace(body, cells=cells, cell_stress=twice)
+
+
+def _gather(part: BodyFields) -> Fields | None:
+    """Gather the fields of one body on rank 0, with the image of half of it."""
+    space, stresses = part.displacement.function_space, part.stresses
+    dofmap, comm = space.dofmap, part.bulk.comm
+    constant = next(iter(stresses.cell.values())).function_space
+    owned = constant.dofmap.index_map.size_local
+    # around a quadrilateral, not in the order of a tensor product
+    local = _dolfinx.cell_dofs(space)[:owned, _dolfinx.TENSOR_ORDER[part.bulk.body.cell]]
+    cells = dofmap.index_map.local_to_global(local.ravel()).reshape(local.shape)
+    n, dofs = dofmap.index_map.size_local, _dolfinx.cell_dofs(constant)[:owned, 0]
+    own = (
+        space.tabulate_dof_coordinates()[:n, :2],
+        cells,
+        part.displacement.x.array[: 2 * n].reshape(n, 2),
+        np.array([function.x.array[:n] for function in stresses.nodal.values()]).T,
+        np.array([function.x.array[dofs] for function in stresses.cell.values()]).T,
     )
-
-
-def _with_image(stress: dict[str, Array]) -> dict[str, Array]:
-    """Return stresses of a half body with those of its image."""
-    return {
-        name: np.concatenate([value, -value if name == "sxy" else value])
-        for name, value in stress.items()
-    }
+    every = comm.gather(own, root=0)
+    if every is None:
+        return None
+    points, cells, moved, *values = (np.vstack(each) for each in zip(*every, strict=True))
+    at_vertices, in_cells = (
+        dict(zip(stresses.cell, each.T.copy(), strict=True)) for each in values
+    )
+    whole = Fields(points, cells, moved, at_vertices, in_cells)
+    if not part.bulk.body.half:
+        return whole
+    # u_x and s_xy change their sign in the image
+    flip = np.array([-1.0, 1.0])
+    at_vertices, in_cells = (
+        {k: np.concatenate([v, -v if k == "sxy" else v]) for k, v in stress.items()}
+        for stress in (at_vertices, in_cells)
+    )
+    return Fields(
+        np.vstack([points, points * flip]),
+        np.vstack([cells, cells[:, ::-1] + len(points)]),
+        np.vstack([moved, moved * flip]),
+        at_vertices,
+        in_cells,
+    )

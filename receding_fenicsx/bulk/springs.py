@@ -37,65 +37,51 @@ NAME = "[[spring]] "
 """Beginning of the names of the unit loads, which no load of a scene has."""
 
 
-def add_springs(matrix: PETSc.Mat, space: fem.FunctionSpace, body: BodyMesh, scene: Scene) -> None:
-    """Add int (k_n n n + k_t t t) N_i N_j dA / E to A, and k / E at points.
+def add_springs(matrix: PETSc.Mat, space: fem.FunctionSpace, body: BodyMesh, scene: Scene) -> Array:
+    """Add int (k_n n n + k_t t t) N_i N_j dA / E to A, and k / E at points; collective.
 
-    A is then to be assembled.
+    A is then to be assembled. Returns (m, 3) components of the rigid motions that springs to the
+    ground resist, on every rank.
     """
-    for point, stiffness in _single(scene):
-        # of a ring the stiffness per radian
-        size = scene.material.young * (2.0 * np.pi if scene.axisymmetric else 1.0)
-        for node in nodes_at(space, body, point)[0]:
-            row = (2 * node + np.arange(2)).astype(PETSc.IntType)
-            values = np.diag(stiffness) / size
-            matrix.setValues(row, row, values, addv=PETSc.InsertMode.ADD_VALUES)
-    for spring in _foundations(scene):
-        facets = edge_facets(space, body, spring.edge, spring.span)
-        n, nodes = facets.nodes.shape
-        normal = np.einsum("fa,fb->fab", facets.outward, facets.outward)
-        k = spring.normal * normal + spring.tangential * (np.eye(2) - normal)
-        mass = facet_mass(scene, facets) / scene.material.young
-        values = np.einsum("fij,fab->fiajb", mass, k).reshape(n, 2 * nodes, 2 * nodes)
-        rows = (2 * facets.nodes[:, :, None] + np.arange(2)).reshape(n, 2 * nodes)
-        for row, block in zip(rows.astype(PETSc.IntType), values, strict=True):
-            matrix.setValues(row, row, block, addv=PETSc.InsertMode.ADD_VALUES)
+    comm, young = body.mesh.comm, scene.material.young
+    springs = [spring for spring in scene.springs if spring.against is None]
 
+    def add() -> tuple[Array, list[int]]:
+        rows, counts = [np.empty((0, 3))], []
+        for spring in springs:
+            if spring.point is not None:
+                node, places = nodes_at(space, body, spring.point)
+                nodes, stiffness = node[:, None], np.array([spring.x, spring.y])
+                # of a ring the stiffness per radian
+                k = np.diag(stiffness) / (young * (2.0 * np.pi if scene.axisymmetric else 1.0))
+                blocks = np.tile(k, (len(node), 1, 1))
+                rows += list(
+                    motions(places, body.pivot, body.size)[:, stiffness > 0.0].swapaxes(0, 1)
+                )
+            else:
+                facets = edge_facets(space, body, spring.edge, spring.span)
+                nodes, n = facets.nodes, facets.outward
+                t = np.column_stack([-n[:, 1], n[:, 0]])
+                moved = motions(facets.points.reshape(-1, 2), body.pivot, body.size)
+                both = [(spring.normal, n), (spring.tangential, t)]
+                k = sum(part * np.einsum("fa,fb->fab", axis, axis) for part, axis in both)
+                mass = facet_mass(scene, facets) / young
+                size = 2 * nodes.shape[1]
+                blocks = np.einsum("fij,fab->fiajb", mass, k).reshape(len(nodes), size, size)
+                for axis in (axis for part, axis in both if part > 0.0):
+                    axis = np.repeat(axis, nodes.shape[1], axis=0)
+                    rows.append(np.einsum("nak,na->nk", moved, axis))
+            counts.append(len(nodes))
+            dofs = (2 * nodes[:, :, None] + np.arange(2)).reshape(-1, 2 * nodes.shape[1])
+            for at, block in zip(dofs.astype(PETSc.IntType), blocks, strict=True):
+                matrix.setValues(at, at, block, addv=PETSc.InsertMode.ADD_VALUES)
+        return np.concatenate(rows), counts
 
-def spring_rows(space: fem.FunctionSpace, body: BodyMesh, scene: Scene) -> Array:
-    """Return (m, 3) components of the rigid motions that the springs resist, on every rank."""
-    rows = [np.empty((0, 3))]
-    foundations = _foundations(scene)
-    found = on_all(
-        body.mesh.comm,
-        lambda: [edge_facets(space, body, part.edge, part.span) for part in foundations],
-    )
-    for spring, facets in zip(foundations, found, strict=True):
-        count = facets.nodes.shape[1]
-        moved = motions(facets.points.reshape(-1, 2), body.pivot, body.size)
-        along = np.column_stack([-facets.outward[:, 1], facets.outward[:, 0]])
-        for stiffness, axis in ((spring.normal, facets.outward), (spring.tangential, along)):
-            if stiffness > 0.0:
-                rows.append(np.einsum("nak,na->nk", moved, np.repeat(axis, count, axis=0)))
-    single = _single(scene)
-    places = on_all(
-        body.mesh.comm, lambda: [nodes_at(space, body, point)[1] for point, _ in single]
-    )
-    for (point, values), place in zip(single, places, strict=True):
-        if not body.mesh.comm.allreduce(len(place)):
-            raise MeshMisfit(f"[[spring]] at {point}: no node lies there; move it")
-        moved = motions(place, body.pivot, body.size)
-        rows += [moved[:, k] for k, value in enumerate(values) if value > 0.0]
-    return np.concatenate(body.mesh.comm.allgather(np.concatenate(rows)))
-
-
-def _single(scene: Scene) -> list[tuple[tuple[float, float] | str, tuple[float, float]]]:
-    """Return the points of springs at points, and their stiffness along x and y."""
-    return [(part.point, (part.x, part.y)) for part in scene.springs if part.point is not None]
-
-
-def _foundations(scene: Scene) -> list[Spring]:
-    """Return the springs between an edge and the ground."""
-    return [part for part in scene.springs if part.edge and part.against is None]
+    every = comm.allgather(on_all(comm, add))
+    for spring, *counts in zip(springs, *(counts for _, counts in every), strict=True):
+        if spring.point is not None and not sum(counts):
+            raise MeshMisfit(f"[[spring]] at {spring.point}: no node lies there; move it")
+    return np.concatenate([rows for rows, _ in every])
 
 
 def add_links(scene: Scene, parts: Mapping[str, Bulk]) -> Array:

@@ -8,7 +8,7 @@ from bodies import block, cylinder, played
 from numpy.typing import NDArray
 
 import receding_fenicsx as rf
-from receding_fenicsx.bulk.fields import fields_at, gather_cell_stresses, solve_fields
+from receding_fenicsx.bulk.fields import fields_at
 from receding_fenicsx.bulk.mesh.meshing import make_meshes
 from receding_fenicsx.bulk.stack import build_all
 from receding_fenicsx.scene.symmetry import is_half_meshed
@@ -36,11 +36,12 @@ def stresses_of(scene: rf.Scene, record: rf.Record) -> dict[str, Array]:
     end, n = record.turning_points, len(bulk.contact.x)
     u = np.concatenate([end.v[-1][-n:], end.w[-1][-n:]])
     fields = fields_at(bulk, end.load[-1], u)
-    cells = gather_cell_stresses(solve_fields(bulk, end.load[-1], u))
     bulk.destroy()
     found = None
-    if fields is not None and cells is not None:
-        found = fields.stress | {f"cell {name}": value for name, value in cells.items()}
+    if fields is not None:
+        found = fields.stress | {
+            f"cell {name}": value for name, value in fields.cell_stress.items()
+        }
     return rf.given(comm.bcast(found))
 
 

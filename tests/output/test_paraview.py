@@ -14,7 +14,7 @@ import pytest
 from pictured import small_block
 
 from receding_fenicsx import environment
-from receding_fenicsx.bulk.fields import gather_cell_stresses, gather_fields, solve_fields
+from receding_fenicsx.bulk.fields import gather_fields, solve_fields
 from receding_fenicsx.evolution.evolve import evolve
 from receding_fenicsx.evolution.instants import Instant
 from receding_fenicsx.evolution.moment import Moment
@@ -77,10 +77,10 @@ def grids(scene: Scene, places: dict[float, tuple[int, str]]) -> dict[float, tup
     with picture_body(scene, COMM) as bulk:
         for time, now, end in zip(places, instants, ends, strict=True):
             parts = solve_fields(bulk, now.load, np.concatenate([now.v, now.state.w]))
-            fields, cells = gather_fields(parts), gather_cell_stresses(parts)
-            if fields is not None and cells is not None:
+            fields = gather_fields(parts)
+            if fields is not None:
                 merged = merge_axis(fields) if bulk.body.half else fields
-                found[time] = grid_of(merged, cells, whole_contact(bulk, now)), end
+                found[time] = grid_of(merged, whole_contact(bulk, now)), end
     return COMM.bcast(found)
 
 

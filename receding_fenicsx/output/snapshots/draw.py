@@ -24,7 +24,6 @@ from receding_fenicsx.atomic import make_folder, new_file
 from receding_fenicsx.bulk.fields import (
     Fields,
     fields_at,
-    gather_cell_stresses,
     gather_fields,
     solve_fields,
 )
@@ -111,14 +110,14 @@ def snapshots(
 def _solve(bulk: Stack, now: Instant, file: Path) -> View | None:
     """Solve for the fields of an instant and write them; return its view on rank 0; collective."""
     parts = solve_fields(bulk, now.load, np.concatenate([now.v, now.state.w]))
-    fields, cell_stress = gather_fields(parts), gather_cell_stresses(parts)
+    fields = gather_fields(parts)
 
     def write() -> View:
-        assert fields is not None and cell_stress is not None
+        assert fields is not None
         history = history_from_scene(bulk.scene)
         legs = len(history.path if now.cycle == 0 else history.loop) - 1
         merged = merge_axis(fields) if bulk.body.half else fields
-        grid = paraview.grid_of(merged, cell_stress, whole_contact(bulk, now))
+        grid = paraview.grid_of(merged, whole_contact(bulk, now))
         # time counts cycles
         paraview.write_instant(file, grid, now.cycle + (now.leg + now.s) / legs)
         return view_of(bulk, fields, now)

@@ -46,7 +46,7 @@ class Grid:
     in_cells: dict[str, NDArray[Any]]  # values of cells, (m,)
 
 
-def grid_of(fields: Fields, cell_stress: dict[str, Array], contact: WholeContact) -> Grid:
+def grid_of(fields: Fields, contact: WholeContact) -> Grid:
     """Join the whole bodies, with stresses of their cells by name, and the contact in one grid."""
     n, m = len(fields.points), len(contact.x)
     names = list(fields.stress)
@@ -80,7 +80,9 @@ def grid_of(fields: Fields, cell_stress: dict[str, Array], contact: WholeContact
     part = np.append(1 + body[fields.cells[:, 0]], np.zeros(len(ends)))
     in_cells: dict[str, NDArray[Any]] = {"part": part.astype(np.int32)}
     for i, name in enumerate(names):
-        in_cells[f"{name}_cell"] = np.append(cell_stress[name], line[ends, 2 + i].mean(axis=1))
+        in_cells[f"{name}_cell"] = np.append(
+            fields.cell_stress[name], line[ends, 2 + i].mean(axis=1)
+        )
     return Grid(
         points=_vectors(np.vstack([fields.points, contact.points])),
         topology=np.append(np.column_stack([kind, fields.cells]), lines),

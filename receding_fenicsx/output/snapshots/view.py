@@ -51,6 +51,7 @@ def merge_axis(fields: Fields) -> Fields:
         cells=np.searchsorted(used, target[fields.cells]),
         displacement=np.stack([mean(part) for part in fields.displacement.T], axis=1),
         stress={name: mean(values) for name, values in fields.stress.items()},
+        cell_stress=fields.cell_stress,
         body=None if fields.body is None else fields.body[used],
     )
 
