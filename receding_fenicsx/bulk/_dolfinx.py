@@ -33,16 +33,15 @@ VERSION: tuple[int, int] = tuple(int(part) for part in dolfinx.__version__.split
 TENSOR_ORDER = {"triangle": [0, 1, 2], "quadrilateral": [0, 1, 3, 2]}
 """DOLFINx's order of a cell's vertices, from an order around the cell."""
 
-REFERENCE_CORNERS = {
-    "triangle": np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]),
-    "quadrilateral": np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0, 1.0]]),
-}
-"""Reference vertices of a cell, in DOLFINx's order."""
-FACET_CORNERS = {
-    "triangle": [[1, 2], [0, 2], [0, 1]],
-    "quadrilateral": [[0, 1], [0, 2], [1, 3], [2, 3]],
-}
-"""Vertices of each facet of a cell, in DOLFINx's order."""
+
+def reference_corners(cell: str) -> Array:
+    """Return the reference vertices (n, 2) of a cell, in DOLFINx's order."""
+    return np.array(basix.geometry(getattr(basix.CellType, cell)))
+
+
+def facet_corners(cell: str) -> Ints:
+    """Return the vertices (n, 2) of each facet of a cell, in DOLFINx's order."""
+    return np.array(basix.topology(getattr(basix.CellType, cell))[1])
 
 
 @contextmanager
@@ -145,7 +144,7 @@ def tag_entities(mesh: dmesh.Mesh, dim: int, entities: Ints, values: NDArray[np.
 def cell_nodes(mesh: dmesh.Mesh) -> NDArray[np.int32]:
     """Return the local geometry nodes (cells, corners): vertices, as cells are straight-sided."""
     if VERSION < (0, 7):  # 0.7 made the adjacency list an array
-        corners = len(REFERENCE_CORNERS[mesh.topology.cell_name()])
+        corners = len(reference_corners(mesh.topology.cell_name()))
         return mesh.geometry.dofmap.array.reshape(-1, corners)
     if VERSION < (0, 11):  # 0.11 has one dofmap for each kind of cell
         return mesh.geometry.dofmap

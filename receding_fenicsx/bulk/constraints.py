@@ -13,7 +13,9 @@ thus act on the whole platen.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import NamedTuple
 
 from petsc4py import PETSc
@@ -23,7 +25,7 @@ from dolfinx import fem
 from numpy.typing import NDArray
 
 from receding_fenicsx.arrays import Array, Ints
-from receding_fenicsx.bulk.edges import edge_facets, edge_nodes
+from receding_fenicsx.bulk.edges import edge_nodes
 from receding_fenicsx.bulk.loads import profile_values
 from receding_fenicsx.bulk.mesh.meshing import BodyMesh
 from receding_fenicsx.bulk.mesh.rectangle import POSITION_TOLERANCE
@@ -216,51 +218,44 @@ def _displacements(scene: Scene, space: fem.FunctionSpace, body: BodyMesh) -> di
 
 
 def _held(scene: Scene, space: fem.FunctionSpace, body: BodyMesh) -> Dofs:
-    """Return the dofs that symmetry holds, if there is any, then those of each support."""
-    comm = body.mesh.comm
-    ranks = comm.allgather(on_all(comm, lambda: _held_here(scene, space, body)))
-    supports = scene.supports if scene.body.mesh is not None else ()
-    for k, support in enumerate(supports, start=-len(supports)):
-        if not any(len(parts[k].dofs) for parts in ranks):
-            raise MeshMisfit(
-                f"support at {support.edge or support.point}: no node lies there; move it"
-            )
-    return Dofs.joined([part for parts in ranks for part in parts])
+    """Return the dofs that symmetry or the axis holds, then those of each support; collective."""
+    comm, found = body.mesh.comm, [Dofs.joined([])]
 
-
-def _held_here(scene: Scene, space: fem.FunctionSpace, body: BodyMesh) -> list[Dofs]:
-    """Return this rank's dofs held by symmetry, if there is any, then those of each support."""
-    found = []
-
-    def hold(nodes: Ints, places: Array, components: str) -> None:
-        numbers = [2 * nodes + "xy".index(component) for component in components]
-        times = len(components)
-        found.append(
-            Dofs(np.concatenate(numbers), np.tile(places, (times, 1)), np.zeros(times * len(nodes)))
-        )
-
-    def hold_edge(edge: str, components: str) -> None:
-        facets = edge_facets(space, body, edge)
-        hold(facets.nodes.ravel(), facets.points.reshape(-1, 2), components)
-
-    if scene.axisymmetric:
-        start, coordinates = _own_nodes(space)
-        near = POSITION_TOLERANCE * body.size
-        r = coordinates[:, 0]
+    def on_axis() -> tuple[Ints, Array]:
+        start, places = _own_nodes(space)
+        near, r = POSITION_TOLERANCE * body.size, places[:, 0]
         if r.min(initial=0.0) < -near:
             raise InputError(
                 f"body: a node has r = x = {r.min():g}; an axisymmetric body lies at x >= 0"
             )
         at = np.flatnonzero(r <= near)
-        hold(start + at.astype(np.int64), coordinates[at], "x")
+        return start + at.astype(np.int64), places[at]
+
+    def hold(nodes: Ints, places: Array, components: str) -> None:
+        for component in components:
+            numbers = 2 * nodes + "xy".index(component)
+            found.append(Dofs(numbers, places, np.zeros(len(nodes))))
+
+    def gathered(work: Callable[[], tuple[Ints, Array]]) -> tuple[Ints, Array]:
+        nodes, places = zip(*comm.allgather(on_all(comm, work)), strict=True)
+        return np.concatenate(nodes), np.concatenate(places)
+
+    if scene.axisymmetric:
+        hold(*gathered(on_axis), "x")
     elif body.half:
-        hold_edge("axis", "x")
+        hold(*edge_nodes(space, body, "axis", None), "x")
     for support in scene.supports:
         if support.edge is not None:
-            hold_edge(support.edge, support.fix)
-        elif support.point is not None:
-            hold(*nodes_at(space, body, support.point), support.fix)
-    return found
+            nodes, places = edge_nodes(space, body, support.edge, None)
+        else:
+            assert support.point is not None
+            nodes, places = gathered(partial(nodes_at, space, body, support.point))
+        if not len(nodes) and scene.body.mesh is not None:
+            raise MeshMisfit(
+                f"support at {support.edge or support.point}: no node lies there; move it"
+            )
+        hold(nodes, places, support.fix)
+    return Dofs.joined(found)
 
 
 def _own_nodes(space: fem.FunctionSpace) -> tuple[int, Array]:

@@ -11,12 +11,11 @@ from numpy.typing import NDArray
 
 from receding_fenicsx.arrays import Array, Ints
 from receding_fenicsx.bulk.constraints import Constraints, find_constraints
-from receding_fenicsx.bulk.edges import EdgeFacets, integrate, measure, tagged_facets
+from receding_fenicsx.bulk.edges import gathered, integrate, measure, tagged_facets
 from receding_fenicsx.bulk.mesh.meshing import BodyMesh, ContactFacets
 from receding_fenicsx.bulk.mesh.raw_mesh import Line
 from receding_fenicsx.bulk.rigid_motions import free_motions, motions, scaled
 from receding_fenicsx.errors import InputError
-from receding_fenicsx.mpi import on_all
 from receding_fenicsx.scene.model import Scene
 
 
@@ -181,12 +180,7 @@ class _Edge(NamedTuple):
 def _edge_nodes(
     scene: Scene, space: fem.FunctionSpace, body: BodyMesh, contact: ContactFacets
 ) -> _Edge:
-    comm = body.mesh.comm
-    facets = on_all(comm, lambda: tagged_facets(space, body, (contact.tag,)))
-    every = [part for part in comm.allgather(facets) if len(part)]
-    facets = EdgeFacets(
-        *(np.concatenate([getattr(p, a) for p in every]) for a in ("points", "nodes", "outward"))
-    )
+    facets = gathered(body.mesh.comm, lambda: tagged_facets(space, body, (contact.tag,)))
     weights = integrate(facets, lambda points, normals: measure(scene, points))[:, :, 0]
     node, first, inverse = np.unique(facets.nodes.ravel(), return_index=True, return_inverse=True)
     points = facets.points.reshape(-1, 2)[first]

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
+from mpi4py import MPI
+
 import numpy as np
 from dolfinx import fem
 
@@ -57,7 +59,7 @@ def tagged_facets(space: fem.FunctionSpace, body: BodyMesh, tags: Sequence[int])
     topology.create_connectivity(1, 2)
     topology.create_connectivity(2, 1)
     cell_of, facets_of = topology.connectivity(1, 2), topology.connectivity(2, 1)
-    corners = np.array(_dolfinx.FACET_CORNERS[body.cell])
+    corners = _dolfinx.facet_corners(body.cell)
     facets = np.concatenate([np.empty(0, np.int32), *map(body.facet_tags.find, tags)])
     cells = cell_of.array[cell_of.offsets[facets]]
     owned = cells < topology.index_map(2).size_local
@@ -90,16 +92,21 @@ def along(body: BodyMesh, edge: str, points: Array) -> Array:
     return body.lines[edge].along(points)
 
 
+def gathered(comm: MPI.Comm, found: Callable[[], EdgeFacets]) -> EdgeFacets:
+    """Return the facets that each rank finds, all on every rank."""
+    every = comm.allgather(on_all(comm, found))
+    every = [part for part in every if len(part)] or every[:1]
+    names = ("points", "nodes", "outward")
+    return EdgeFacets(*(np.concatenate([getattr(p, name) for p in every]) for name in names))
+
+
 def edge_nodes(
     space: fem.FunctionSpace, body: BodyMesh, edge: str, span: tuple[float, float] | None
 ) -> tuple[Ints, Array]:
     """Return all nodes of an edge or a span of it, sorted, and their places; on every rank."""
-    comm = body.mesh.comm
-    every = comm.allgather(on_all(comm, lambda: edge_facets(space, body, edge, span)))
-    nodes = np.concatenate([part.nodes.ravel() for part in every])
-    places = np.concatenate([part.points.reshape(-1, 2) for part in every])
-    unique, first = np.unique(nodes, return_index=True)
-    return unique, places[first]
+    facets = gathered(body.mesh.comm, lambda: edge_facets(space, body, edge, span))
+    unique, first = np.unique(facets.nodes, return_index=True)
+    return unique, facets.points.reshape(-1, 2)[first]
 
 
 def measure(scene: Scene, points: Array) -> Array:

@@ -96,7 +96,7 @@ def build(scene: Scene, body: BodyMesh) -> Bulk:
 def warm_up(comm: MPI.Comm, cell: str, degree: int, axisymmetric: bool = False) -> float:
     """Compile or load the forms for a cell and degree; return the seconds that it took."""
     clock = time.perf_counter()
-    corners = _dolfinx.REFERENCE_CORNERS[cell]
+    corners = _dolfinx.reference_corners(cell)
     n = len(corners)
     # a cell for each rank, given by rank 0
     count = 0 if comm.rank else comm.size

@@ -72,7 +72,7 @@ def _in_own_cells(bulk: Discretisation, points: Array) -> list[tuple[int, Ints, 
     low, high = corners.min(axis=1), corners.max(axis=1)
     slack = CELL_TOLERANCE * (high - low).max(axis=1, initial=0.0)[:, None]
     cell_type, degree = bulk.body.cell, bulk.scene.mesh.degree
-    midpoint = _dolfinx.REFERENCE_CORNERS[cell_type].mean(axis=0)
+    midpoint = _dolfinx.reference_corners(cell_type).mean(axis=0)
     stiffness = stiffness_in(bulk.scene, bulk.body)
     found = []
     for i, point in enumerate(points):

@@ -26,7 +26,7 @@ from scipy.linalg import block_diag
 from receding_fenicsx.arrays import Array, Ints
 from receding_fenicsx.bulk.body import Bulk
 from receding_fenicsx.bulk.constraints import nodes_at
-from receding_fenicsx.bulk.edges import edge_facets, edge_nodes, facet_mass
+from receding_fenicsx.bulk.edges import edge_facets, edge_nodes, facet_mass, gathered
 from receding_fenicsx.bulk.mesh.meshing import BodyMesh
 from receding_fenicsx.bulk.rigid_motions import motions
 from receding_fenicsx.errors import InputError, MeshMisfit
@@ -111,15 +111,13 @@ def add_links(scene: Scene, parts: Mapping[str, Bulk]) -> Array:
 
 def _mass(part: Bulk, edge: str, spring: Spring, nodes: Ints) -> tuple[Array, Array]:
     """Return int N_i N_j dA of the nodes of an edge, and its outward normal, on every rank."""
-    comm = part.body.mesh.comm
-    facets = on_all(comm, lambda: edge_facets(part.space, part.body, edge, spring.span))
+    facets = gathered(part.comm, lambda: edge_facets(part.space, part.body, edge, spring.span))
     matrix = np.zeros((len(nodes), len(nodes)))
     rows = np.searchsorted(nodes, facets.nodes)
     np.add.at(matrix, (rows[:, :, None], rows[:, None]), facet_mass(part.scene, facets))
-    normals = np.concatenate(comm.allgather(facets.outward))
-    if np.abs(normals - normals[0]).max() > 1e-9:
+    if np.abs(facets.outward - facets.outward[0]).max() > 1e-9:
         raise InputError(f"[[spring]] against: '{spring.edge}' is not straight")
-    return comm.allreduce(matrix), normals[0]
+    return matrix, facets.outward[0]
 
 
 def _across(spring: Spring, places: Array, beyond: Array, normal: Array) -> Ints:

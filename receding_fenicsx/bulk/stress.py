@@ -61,7 +61,7 @@ def stresses(
 
     The load factors, on every rank, are needed where the body has a thermal strain.
     """
-    corners = _dolfinx.REFERENCE_CORNERS[bulk.body.cell]
+    corners = _dolfinx.reference_corners(bulk.body.cell)
     points = np.vstack([corners, corners.mean(axis=0)])
     gradient = _gradient(bulk, displacement, points)
     if any(part.thermal_strain is not None for part in bulk.scene.loads):
