@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -54,17 +54,8 @@ def snapshot(
     """
     with drawing_modules():
         from receding_fenicsx.output.snapshots.draw import snapshots
-    comm = comm or world()
-    folder = Path(folder)
-    timer = Timer(progress if comm.rank == 0 else None)
-
-    def find() -> tuple[Scene, Instant]:
-        scene, system, record = read_run(folder)
-        return scene, shown_instant(scene, system, record, (cycle, leg, at))
-
-    scene, instant = comm.bcast(mpi.on_root(comm, find))
-    with picture_body(scene, comm) as bulk, timer("pictures"):
-        return snapshots(bulk, [instant], folder / "snapshots", say=timer.say)
+    with _run_body(folder, lambda _: [(cycle, leg, at)], comm, progress) as (bulk, instants, say):
+        return snapshots(bulk, instants, Path(folder) / "snapshots", say=say)
 
 
 def animate(
@@ -89,27 +80,39 @@ def animate(
         The files written, .mp4 and .gif, on rank 0; None on the others.
     """
     with drawing_modules():
-        from receding_fenicsx.output.snapshots.draw import Scenario
         from receding_fenicsx.output.snapshots.draw import animate as film
         from receding_fenicsx.output.snapshots.page import quantity_of
+    quantity, file = quantity_of(stress), Path(folder) / f"animations/cycle{cycle:04d}_{stress}"
+
+    def spaced(scene: Scene) -> tuple[Any, Any, Any]:
+        return history.evenly_spaced(history.history_from_scene(scene), cycle, frames)
+
+    def places(scene: Scene) -> list[tuple[int, str, float]]:
+        legs, at, _ = spaced(scene)
+        return [(cycle, str(leg), float(s)) for leg, s in zip(legs, at, strict=True)]
+
+    with _run_body(folder, places, comm, progress) as (bulk, instants, say):
+        return film(bulk, instants, spaced(bulk.scene)[2], quantity, file, say)
+
+
+@contextlib.contextmanager
+def _run_body(
+    folder: str | Path,
+    places: Callable[[Scene], list[tuple[int, str, float]]],
+    comm: MPI.Comm | None,
+    progress: Say | None,
+) -> Iterator[tuple[Stack, list[Instant], Say | None]]:
+    """Yield body, instants (cycle, leg, s) and progress on rank 0 of a finished run."""
     comm = comm or world()
-    folder = Path(folder)
     timer = Timer(progress if comm.rank == 0 else None)
-    quantity = quantity_of(stress)
 
-    def find() -> tuple[Scene, Any]:
-        scene, system, record = read_run(folder)
-        legs, at, time = history.evenly_spaced(history.history_from_scene(scene), cycle, frames)
-        instants = [
-            shown_instant(scene, system, record, (cycle, str(leg), float(s)))
-            for leg, s in zip(legs, at, strict=True)
-        ]
-        return scene, Scenario(instants, time)
+    def find() -> tuple[Scene, list[Instant]]:
+        scene, system, record = read_run(Path(folder))
+        return scene, [shown_instant(scene, system, record, where) for where in places(scene)]
 
-    scene, scenario = comm.bcast(mpi.on_root(comm, find))
-    file = folder / "animations" / f"cycle{cycle:04d}_{stress}"
+    scene, instants = comm.bcast(mpi.on_root(comm, find))
     with picture_body(scene, comm) as bulk, timer("pictures"):
-        return film(bulk, scenario, quantity, file, timer.say)
+        yield bulk, instants, timer.say
 
 
 def draw_slip_mode(

@@ -7,8 +7,8 @@ midway between them. Nothing is rounded to samples or pixels.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterable
+from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.interface.law import State
-from receding_fenicsx.measures.limit_nodes import SLIP, without_slip
+from receding_fenicsx.measures.limit_nodes import SLIP
 from receding_fenicsx.output.plots.series import legs_of
 
 FLICKER = 0.08
@@ -44,24 +44,22 @@ class Timeline:
 
     @property
     def changes(self) -> list[Change]:
-        """Changes of state (s, new state)."""
-        return list(zip(self.s[1:-1].tolist(), self.state[1:].tolist(), strict=True))
+        """The first state and its changes."""
+        return list(zip(self.s[:-1].tolist(), self.state.tolist(), strict=True))
 
 
-def timeline(start: int, changes: Sequence[Change]) -> Timeline:
-    """Make a timeline from the first state and the changes (s, new state), in order of s."""
-    states, begins = [start], [0.0]
+def timeline(changes: Iterable[Change]) -> Timeline:
+    """Make a timeline from the first state and its changes, in order of s."""
+    states: list[int] = []
+    begins: list[float] = []
     for s, new in [*changes, (1.0, -1)]:
         # a state before it of this part of a leg is round-off
-        if s - begins[-1] <= 1e-9:
+        if begins and s - begins[-1] <= 1e-9:
             states.pop()
             begins.pop()
-        if new < 0:
-            break
-        if states and states[-1] == new:
-            continue
-        states.append(new)
-        begins.append(s if len(states) > 1 else 0.0)
+        if new >= 0 and (not states or states[-1] != new):
+            begins.append(s if states else 0.0)
+            states.append(new)
     return Timeline(np.array(states, dtype=np.int8), np.array([*begins, 1.0]))
 
 
@@ -74,57 +72,46 @@ def timelines_of(
 ) -> list[Timeline]:
     """Return the timelines of all nodes along a sampled leg, from its events or its samples.
 
-    Negligible slip of ``stuck`` nodes is shown as stick, and states shorter than ``flicker`` are
-    removed.
+    Negligible slip of ``stuck`` nodes is shown as stick. A change between stick and slip that a
+    single node reverts within the part ``flicker`` of the leg is removed.
     """
     read = _from_events if record.method == "events" else _from_samples
-    lines = read(record, cycle, leg)
-    for i, line in enumerate(lines if stuck is not None else ()):
-        state = without_slip(line.state, np.asarray(stuck)[i : i + 1])
-        lines[i] = timeline(int(state[0]), Timeline(state, line.s).changes)
-    return without_flicker(lines, flicker)
-
-
-def without_flicker(timelines: list[Timeline], longest: float) -> list[Timeline]:
-    """Remove short changes between stick and slip that a single node makes and reverts.
-
-    A state that lasts at most this part of the leg is removed if those before and after are equal
-    and no neighbour changes its state meanwhile.
-    """
-    found = list(timelines)
-    for i, line in enumerate(timelines):
-        beside = [timelines[j] for j in (i - 1, i + 1) if 0 <= j < len(timelines)]
-        changes = line.changes
-        k = 0
+    held = np.zeros(len(record.x), dtype=bool) if stuck is None else stuck
+    lines = [
+        timeline((s, State.STICK if sticks and state in SLIP else state) for s, state in changes)
+        for changes, sticks in zip(read(record, cycle, leg), held, strict=True)
+    ]
+    found = []
+    for i, line in enumerate(lines):
+        beside = [lines[j].s[1:-1] for j in (i - 1, i + 1) if 0 <= j < len(lines)]
+        changes, k = line.changes, 1
         while k + 1 < len(changes):
-            before = int(line.state[0]) if k == 0 else changes[k - 1][1]
-            (begin, state), (end, after) = changes[k : k + 2]
-            quiet = not any(np.any((t.s[1:-1] >= begin) & (t.s[1:-1] <= end)) for t in beside)
+            (_, before), (begin, state), (end, after) = changes[k - 1 : k + 2]
+            quiet = not any(np.any((s >= begin) & (s <= end)) for s in beside)
             friction = {before, state} <= {State.STICK, *SLIP}
-            if before == after and friction and quiet and end - begin <= longest:
+            if before == after and friction and quiet and end - begin <= flicker:
                 del changes[k : k + 2]
             else:
                 k += 1
-        if len(changes) + 1 < len(line.state):
-            found[i] = timeline(int(line.state[0]), changes)
+        found.append(timeline(changes))
     return found
 
 
-def _from_events(record: Record, cycle: int, leg: int) -> list[Timeline]:
+def _from_events(record: Record, cycle: int, leg: int) -> list[list[Change]]:
     """Go back from the states at the end of the leg to those at its begin, event by event."""
     table, events = record.turning_points, record.events
     end = table.state[np.flatnonzero((table.cycle == cycle) & (table.leg == leg))[0]]
     here = np.flatnonzero((events.cycle == cycle) & (events.leg == leg))
     first = end.astype(int)
-    changes: list[list[Change]] = [[] for _ in end]
     for k in here[::-1]:
         first[events.node[k]] = events.old[k]
+    changes: list[list[Change]] = [[(0.0, state)] for state in first.tolist()]
     for k in here:
         changes[events.node[k]].append((float(events.s[k]), int(events.new[k])))
-    return [timeline(int(a), b) for a, b in zip(first, changes, strict=True)]
+    return changes
 
 
-def _from_samples(record: Record, cycle: int, leg: int) -> list[Timeline]:
+def _from_samples(record: Record, cycle: int, leg: int) -> list[list[Change]]:
     """Move each zone's end at constant speed from one sample to the next."""
     table = record.samples
     rows = np.flatnonzero((table.cycle == cycle) & (table.leg == leg))
@@ -133,7 +120,7 @@ def _from_samples(record: Record, cycle: int, leg: int) -> list[Timeline]:
         # without any force every state is admissible: show the zones of the limit
         rows = rows[:-1]
     s, state = table.s[rows], table.state[rows]
-    changes: list[list[Change]] = [[] for _ in record.x]
+    changes: list[list[Change]] = [[(0.0, first)] for first in state[0].tolist()]
     for k in range(1, len(s)):
         old, new = state[k - 1], state[k]
         # neighbouring nodes that make the same change
@@ -141,7 +128,7 @@ def _from_samples(record: Record, cycle: int, leg: int) -> list[Timeline]:
         for run in np.split(np.arange(len(key)), np.flatnonzero(np.diff(key)) + 1):
             for i, part in zip(run, _order(run, old, new), strict=True) if key[run[0]] else ():
                 changes[i].append((float(s[k - 1] + part * (s[k] - s[k - 1])), int(new[i])))
-    return [timeline(int(a), b) for a, b in zip(state[0], changes, strict=True)]
+    return changes
 
 
 def _order(run: NDArray[np.intp], old: NDArray[np.int8], new: NDArray[np.int8]) -> Array:
@@ -191,18 +178,6 @@ class ZoneMap:
         return ZoneMap(self.x, lines, pieces, place(self.boundaries))
 
 
-@dataclass(frozen=True)
-class Strip:
-    """Part of a zone map between two neighbouring nodes."""
-
-    # x0, x1: positions of the left and the right node
-    x0: float
-    x1: float
-    # pieces, lines: pieces and boundaries of its zones
-    pieces: list[tuple[State, Array]] = field(default_factory=list)
-    lines: list[Array] = field(default_factory=list)
-
-
 def zone_map(
     record: Record,
     cycle: int,
@@ -216,11 +191,14 @@ def zone_map(
     The other arguments are those of :func:`timelines_of`.
     """
     legs = legs_of(record, cycle) if leg is None else [(cycle, leg)]
-    lines = [timelines_of(record, *where, stuck, flicker) for where in legs]
+    n, x = len(legs), record.x
+    lines = [
+        [Timeline(t.state, (k + t.s) / n) for t in timelines_of(record, *where, stuck, flicker)]
+        for k, where in enumerate(legs)
+    ]
     first, last = (np.array([[t.state[k] for t in row] for row in lines]) for k in (0, -1))
     constant = np.array([[len(t.state) == 1 for t in row] for row in lines])
     same = constant[:, 1:] & constant[:, :-1] & (first[:, 1:] == first[:, :-1])
-    n, x = len(lines), record.x
     pieces: list[tuple[State, Array]] = []
     found: list[Array] = []
     for i in range(len(x) - 1):
@@ -228,13 +206,18 @@ def zone_map(
         cuts = np.flatnonzero(np.diff(key)) + 1
         for begin, end in pairwise([0, *cuts.tolist(), n]):
             if same[begin, i]:
-                corners = [[x[i], begin], [x[i + 1], begin], [x[i + 1], end], [x[i], end]]
-                pieces.append((State(int(first[begin, i])), np.array(corners) / [1.0, n]))
+                s0, s1 = begin / n, end / n
+                corners = [[x[i], s0], [x[i + 1], s0], [x[i + 1], s1], [x[i], s1]]
+                pieces.append((State(int(first[begin, i])), np.array(corners)))
                 continue
-            strip = fill_strip(lines[begin][i], lines[begin][i + 1], x[i], x[i + 1])
-            move, scale = np.array([0.0, begin / n]), np.array([1.0, 1.0 / n])
-            pieces += [(state, polygon * scale + move) for state, polygon in strip.pieces]
-            found += [line * scale + move for line in strip.lines]
+            # between two neighbouring nodes, from one change that both make to the next
+            a, b = lines[begin][i], lines[begin][i + 1]
+            matched = [(0, 0), *_matches(a, b), (len(a.state), len(b.state))]
+            found += [np.array([[x[i], a.s[j]], [x[i + 1], b.s[k]]]) for j, k in matched[1:-1]]
+            for (j0, k0), (j1, k1) in pairwise(matched):
+                parts = (Timeline(a.state[j0:j1], a.s[j0 : j1 + 1]), x[i])
+                other = (Timeline(b.state[k0:k1], b.s[k0 : k1 + 1]), x[i + 1])
+                _fill_block(parts, other, pieces, found)
     # lines where nodes change their state at the turning point between two legs
     ends = np.concatenate([x[:1], 0.5 * (x[1:] + x[:-1]), x[-1:]])
     for k in range(1, n):
@@ -242,28 +225,11 @@ def zone_map(
         for run in np.split(changed, np.flatnonzero(np.diff(changed) > 1) + 1):
             if len(run):
                 found.append(np.array([[ends[run[0]], k / n], [ends[run[-1] + 1], k / n]]))
-    whole = []
-    for i in range(len(x)):
-        changes = [
-            ((k + s) / n, int(state))
-            for k, row in enumerate(lines)
-            for s, state in zip(row[i].s[:-1].tolist(), row[i].state.tolist(), strict=True)
-        ]
-        whole.append(timeline(changes[0][1], changes[1:]))
+    whole = [
+        timeline(change for line in node for change in line.changes)
+        for node in zip(*lines, strict=True)
+    ]
     return ZoneMap(x, whole, pieces, np.array(found).reshape(-1, 2, 2))
-
-
-def fill_strip(a: Timeline, b: Timeline, x0: float, x1: float) -> Strip:
-    """Return the strip between two neighbouring nodes at x0 and x1."""
-    strip = Strip(x0, x1)
-    matched = [(0, 0), *_matches(a, b), (len(a.state), len(b.state))]
-    for n, ((i0, j0), (i1, j1)) in enumerate(pairwise(matched)):
-        if n:
-            strip.lines.append(np.array([[x0, a.s[i0]], [x1, b.s[j0]]]))
-        part_a = Timeline(a.state[i0:i1], a.s[i0 : i1 + 1])
-        part_b = Timeline(b.state[j0:j1], b.s[j0 : j1 + 1])
-        _fill_block(strip, part_a, part_b)
-    return strip
 
 
 def _matches(a: Timeline, b: Timeline) -> list[tuple[int, int]]:
@@ -290,19 +256,37 @@ def _matches(a: Timeline, b: Timeline) -> list[tuple[int, int]]:
     return found
 
 
-def _fill_block(strip: Strip, a: Timeline, b: Timeline) -> None:
+def _fill_block(
+    left: tuple[Timeline, float],
+    right: tuple[Timeline, float],
+    pieces: list[tuple[State, Array]],
+    lines: list[Array],
+) -> None:
     """Fill the part of a strip between two paired changes, which holds unpaired changes only."""
-    x0, x1, pieces, lines = strip.x0, strip.x1, strip.pieces, strip.lines
+    (a, x0), (b, x1) = left, right
     middle = 0.5 * (x0 + x1)
-    whole = np.array([[x0, a.s[0]], [x1, b.s[0]], [x1, b.s[-1]], [x0, a.s[-1]]])
-    for here, other, x in ((a, b, x0), (b, a, x1)):
-        if len(other.state) == 1 and other.state[0] in here.state:
-            pieces.append((State(other.state[0]), whole))
-            _fill_islands(strip, here, other, x)
-            return
     # the two sides meet midway, at instants between those of the sides
     ends = 0.5 * (a.s[[0, -1]] + b.s[[0, -1]])
     inner = [ends[0] + (t.s - t.s[0]) / (t.s[-1] - t.s[0]) * (ends[1] - ends[0]) for t in (a, b)]
+    for (here, x), (other, _), m in ((left, right, inner[0]), (right, left, inner[1])):
+        if len(other.state) == 1 and other.state[0] in here.state:
+            whole = np.array([[x0, a.s[0]], [x1, b.s[0]], [x1, b.s[-1]], [x0, a.s[-1]]])
+            pieces.append((State(other.state[0]), whole))
+            # zones of one side only are triangles with a corner midway
+            odd = here.state != other.state[0]
+            for group in np.split(np.arange(len(odd)), np.flatnonzero(np.diff(odd)) + 1):
+                if not odd[group[0]]:
+                    continue
+                s, inside = here.s[group[0] : group[-1] + 2], m[group[0] : group[-1] + 2]
+                tip, changes = [middle, 0.5 * (inside[0] + inside[-1])], s
+                if group[0] == 0:
+                    tip[1], changes = ends[0], s[1:]
+                elif group[-1] == len(odd) - 1:
+                    tip[1], changes = ends[1], s[:-1]
+                for k, state in enumerate(here.state[group]):
+                    pieces.append((State(state), np.array([[x, s[k]], tip, [x, s[k + 1]]])))
+                lines.extend(np.array([[x, when], tip]) for when in changes)
+            return
     for t, m, x in ((a, inner[0], x0), (b, inner[1], x1)):
         for k, state in enumerate(t.state):
             corners = [[x, t.s[k]], [middle, m[k]], [middle, m[k + 1]], [x, t.s[k + 1]]]
@@ -314,24 +298,3 @@ def _fill_block(strip: Strip, a: Timeline, b: Timeline) -> None:
         states = [t.state[np.searchsorted(m, half) - 1] for t, m in zip((a, b), inner, strict=True)]
         if states[0] != states[1]:
             lines.append(np.array([[middle, low], [middle, high]]))
-
-
-def _fill_islands(strip: Strip, here: Timeline, other: Timeline, x: float) -> None:
-    """Fill zones of one side only as triangles with a corner midway."""
-    middle = 0.5 * (strip.x0 + strip.x1)
-    ends = 0.5 * (here.s[[0, -1]] + other.s[[0, -1]])
-    scale = (ends[1] - ends[0]) / (here.s[-1] - here.s[0])
-    odd = here.state != other.state[0]
-    for group in np.split(np.arange(len(odd)), np.flatnonzero(np.diff(odd)) + 1):
-        if not odd[group[0]]:
-            continue
-        s = here.s[group[0] : group[-1] + 2]
-        tip = [middle, ends[0] + scale * (0.5 * (s[0] + s[-1]) - here.s[0])]
-        changes = s
-        if group[0] == 0:
-            tip[1], changes = ends[0], s[1:]
-        elif group[-1] == len(odd) - 1:
-            tip[1], changes = ends[1], s[:-1]
-        for k, state in enumerate(here.state[group]):
-            strip.pieces.append((State(state), np.array([[x, s[k]], tip, [x, s[k + 1]]])))
-        strip.lines.extend(np.array([[x, when], tip]) for when in changes)

@@ -9,7 +9,7 @@ from __future__ import annotations
 import subprocess
 import tempfile
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -189,35 +189,27 @@ Frame = NDArray[np.uint8]
 """(height, width, 3) array of red, green and blue."""
 
 
-@dataclass(frozen=True)
-class Scenario:
-    """The instants of a film."""
-
-    instants: list[Instant]  # states of the modelled contact nodes, in order of time
-    time: Array  # (n,) time of each instant in the film, from 0 to 1
-
-
 def animate(
     bulk: Stack,
-    scenario: Scenario | None,
+    instants: Sequence[Instant],
+    time: Array,
     quantity: Quantity,
     path: Path,
     say: Say | None = None,
 ) -> list[Path] | None:
-    """Make a film of rank 0's scenario, ``path`` with endings .mp4 and .gif; collective."""
-    film: Scenario = bulk.comm.bcast(scenario)
+    """Make a film, ``path`` with .mp4 and .gif, of instants at times from 0 to 1; collective."""
     fields: list[Fields] = []
     tell = Countdown(say, "fields:")
-    for now in film.instants:
+    for now in instants:
         where = f"cycle {now.cycle}, leg {now.leg}, s = {now.s:.3f}"
-        tell(len(fields), len(film.instants), where)
+        tell(len(fields), len(instants), where)
         found = fields_at(bulk, now.load, np.concatenate([now.v, now.state.w]))
         if found is not None:
             # keep one stress only: all stresses of all frames would take much memory
             fields.append(replace(found, stress={quantity.name: found.stress[quantity.name]}))
 
     def write() -> list[Path]:
-        frames = draw_frames(bulk, film, fields, quantity, say)
+        frames = draw_frames(bulk, instants, time, fields, quantity, say)
         make_folder(path.parent)
         if say is not None:
             say("coding the film")
@@ -231,7 +223,8 @@ def animate(
 
 def draw_frames(
     bulk: Stack,
-    film: Scenario,
+    instants: Sequence[Instant],
+    time: Array,
     fields: list[Fields],
     quantity: Quantity,
     say: Say | None = None,
@@ -240,23 +233,15 @@ def draw_frames(
     largest = largest_factors(bulk.scene)
     symbol = pressure_of(bulk.scene, bulk.scene.load_names)[1]
     units = units_of(bulk, fields, largest, peak(symbol) if symbol else "")
-    views = [
-        view_of(bulk, found, now, units) for found, now in zip(fields, film.instants, strict=True)
-    ]
+    views = [view_of(bulk, *shown, units) for shown in zip(fields, instants, strict=True)]
     limits = np.array([traction_limits(view) for view in views])
-    load = np.array([now.load for now in film.instants]) / largest
-    first = Clock(
-        time=film.time,
-        load=load,
-        names=tuple(f"${load_symbol(name)}$" for name in bulk.scene.load_names),
-        now=0.0,
-        now_load=load[0],
-        tractions=(float(limits[:, 0].min()), float(limits[:, 1].max())),
-        legend=free_place(views[0].x, np.array([view.p for view in views])),
-    )
+    load = np.array([now.load for now in instants]) / largest
+    names = tuple(f"${load_symbol(name)}$" for name in bulk.scene.load_names)
+    both = float(limits[:, 0].min()), float(limits[:, 1].max())
+    legend = free_place(views[0].x, np.array([view.p for view in views]))
     clocks = [
-        replace(first, now=float(now), now_load=part)
-        for now, part in zip(film.time, load, strict=True)
+        Clock(time, load, names, float(now), part, both, legend)
+        for now, part in zip(time, load, strict=True)
     ]
     frames: list[Frame] = []
     tell = Countdown(say, "frames:")
