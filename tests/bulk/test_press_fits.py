@@ -11,6 +11,7 @@ from bodies import played
 from small import named_loads
 
 import receding_fenicsx as rf
+from receding_fenicsx.arrays import Array
 from receding_fenicsx.bulk.mesh.meshing import make_meshes
 from receding_fenicsx.bulk.mesh.raw_mesh import RawMesh, line_of, with_radii
 from receding_fenicsx.bulk.stack import build_all
@@ -18,7 +19,7 @@ from receding_fenicsx.evolution.instants import Instant
 from receding_fenicsx.interface.law import MIRRORED
 from receding_fenicsx.output.plots.labels import scales_of
 from receding_fenicsx.output.report.contact import zones_header
-from receding_fenicsx.output.snapshots.view import whole_contact
+from receding_fenicsx.output.snapshots.view import WholeContact, whole_contact
 from receding_fenicsx.studies import run as study
 
 pytestmark = pytest.mark.one_rank  # small bodies are condensed by one rank
@@ -104,6 +105,19 @@ def test_a_support_inside_a_taper_is_refused_with_its_place(shared_tmp_path: Pat
         played(scene)
 
 
+def whole_contact_at_rest(scene: rf.Scene) -> tuple[WholeContact, Array]:
+    """What pictures show of a contact that slips forward, and the modelled nodes' edges."""
+    bulk = build_all(scene, make_meshes(comm, scene, True))
+    n, edge = len(bulk.contact.x), bulk.contact.edge
+    zeros, states = np.zeros(2 * n), np.full(n, 3, dtype=np.int8)
+    now = Instant(
+        0, 0, 1.0, np.zeros(len(scene.loads)), zeros[:n], rf.ContactState(zeros, zeros, states)
+    )
+    found = whole_contact(bulk, now)
+    bulk.destroy()
+    return found, edge
+
+
 TIP = """
 DefineConstant[ contact_elements = 8 ];
 Point(1) = {0, 0, 0, 2}; Point(2) = {10, RISE, 0, 2}; Point(3) = {10, 40, 0, 2};
@@ -126,18 +140,17 @@ def test_a_cone_on_the_axis_is_shown_from_its_tip(
     """A cylinder cut along a cone that sticks, pressed uniformly; the axis holds the tip."""
     file = shared_tmp_path / "tip.geo"
     rf.on_root(comm, lambda: file.write_text(TIP.replace("RISE", str(rise))))
-    record = played(
-        rf.Scene(
-            body=rf.Body(name="top", mesh=str(file), surface="top"),
-            others=(rf.Body(name="seat", mesh=str(file), surface="seat"),),
-            material=rf.Material(E, NU, "axisymmetric"),
-            mesh=rf.MeshOptions(contact_elements=8, degree=degree),
-            contacts=(rf.Contact(edge="top.cone", against="seat.cone", friction=6.0),),
-            loads=(rf.Load("push", "top.push", pressure=1.0),),
-            supports=(rf.Support("y", edge="seat.bed"),),
-            history=rf.HistoryOptions(kind="monotonic"),
-        )
+    scene = rf.Scene(
+        body=rf.Body(name="top", mesh=str(file), surface="top"),
+        others=(rf.Body(name="seat", mesh=str(file), surface="seat"),),
+        material=rf.Material(E, NU, "axisymmetric"),
+        mesh=rf.MeshOptions(contact_elements=8, degree=degree),
+        contacts=(rf.Contact(edge="top.cone", against="seat.cone", friction=6.0),),
+        loads=(rf.Load("push", "top.push", pressure=1.0),),
+        supports=(rf.Support("y", edge="seat.bed"),),
+        history=rf.HistoryOptions(kind="monotonic"),
     )
+    record = played(scene)
     x, table = record.x, record.turning_points
     length = np.hypot(10.0, rise)
     assert record.radius is not None and record.radius == pytest.approx(x * 10.0 / length)
@@ -146,6 +159,7 @@ def test_a_cone_on_the_axis_is_shown_from_its_tip(
     inner = slice(3, -1)
     assert table.p[0, inner] == pytest.approx(p, rel=0.02)
     assert np.abs(table.q[0, inner]) == pytest.approx(abs(q), rel=0.02)
+    assert np.array_equal(whole_contact_at_rest(scene)[0].x, x)
 
 
 def rectangles(inner: float = A, **parts: object) -> rf.Scene:
@@ -255,14 +269,9 @@ def test_pictures_show_a_fit_once_and_a_plane_on_both_sides_of_the_axis(
     text = SECTION.replace("{10,", "{0,") + "Transfinite Curve {1} = 5;"
     scene = from_file(shared_tmp_path, 0.0, contacts=several, loads=(), supports=())
     rf.on_root(comm, lambda: (shared_tmp_path / "fit.geo").write_text(text.replace("TAPER", "0")))
-    bulk = build_all(scene, make_meshes(comm, scene, True))
-    n = len(bulk.contact.x)
-    zeros, states = np.zeros(2 * n), np.full(n, 3, dtype=np.int8)
-    now = Instant(0, 0, 1.0, np.zeros(0), zeros[:n], rf.ContactState(zeros, zeros, states))
-    found = whole_contact(bulk, now)
-    bulk.destroy()
+    found, edge = whole_contact_at_rest(scene)
     plane, fit = (found.edge == k for k in (0, 1))
-    own = [int(np.sum(bulk.contact.edge == k)) for k in (0, 1)]
+    own = [int(np.sum(edge == k)) for k in (0, 1)]
     # at order 2 no node on the axis
     assert [int(plane.sum()), int(fit.sum())] == [2 * own[0], own[1]]
     assert np.allclose(found.points[plane, 0], found.x[plane])

@@ -23,27 +23,6 @@ def evolved(scene: rf.Scene) -> rf.Record | None:
     return None if system is None else rf.evolve(system, scene)
 
 
-@pytest.mark.parametrize(
-    ("load", "down", "out"),
-    [
-        # integrals of r, of r^2 and of z over the edges
-        (rf.Load("p", "top", pressure=1.0), 2.0, 0.0),
-        (rf.Load("p", "top", (0.0, 1.0), pressure="x"), 1.0 / 3.0, 0.0),
-        (rf.Load("p", "right", pressure="y"), 0.0, -2.0 * 0.5),
-        (rf.Load("p", "top", (1.0, 2.0), traction=("y", "-x")), 7.0 / 3.0, 1.5),
-        (rf.Load("p", "top", platen=True, force=(0.0, -2.0 * np.pi)), 1.0, 0.0),
-    ],
-)
-@pytest.mark.parametrize("degree", [1, 2])
-def test_nodal_forces_are_those_of_one_radian(
-    degree: int, load: rf.Load, down: float, out: float
-) -> None:
-    bulk = built(cylinder(degree=degree, loads=(load,)), half=True)
-    force = bulk.loads[0].getArray(readonly=True).reshape(-1, 2).sum(axis=0)
-    assert comm.allreduce(force) == pytest.approx([out, -down], abs=1e-12)
-    bulk.destroy()
-
-
 def punch(degree: int, elements: int) -> tuple[float, float, float]:
     """Errors of the pressure on the axis, mean within 0.9 a, of the first node against the axis."""
     height, force = 20.0, 1.0

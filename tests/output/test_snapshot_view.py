@@ -9,7 +9,7 @@ import matplotlib as mpl
 import numpy as np
 import pytest
 from matplotlib.axes import Axes
-from matplotlib.collections import LineCollection, PolyCollection
+from matplotlib.collections import PolyCollection
 from matplotlib.colors import to_hex, to_rgba_array
 from matplotlib.figure import Figure
 from pictured import instant_of_row, view_at
@@ -180,14 +180,14 @@ STATES = np.array([2, 4, 4, 1, 1, 1, 3, 3, 2], dtype=np.int8)
 """From the left: open, backward slip, stick, forward slip, open."""
 
 
-def made_up(rigid: bool = True) -> View:
-    """A block of 2 by 1 that stands on a plane, or on another body, in known states."""
+def made_up() -> View:
+    """A block of 2 by 1 that stands on a plane, in known states."""
     x = np.linspace(-1.0, 1.0, 9)
     place = np.stack([x, np.zeros(9)], axis=1)
     open_ = STATES == rf.State.SEPARATION
     moved = place + np.stack([0.0 * x, np.where(open_, 0.05, 0.0)], axis=1)
     gap = 0.01 * (1.0 + np.abs(x))
-    strip = Strip("bottom", x, place, moved, np.array([0.0, 1.0]), gap, STATES, rigid)
+    strip = Strip("bottom", x, place, moved, np.array([0.0, 1.0]), gap, STATES, True)
     corners = np.array([[-1.0, 0.0], [1.0, 0.0], [1.0, 1.0], [-1.0, 1.0]])
     p = np.where(open_, 0.0, 1.0 - x**2)
     return View(
@@ -258,29 +258,6 @@ def test_band_of_states_has_the_colours_of_the_legend_where_the_states_are() -> 
     ]
     expected = [end for _, *ends in rf.zones(view.x, STATES) for end in ends]
     assert [end for _, *ends in found for end in ends] == pytest.approx(expected)
-
-
-@pytest.mark.one_rank
-def test_line_between_two_bodies_has_the_colours_of_the_legend_where_the_states_are() -> None:
-    view = made_up(rigid=False)
-    figure = page_of(view)
-    named = names_of_colours(figure)
-    (line,) = [
-        c
-        for c in figure.axes[0].collections
-        if isinstance(c, LineCollection) and hexes(c.get_colors())[0] in named
-    ]
-    found = [
-        (named[colour], *np.asarray(path.vertices)[[0, -1], 0])
-        for path, colour in zip(line.get_paths(), hexes(line.get_colors()), strict=True)
-    ]
-    assert found == [
-        (name, pytest.approx(a), pytest.approx(b)) for name, a, b in rf.zones(view.x, STATES)
-    ]
-    # along the first body's deformed edge
-    middle = np.asarray(line.get_paths()[2].vertices)
-    assert middle[:, 1] == pytest.approx(0.0, abs=1e-12)
-    assert np.asarray(line.get_paths()[0].vertices)[0, 1] == pytest.approx(0.05)
 
 
 def lines_by_label(axes: Axes) -> dict[str, np.ndarray]:
