@@ -26,13 +26,9 @@ from receding_fenicsx.scene.toml_reader import as_list
 
 @dataclass(frozen=True)
 class Columns:
-    """Numbers of a text file.
+    """Numbers of a text file, all finite, with the names of its columns and the line of each row.
 
-    Attributes:
-        label: key and path, for messages.
-        names: (columns,) names, without units in brackets.
-        values: (rows, columns), all finite.
-        lines: number of the line of each row, from 1.
+    ``label`` is its key and path, for messages.
     """
 
     label: str

@@ -15,18 +15,6 @@ from receding_fenicsx.scene.options import SAMPLES_PER_LEG, OutputOptions
 from receding_fenicsx.scene.symmetry import is_half_meshed
 from receding_fenicsx.scene.toml_file import to_toml
 
-FREE_WHEN_RESUMED = frozenset(
-    {
-        "title",
-        "fatigue",
-        "history.cycles",
-        "history.until",
-        "output.cycles",
-        *("units", "shakedown", "accuracy", "mode", "wear"),
-    }
-)
-"""Keys that may differ when a run is resumed: none changes the finished cycles."""
-
 
 def difference(a: Any, b: Any, free: frozenset[str] = frozenset(), key: str = "") -> str | None:
     """Return the first key, "[table] key", in which two scenes or parts of them differ, or None.

@@ -67,8 +67,6 @@ def in_unit(name: str, unit: str | None) -> str:
     return f"{name} ({unit})" if unit else name
 
 
-MOST_UNITS = 1000
-"""Largest number of unit loads of one that travels: each costs a solve with the bulk."""
 FREE = "free"
 """Component of a prescribed displacement that is not prescribed."""
 INTERFERENCE = "interference"
@@ -158,7 +156,7 @@ class Load(Table):
         way = sum(abs(b - a) for a, b in pairwise(self.travel))
         low, high = self.span or (0.0, way)
         step = way / self.steps if self.steps else 2.0 * 1e-3**0.5 * (high - low)
-        step = max(step, way / (MOST_UNITS + 1), 1e-300)
+        step = max(step, way / 1001, 1e-300)  # more than 1000 are refused
         places = [self.travel[0]]
         for a, b in pairwise(self.travel):
             # round-off of a number of steps is not one more

@@ -15,8 +15,6 @@ from receding_fenicsx.scene.profiles import directions, evaluate
 
 EDGES = ("bottom", "top", "left", "right")
 """Edges of a rectangle; its position is the middle of "bottom"."""
-FAR = "far"
-"""The far field of a half-plane, on which loads and supports act."""
 HORIZONTAL = ("bottom", "top")
 """Edges along x."""
 

@@ -245,9 +245,7 @@ def of_contact(scene: Scene, number: int) -> Rules:
             yield f"{at} {key}: {least}; must not be negative"
 
 
-def of_edge(
-    scene: Scene, edge: str, at: str, of_half_plane: Sequence[str] = (symmetry.FAR,)
-) -> Rules:
+def of_edge(scene: Scene, edge: str, at: str, of_half_plane: Sequence[str] = ("far",)) -> Rules:
     """A body has the edge; groups of a mesh file are checked when it is read.
 
     ``of_half_plane`` are the names that a half-plane's edge may have here.
@@ -269,7 +267,7 @@ def of_span(scene: Scene, edge: str, span: tuple[float, float] | None, at: str) 
     if span is None:
         return
     meshed = has_mesh_file(scene, edge)
-    if scene.find_edge(edge)[1] == symmetry.FAR and not meshed:
+    if scene.find_edge(edge)[1] == "far" and not meshed:
         yield f"{at}: the far field of a half-plane has no parts; remove span"
     low, high = span if meshed else symmetry.edge_range(scene, edge)
     slack, own = LENGTH_TOLERANCE * abs(high - low), f"[{span[0]:g}, {span[1]:g}]"

@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any, TypeVar, get_args, get_type_hints
+from typing import Any, get_args, get_type_hints
 
 import h5py
 import numpy as np
@@ -26,7 +26,6 @@ from receding_fenicsx.scene.identity import body_difference, digest
 from receding_fenicsx.scene.model import Scene
 from receding_fenicsx.scene.toml_file import known_scene
 
-T = TypeVar("T")
 FORMAT_VERSION = 1
 TITLE_BYTES = 512
 """Size of the title, HDF5's user block: kind, format version and digest of all that follows it."""
@@ -148,11 +147,11 @@ def _write_all(group: h5py.Group, data: Any, prefix: str = "") -> None:
             write(nodes if name in NODE_FIELDS else group, prefix + name, value)
 
 
-def _read_all(group: h5py.Group, kind: type[T], prefix: str = "") -> T:
+def _read_all(group: h5py.Group, kind: Any, prefix: str = "") -> Any:
     """Read a dataclass that :func:`_write_all` wrote."""
     values: dict[str, Any] = {}
     hints = get_type_hints(kind)
-    for name, optional in ((f.name, f.default is None) for f in dataclasses.fields(kind)):  # type: ignore[arg-type]
+    for name, optional in ((f.name, f.default is None) for f in dataclasses.fields(kind)):
         place = group["nodes"] if kind is Record and name in NODE_FIELDS else group
         types = (t for t in (hints[name], *get_args(hints[name])) if isinstance(t, type))
         inner = next((t for t in types if dataclasses.is_dataclass(t)), None)
@@ -179,7 +178,8 @@ def write_record(path: str | Path, record: Record, overwrite: bool = False) -> N
 def read_record(path: str | Path) -> Record:
     """Read ``record.h5``; InputError where it does not exist, is not a record, or is damaged."""
     with open_file(path, "receding_fenicsx record") as file:
-        return _read_all(file, Record)
+        record: Record = _read_all(file, Record)
+        return record
 
 
 def write_system(path: str | Path, system: ContactSystem, overwrite: bool = False) -> None:
@@ -200,7 +200,7 @@ def read_system(path: str | Path, scene: Scene | None = None) -> ContactSystem:
     body, material, mesh, contact edge, load, support or symmetry.
     """
     with open_file(path, "receding_fenicsx contact system") as file:
-        system = _read_all(file, ContactSystem)
+        system: ContactSystem = _read_all(file, ContactSystem)
         condensed_from = file.attrs["digest"]
     if scene is None:
         return system

@@ -24,13 +24,7 @@ from receding_fenicsx.errors import InputError, Interrupted
 
 @dataclass(frozen=True)
 class FolderKind:
-    """Kind of a folder of results.
-
-    Attributes:
-        name: what it holds.
-        marks: files, each of which shows that a folder is of this kind; no other one is replaced.
-        resumable: whether what it holds can be continued.
-    """
+    """Kind of a folder of results: its name, and the files that show that a folder is one."""
 
     name: str
     marks: tuple[str, ...]
@@ -179,14 +173,7 @@ class Case:
 
 @dataclass(frozen=True)
 class Outcome:
-    """Outcome of a case.
-
-    Attributes:
-        cells: what was measured: numbers, texts, and lists and dictionaries of such; nothing where
-            the case failed.
-        error: why it failed, "" where it did not.
-        final: whether it would fail again; False after a lack of memory or room, say.
-    """
+    """Outcome of a case: JSON values or an error; ``final``: it would fail again."""
 
     cells: dict[str, Any] = field(default_factory=dict)
     error: str = ""

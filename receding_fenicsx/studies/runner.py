@@ -263,12 +263,10 @@ Played = Generator[tuple[int, Outcome], None, None]
 
 
 class Runner:
-    """Runs cases, in the folder of a study or without one.
+    """Runs cases, in the ``folder`` of a study or without one.
 
-    Attributes:
-        folder: the folder, None without one.
-        systems: folder for the condensed systems of the cases, removed with the last case.
-        complete: whether all cases so far are finished, in whatever share.
+    ``systems`` is for condensed systems, removed with the last case; ``complete``: all cases so far
+    are finished, in whatever share.
     """
 
     def __init__(

@@ -281,12 +281,9 @@ def measure_record(record: Record) -> dict[str, Cell]:
 
 @dataclass(frozen=True)
 class Grid:
-    """All combinations of values; those of the last key vary fastest.
+    """All combinations of values, those of the last key varying fastest.
 
-    Attributes:
-        keys: "table.key" or "load.NAME.key", as for ``--set``.
-        labels: the values of each key, as the table shows them.
-        scenes: the scene of each combination, or why it cannot be modelled.
+    Of one that cannot be modelled the reason stands in place of the scene.
     """
 
     keys: tuple[str, ...]

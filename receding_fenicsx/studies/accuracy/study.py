@@ -76,15 +76,10 @@ MOST_NODES = 8000
 
 @dataclass
 class Search:
-    """A search: the meshes so far, and how it ended.
+    """A search: the scene of the last mesh, all meshes from the coarsest, and how it ended.
 
-    Attributes:
-        scene: the scene of the last mesh.
-        levels: the meshes, from the coarsest.
-        failures: (elements, reason) of meshes on which the scene has no answer.
-        way: for each mesh the estimates of the asked numbers.
-        met: the tolerance is met.
-        reason: why it is not; "" where it is.
+    ``failures`` are (elements, reason) of meshes without an answer, ``way`` holds the estimates of
+    the asked numbers for each mesh, and ``reason`` is why the tolerance is not met, "" where it is.
     """
 
     scene: Scene
@@ -256,14 +251,10 @@ FACTORS = (2.0, 2.5, 4.0)
 
 @dataclass
 class Solved:
-    """A scene and its run.
+    """A scene of one mesh and its run.
 
-    Attributes:
-        scene: the scene of the mesh.
-        system: its condensed system, on rank 0.
-        record: its record, on rank 0.
-        failure: why the record ends early, or the tolerance is not met; on all ranks.
-        extra: further keys of the summary.
+    System and record are those of rank 0. ``failure``, on all ranks, is why the record ends early
+    or the tolerance is not met; ``extra`` are further keys of the summary.
     """
 
     scene: Scene

@@ -69,14 +69,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Diagram:
-    """Limits over the mean of one load.
-
-    Attributes:
-        load: name of the load.
-        mean: (n,) its mean load factors.
-        lower, upper: (n,) limits; NaN where they were not found.
-        given: the mean load factor of the scene.
-    """
+    """Limits (n,) over the mean of one load, NaN where not found; ``given`` is the scene's."""
 
     load: str
     mean: Array
