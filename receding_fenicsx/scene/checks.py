@@ -81,24 +81,6 @@ def check_name(name: str, where: str) -> None:
         raise InputError(f"{where}: {name!r} holds a character that cannot be printed; remove it")
 
 
-def check_size(value: float, where: str) -> None:
-    """Raise InputError for a number so large that arithmetic with it may overflow."""
-    if not abs(value) <= LARGEST:
-        raise InputError(
-            f"{where}: {value:g} is beyond {LARGEST:g}; choose units in which it is nearer to 1"
-        )
-
-
-def check_positive(value: float, where: str) -> None:
-    """Raise InputError for a value that is not positive, or so small that it may underflow."""
-    if not value > 0.0:
-        raise InputError(f"{where}: must be positive, not {value:g}")
-    if value < SMALLEST:
-        raise InputError(
-            f"{where}: {value:g} is below {SMALLEST:g}; choose units in which it is nearer to 1"
-        )
-
-
 # -- rules between values ------------------------------------------------------------------------
 
 Rules = Iterator[str]

@@ -65,24 +65,23 @@ def read_columns(
     mark = _separator(rows[0][1])
     values: list[list[float]] = []
     for i, line in rows:
-        values.append([])
-        for count, cell in enumerate(_cells(line, mark), 1):
-            where = f"{label}: line {i}: column {count} is"
+        cells = _cells(line, mark)
+        for count, cell in enumerate(cells, 1):
+            wrong = ""
             if not cell:
-                raise InputError(f"{where} empty; every row needs every value")
-            if not _is_number(cell):
-                begin = "mend it, or begin the line with #"
-                raise InputError(f'{where} "{cell[:40]}", not a number; {begin}')
-            if "," in cell:
-                raise InputError(f'{where} "{cell[:40]}", with a decimal comma; write points')
-            if not math.isfinite(float(cell)):
-                raise InputError(f'{where} "{cell}", not a finite number; mend it')
-            values[-1].append(float(cell))
-        if len(values[-1]) != len(values[0]):
-            raise InputError(
-                f"{label}: line {i}: has {len(values[-1])} column(s), line {rows[0][0]} has "
-                f"{len(values[0])}; all rows need the same"
-            )
+                wrong = "empty; every row needs every value"
+            elif not _is_number(cell):
+                wrong = f'"{cell[:40]}", not a number; mend it, or begin the line with #'
+            elif "," in cell:
+                wrong = f'"{cell[:40]}", with a decimal comma; write points'
+            elif not math.isfinite(float(cell)):
+                wrong = f'"{cell}", not a finite number; mend it'
+            if wrong:
+                raise InputError(f"{label}: line {i}: column {count} is {wrong}")
+        values.append([float(cell) for cell in cells])
+        if len(cells) != len(values[0]):
+            first_row = f"line {rows[0][0]} has {len(values[0])}; all rows need the same"
+            raise InputError(f"{label}: line {i}: has {len(cells)} column(s), {first_row}")
 
     def names_in(line: str) -> tuple[str, ...]:
         cells = _cells(line, mark)

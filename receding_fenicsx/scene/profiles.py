@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.errors import InputError
-from receding_fenicsx.scene.checks import Number, OneOf, check_size, suggestion
+from receding_fenicsx.scene.checks import LARGEST, Number, OneOf, suggestion
 
 Profile = Number | str | dict[Annotated[str, OneOf("x", "value")], list[Number]]
 """A number, an expression in x (and y), or a table {"x": [...], "value": [...]}."""
@@ -91,7 +91,10 @@ def evaluate_checked(profile: Profile, x: Array, y: Array | None, where: str) ->
         found = evaluate(profile, x, y)
     except InputError as error:
         raise InputError(f"{where}: {error}") from None
-    check_size(float(np.abs(found).max(initial=0.0)), where)
+    largest = float(np.abs(found).max(initial=0.0))
+    if largest > LARGEST:
+        nearer = "choose units in which it is nearer to 1"
+        raise InputError(f"{where}: {largest:g} is beyond {LARGEST:g}; {nearer}")
     return found
 
 

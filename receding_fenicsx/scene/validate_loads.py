@@ -224,8 +224,8 @@ def of_bolt(scene: Scene, bolt: Bolt) -> checks.Rules:
         yield from checks.one_of(bolt, at, ("preload", "shortening"))
     elif None in (bolt.preload, bolt.shortening) or len(bolt.tightening) != len(scene.preloads):
         yield f"{at} tightening: is found from the preload; remove it"
-    if bolt.shortening is not None and not bolt.tightening:
-        checks.check_positive(bolt.shortening, f"{at} shortening")
+    if bolt.shortening is not None and not bolt.tightening and bolt.shortening < checks.SMALLEST:
+        yield f"{at} shortening: must be positive, not {bolt.shortening:g}"
     for patch, key in zip(bolt.patches, ("head", "nut"), strict=True):
         yield from of_edge(scene, patch.edge, f"{at} {key}", ())
         yield from of_span(scene, patch.edge, patch.span, f"{at} {key}_span")

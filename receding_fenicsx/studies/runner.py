@@ -359,36 +359,31 @@ def _on_executor(executor: Executor, cases: Mapping[int, Case], measure: Measure
 
 def _on_processes(cases: Mapping[int, Case], measure: Measure, count: int) -> Played:
     """Run cases on new processes; when one dies, those begun are run again, each alone."""
-    waiting = list(cases)
-    while waiting:
-        begun = yield from _until_one_dies(cases, measure, waiting, min(count, len(cases)))
-        for number in begun:
-            if (yield from _until_one_dies(cases, measure, [number], 1)):
-                text = "its process was ended from outside, or crashed"
-                yield number, Outcome({}, text, final=False)
-
-
-def _until_one_dies(
-    cases: Mapping[int, Case], measure: Measure, waiting: list[int], count: int
-) -> Generator[tuple[int, Outcome], None, list[int]]:
-    """Run the waiting cases, ``count`` at a time; return those begun when a process dies."""
-    running: dict[Future[Outcome], int] = {}
-    died: list[int] = []
-    try:
-        while running or (waiting and not died):
-            while waiting and not died and len(running) < count:
-                number = waiting.pop(0)
-                job = workers.submit("study", play, cases[number], measure, count=count, loud=True)
-                running[job] = number
-            for job in wait(running, return_when=FIRST_COMPLETED).done:
-                number = running.pop(job)
-                if isinstance(job.exception(), BrokenExecutor):
-                    died.append(number)
-                else:
-                    yield number, job.result()
-    finally:
-        workers.end("study")
-    return died
+    waiting, alone = list(cases), list[int]()
+    while waiting or alone:
+        again = bool(alone)
+        queue, most = (alone[:1], 1) if again else (waiting, min(count, len(cases)))
+        running: dict[Future[Outcome], int] = {}
+        died: list[int] = []
+        try:
+            while running or (queue and not died):
+                while queue and not died and len(running) < most:
+                    number = queue.pop(0)
+                    case = cases[number]
+                    job = workers.submit("study", play, case, measure, count=most, loud=True)
+                    running[job] = number
+                for job in wait(running, return_when=FIRST_COMPLETED).done:
+                    number = running.pop(job)
+                    if isinstance(job.exception(), BrokenExecutor):
+                        died.append(number)
+                    else:
+                        yield number, job.result()
+        finally:
+            workers.end("study")
+        if again:
+            text = "its process was ended from outside, or crashed"
+            yield from ((number, Outcome({}, text, final=False)) for number in died)
+        alone = alone[1:] if again else died
 
 
 # -- folder of finished cases --------------------------------------------------------------------

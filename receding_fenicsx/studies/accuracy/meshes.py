@@ -206,14 +206,10 @@ def refined_at_zone_ends(
     Args:
         scene: the scene; places in its ``mesh.refine`` are kept.
         record: a record of the scene, on this or on another mesh.
-        ratio: size of the largest contact elements of the record over that at zone ends: a coarse
-            run knows them not well enough for more, which pays at those of a graded run.
+        ratio: size of the largest contact elements of the record over that at zone ends, which a
+            coarse run knows not well enough for more than 4; 8 pays at those of a graded run.
         corner_ratio: the same at corners, where tractions may be singular.
-        growth: size ratio of neighbouring elements away from the new places: slower growths cost
-            nodes and gain little.
-
-    Raises:
-        InputError: a ratio is not positive, or the record belongs to other contact edges.
+        growth: size ratio of neighbouring elements away from the new places.
     """
     if not (ratio > 0.0 and corner_ratio > 0.0):
         raise InputError(f"refined_at_zone_ends: ratios must be positive, not {ratio:g}")
