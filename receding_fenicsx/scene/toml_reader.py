@@ -74,14 +74,16 @@ def scene_of(raw: dict[str, Any]) -> Scene:
         if not values["others"]:
             raise InputError("[[body]]: the scene has none; add one")
         values["body"], *values["others"] = values["others"]
-    named = named_materials(raw)
+    named, common = named_materials(raw), {}
     materials = [(f"[material.{name}]", table) for name, table in named.items()]
     if isinstance(raw.get("material"), dict):
         values["material"] = {k: v for k, v in raw["material"].items() if k not in named}
         materials.append(("[material]", values["material"]))
+        # all bodies have the same kinematics
+        common = {k: v for k, v in values["material"].items() if k == "kinematics"}
     # a material's name is in the header of its table
     messages += [f"{where}: unknown key 'name'; remove it" for where, m in materials if "name" in m]
-    values["materials"] = [{**table, "name": name} for name, table in named.items()]
+    values["materials"] = [{**common, **table, "name": name} for name, table in named.items()]
     try:
         scene = convert(Scene, values, lambda place: _label(values, place))
     except InputErrors as error:

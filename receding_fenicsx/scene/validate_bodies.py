@@ -6,6 +6,7 @@ See :func:`~receding_fenicsx.scene.checks.broken`.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import fields
 
 import numpy as np
 
@@ -15,6 +16,7 @@ from receding_fenicsx.scene.checks import Rules, check_name, unknown_name, unuse
 from receding_fenicsx.scene.model import (
     RECTANGLE_KEYS,
     Body,
+    Material,
     MeshOptions,
     Refinement,
     Scene,
@@ -59,6 +61,9 @@ def of_bodies(scene: Scene) -> Rules:
                 f"[material.{material.name}]: no body has this material; name it in a [[body]], or "
                 "give it the name of a physical surface"
             )
+    own = "each body has a [material.NAME] of its own"
+    keys = [field.name for field in fields(Material) if field.name not in ("kinematics", "name")]
+    yield from unused(scene.material, "[material]", [(scene.material not in used, keys, own)])
     for m in used:
         at = f"[material.{m.name}]" if m.name else "[material]"
         if m.poisson >= m.poisson_limit:

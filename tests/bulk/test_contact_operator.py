@@ -358,6 +358,61 @@ def test_ties_to_a_rigid_plane_are_supports(shared_tmp_path: Path) -> None:
     assert held[1].turning_points.P == pytest.approx(tied[1].turning_points.P, abs=1e-12)
 
 
+BIMETAL = """
+[[body]]
+name = "low"
+width = 20.0
+height = 1.0
+[[body]]
+name = "up"
+width = 20.0
+height = 0.5
+position = [0.0, 1.0]
+[material]
+kinematics = "{}"
+[material.low]
+young = 1000.0
+[material.up]
+young = 3000.0
+[mesh]
+contact_elements = 40
+[[contact]]
+edge = "low.bottom"
+friction = 0.3
+[[tie]]
+edge = "up.bottom"
+against = "low.top"
+[[load]]
+name = "weight"
+body_force = [0.0, -1e-7]
+body = "low"
+[[load]]
+name = "heat"
+thermal_strain = 1e-3
+body = "up"
+[history]
+kind = "table"
+columns = ["weight", "heat"]
+rows = [[1.0, 0.0], [1.0, 1.0]]
+cycle_rows = [[1.0, 0.5], [1.0, 1.0]]
+cycles = 1
+"""
+
+
+@pytest.mark.parametrize("kinematics", ["plane strain", "plane stress"])
+def test_heated_bimetal_has_the_curvature_of_timoshenko(kinematics: str) -> None:
+    """S. Timoshenko, Analysis of bi-metal thermostats, J. Opt. Soc. Am. 11 (1925), eq. (4)."""
+    _, record = last(rf.from_toml(BIMETAL.format(kinematics)))
+    w, middle = record.turning_points.w[1], np.abs(record.x) < 5.0
+    curvature = -2.0 * np.polyfit(record.x[middle], w[middle], 2)[0]
+    # in plane strain the strain along z is stopped
+    strain = 1e-3 * (1.3 if kinematics == "plane strain" else 1.0)
+    m, n, height = 2.0, 1.0 / 3.0, 1.5
+    expected = 6.0 * strain * (1.0 + m) ** 2
+    expected /= height * (3.0 * (1.0 + m) ** 2 + (1.0 + m * n) * (m**2 + 1.0 / (m * n)))
+    assert curvature == pytest.approx(expected, rel=1e-3)
+
+
 @pytest.mark.parametrize(
     ("change", "words"),
     [

@@ -120,6 +120,12 @@ RULES: list[tuple[str, str, str, str]] = [
         "body: must name the body of the point; give one of a, b",
         '[[support]]\npoint = [0.0, 0.5]\nfix = "x"\nbody = "b"',
     ),
+    (
+        "two",
+        "material.a={young=2.0} & material.b={density=1.0} & material.poisson=0.2",
+        "[material] poisson: each body has a [material.NAME] of its own; remove poisson",
+        "material.a={young=2.0} & material.poisson=0.2",
+    ),
     ("two", BOLT + "shortening = 1.0", "bolt 'b': has", BOLT),
     ("two", BOLT + "axis = [0.0, 0.0]", "bolt 'b' axis: has no", BOLT + "axis = [0.0, -1e-9]"),
     ("two", BOLT.replace("a.left", "a.lft"), "bolt 'b' head", BOLT),
