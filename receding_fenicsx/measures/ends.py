@@ -29,8 +29,6 @@ from receding_fenicsx.interface.measures.zones import (
 from receding_fenicsx.reference.corners import corner_exponent
 from receding_fenicsx.scene.symmetry import edge_range
 
-# -- half widths -----------------------------------------------------------------------------------
-
 
 def half_width_estimates(record: Record, row: int, betas: tuple[float, ...] = ()) -> dict[str, Any]:
     """Estimate the half widths of one contact edge at a row of ``record.turning_points``.
@@ -139,9 +137,6 @@ def _shown(ends: Sequence[ZoneEnd]) -> dict[str, Any]:
         ],
         "fitted": all(end.fitted for end in ends),
     }
-
-
-# -- corners ---------------------------------------------------------------------------------------
 
 
 def corners_of(record: Record, row: int) -> dict[str, Any]:

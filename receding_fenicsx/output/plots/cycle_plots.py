@@ -20,8 +20,6 @@ from receding_fenicsx.output.plots import series, style
 from receding_fenicsx.output.plots.labels import MOST_TOLD, Scales, is_word, load_symbol, scales_of
 from receding_fenicsx.output.plots.series import Loop
 
-# -- slip and dissipation --------------------------------------------------------------------------
-
 
 @mpl.rc_context(style.RC)
 def slip_per_cycle(record: Record, scales: Scales | None = None) -> Figure:
@@ -102,8 +100,6 @@ def dissipation_density(record: Record, scales: Scales | None = None) -> Figure:
     figure.legend(loc="outside upper center", ncols=len(rows))
     return figure
 
-
-# -- hysteresis loops and paths of nodes -----------------------------------------------------------
 
 ROUND_OFF = 1e-9
 """Part of the largest position, displacement or traction below which a value is round-off."""

@@ -23,8 +23,6 @@ from receding_fenicsx.output.plots.series import first_unloading, is_unloading, 
 from receding_fenicsx.scene.model import FREE, Load, Scene
 from receding_fenicsx.scene.options import Units, in_unit
 
-# -- names of loads: a symbol as mathematics, a word as text -------------------------------------
-
 MOST_TOLD = 8
 """Number of loads of which all are named; of more only those that act."""
 
@@ -67,9 +65,6 @@ def load_text(name: str) -> str:
 def peak(symbol: str) -> str:
     """Return the symbol of the largest value of a load."""
     return rf"{symbol}^{{\,\mathrm{{max}}}}"
-
-
-# -- kinds of loads and their work-conjugate quantities ------------------------------------------
 
 
 class LoadKind(NamedTuple):
@@ -134,9 +129,6 @@ class Conjugate(NamedTuple):
     bracket: str
     name: str
     upright: bool
-
-
-# -- scales --------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True)
@@ -299,9 +291,6 @@ def pressure_of(scene: Scene | None, load_names: tuple[str, ...]) -> tuple[float
     if not same or not isinstance(value, float | int) or value <= 0.0:
         return 1.0, ""
     return float(value), load_symbol(load_names[0])
-
-
-# -- instants and legs: where on the load path they are, and their loads -------------------------
 
 
 def load_pieces(record: Record, moment: Moment, scales: Scales) -> tuple[str, list[str]]:

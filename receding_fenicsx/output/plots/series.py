@@ -21,8 +21,6 @@ from receding_fenicsx.scene.history import corner_angles, is_straight
 CURVED_LEGS = 12
 """Number of legs above which a cycle is a curve rather than loading and unloading."""
 
-# -- legs ----------------------------------------------------------------------------------------
-
 
 def leg_ends(record: Record, cycle: int, leg: int) -> tuple[Array, Array]:
     """Return load factors (n_loads,) at the start and the end of a leg."""
@@ -64,9 +62,6 @@ def phases(record: Record) -> Array | None:
     angles = corner_angles(scene.history, scene.driven_names)
     whole = np.all(np.bincount(record.turning_points.cycle)[1:] == len(angles) - 1)
     return angles if whole else None
-
-
-# -- requested cycles, legs and nodes ------------------------------------------------------------
 
 
 def sampled_cycles(record: Record) -> list[int]:
@@ -116,9 +111,6 @@ def whole_numbers(asked: Any, what: str) -> list[int]:
         return [operator.index(value) for value in (asked if several else [asked])]
     except TypeError:
         raise InputError(f"{what} {asked!r}: must be a whole number") from None
-
-
-# -- paths through a cycle -----------------------------------------------------------------------
 
 
 @dataclass(frozen=True)
@@ -205,9 +197,6 @@ def representative_nodes(record: Record) -> list[int]:
     for part in (np.arange(missing) + 1.0) / (missing + 1.0):
         chosen.add(int(between[round(part * (len(between) - 1))]))
     return sorted(chosen, key=lambda i: float(record.x[i]))
-
-
-# -- slip per cycle ------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True)

@@ -27,8 +27,6 @@ from receding_fenicsx.output.plots import style
 from receding_fenicsx.output.plots.labels import Scales, load_pieces, scales_of
 from receding_fenicsx.output.plots.series import CURVED_LEGS, phases
 
-# -- tractions -----------------------------------------------------------------------------------
-
 
 @mpl.rc_context(style.RC)
 def tractions(
@@ -123,9 +121,6 @@ def _draw_curves(axes: Axes, record: Record, moment: Moment, scales: Scales) -> 
     axes.set_ylim(*style.focus(p, np.concatenate([q, high, low])))
     style.ticks(axes.yaxis, 7)
     axes.set_ylabel(scales.with_unit(label, scales.divided, stress=1))
-
-
-# -- stresses at probes --------------------------------------------------------------------------
 
 
 @mpl.rc_context(style.RC)

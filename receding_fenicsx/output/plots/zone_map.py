@@ -28,9 +28,6 @@ Change = tuple[float, int]
 """Position s on the leg, and the new state."""
 
 
-# -- states of single nodes along a leg ----------------------------------------------------------
-
-
 @dataclass(frozen=True)
 class Timeline:
     """States of one node along a leg."""
@@ -147,9 +144,6 @@ def _order(run: NDArray[np.intp], old: NDArray[np.int8], new: NDArray[np.int8]) 
     if leaves_left != leaves_right:
         return forward[::-1] if leaves_left else forward
     return np.full(n, 0.5)
-
-
-# -- zones ---------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True)

@@ -164,8 +164,6 @@ def _draw_loads(axes: Axes, record: Record, cycle: int, scales: Scales, at: Arra
         axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), **look)
 
 
-# -- what both have: zones, the friction limit without slip, legends -----------------------------
-
 DASHED: dict[str, Any] = {"color": "black", "dashes": (3, 1.5), "lw": 1.0}
 """Style of the lines where nodes reach the friction limit without slip."""
 
@@ -269,9 +267,6 @@ def _draw_limit(
             y = np.interp(part, np.linspace(0.0, 1.0, len(ends)), ends)
             axes.plot(record.x[nodes] / scales.length, y, **DASHED)
     return len(node) > 1
-
-
-# -- numbers of states ---------------------------------------------------------------------------
 
 
 class Label(NamedTuple):

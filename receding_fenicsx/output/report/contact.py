@@ -132,7 +132,12 @@ def console_table(summary: Summary, most: int) -> list[str]:
     edges = len({p.get("edge") for p in points}) or 1
     chosen = [points[k] for k in sorted(order[: max(most // edges * edges, 1)])]
     traction = _format([p[k] for p in points for k in ("p_max", "q_min", "q_max")])
-    largest = [largest_shown(p, traction) for p in chosen]
+    largest = []
+    for point in chosen:
+        p_max, *q = extremes_of(point)
+        singular = point.get("p_max_singular", False)
+        values = p_max, max(map(abs, q))
+        largest.append(["singular" if singular and v else f"{v:{traction}}" for v in values])
     columns = {
         "edge": [p.get("edge", "") for p in chosen],
         "cycle": [str(p["cycle"]) for p in chosen],
@@ -167,15 +172,6 @@ def _half_widths(kind: str, points: Sequence[Point], summary: Summary) -> list[s
     return ["-" if value is None else f"{value:{length_format(summary)}}" for value in values]
 
 
-def largest_shown(point: Point, form: str) -> tuple[str, str]:
-    """Return the largest pressure and shear traction in words, "singular" where they have none."""
-    p, *q = extremes_of(point)
-    largest = max(map(abs, q))
-    if point.get("p_max_singular"):
-        return "singular", "singular" if largest > 0.0 else f"{largest:{form}}"
-    return f"{p:{form}}", f"{largest:{form}}"
-
-
 def extremes_of(point: Point) -> list[float]:
     """Return p_max, q_min and q_max of a turning point, with 0 in place of round-off."""
     values = [point[key] for key in ("p_max", "q_min", "q_max")]
@@ -189,27 +185,26 @@ def _in_units(name: str, summary: Summary) -> str:
     return in_unit(name, (summary.get("units") or {}).get(kind))
 
 
-def _one_half(point: Point, summary: Summary) -> bool:
+def _one_half(point: Point, symmetry: str) -> bool:
     """Return whether the zones from the centre are shown alone: the others are their mirror."""
-    on_axis = summary["symmetry"] == "axisymmetric" and "p_axis" in point
-    return "edge" not in point and (on_axis or summary["symmetry"] == "mirror")
+    on_axis = symmetry == "axisymmetric" and "p_axis" in point
+    return "edge" not in point and (on_axis or symmetry == "mirror")
 
 
 def zones_header(summary: Summary) -> str:
     """Return the header of the column of zones; of a symmetric contact only one half is shown."""
-    if not all(_one_half(point, summary) for point in summary["turning_points"]):
+    symmetry = summary["symmetry"]
+    if not all(_one_half(point, symmetry) for point in summary["turning_points"]):
         return "zones"
-    if summary["symmetry"] == "axisymmetric":
-        return "zones (from the axis)"
-    return "zones (x > 0, from the centre)"
+    return f"zones ({'from the axis' if symmetry == 'axisymmetric' else 'x > 0, from the centre'})"
 
 
 def zones_shown(point: Point, summary: Summary) -> str:
     """Return the zones of a turning point; of a symmetric contact those from the centre."""
-    zones, form = point["zones"], length_format(summary)
+    zones, form, symmetry = point["zones"], length_format(summary), summary["symmetry"]
     first, centre = f"{zones[0][1]:{form}} " if zones else "", -math.inf
-    if _one_half(point, summary):
-        axis = summary["symmetry"] == "axisymmetric"
+    if _one_half(point, symmetry):
+        axis = symmetry == "axisymmetric"
         first, centre = "", 0.0 if axis else 0.5 * (zones[0][1] + zones[-1][2])
     return first + " | ".join(f"{name} to {end:{form}}" for name, _, end in zones if end > centre)
 

@@ -183,8 +183,6 @@ def draw_mode(bulk: Stack, critical: CriticalFriction | None, file: Path) -> Pat
     return on_root(bulk.comm, draw)
 
 
-# -- films -----------------------------------------------------------------------------------------
-
 Frame = NDArray[np.uint8]
 """(height, width, 3) array of red, green and blue."""
 
