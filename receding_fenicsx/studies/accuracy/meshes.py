@@ -9,7 +9,7 @@ elements, so that nodes match.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, TypeVar
 
@@ -124,30 +124,26 @@ def doublings(scene: Scene) -> list[int]:
     return [round(least * 2**k) for k in range(7)]
 
 
-def elements_near(scene: Scene, wanted: float, limits: tuple[float, float]) -> Iterator[int]:
-    """Yield numbers of elements within limits, the nearest to a wanted one first."""
-    low, high = max(limits[0], MIN_ELEMENTS), limits[1]
-    if is_refined(scene):
-        found = [n for n in doublings(scene) if limits[0] <= n <= high]
-    else:
-        found = list(range(2 * math.ceil(low / 2), int(high) + 1, 2))
-    yield from sorted(found, key=lambda n: abs(math.log(n / wanted)))
-
-
-def first_that_fits(
+def solve_near(
     scene: Scene,
-    numbers: Iterator[int],
+    wanted: float,
+    limits: tuple[float, float],
     solve: Callable[[Scene, int], T],
     refused: type[InputError] = MeshMisfit,
-) -> tuple[int, T] | None:
-    """Solve on the first mesh whose vertices fit the scene; None where no numbers are given.
+) -> T | None:
+    """Solve on the mesh nearest to a wanted number of elements whose vertices fit the scene.
 
-    A mesh is refused by an error of a type; that of the last one is raised.
+    A mesh is refused by an error of a type; that of the last one is raised. None where there is no
+    mesh within the limits.
     """
+    low, high = max(limits[0], MIN_ELEMENTS), limits[1]
+    found = [*range(2 * math.ceil(low / 2), int(high) + 1, 2)]
+    if is_refined(scene):
+        found = [n for n in doublings(scene) if limits[0] <= n <= high]
     misfit = None
-    for elements in numbers:
+    for elements in sorted(found, key=lambda n: abs(math.log(n / wanted))):
         try:
-            return elements, solve(scaled_mesh(scene, elements), elements)
+            return solve(scaled_mesh(scene, elements), elements)
         except refused as error:
             misfit = error
     if misfit is not None:
@@ -176,9 +172,7 @@ def coarser(scene: Scene) -> Scene | None:
         return partner
 
     half = 0.5 * scene.mesh.contact_elements
-    numbers = elements_near(scene, half, (half / SEARCH_RATIO, half))
-    found = first_that_fits(scene, numbers, fitting, InputError)
-    return None if found is None else found[1]
+    return solve_near(scene, half, (half / SEARCH_RATIO, half), fitting, InputError)
 
 
 def partner(scene: Scene, comm: MPI.Comm) -> Scene | None:

@@ -49,12 +49,11 @@ from receding_fenicsx.studies.accuracy.meshes import (
     MIN_ELEMENTS,
     SEARCH_RATIO,
     doublings,
-    elements_near,
-    first_that_fits,
     graded_at_ends,
     is_graded,
     is_refined,
     scaled_mesh,
+    solve_near,
     to_limit,
 )
 from receding_fenicsx.timing import Say
@@ -233,11 +232,10 @@ def _solved(scene: Scene, wanted: int, solve: Callable[[Scene, int], Level]) -> 
     """Solve on the mesh nearest to a wanted one whose vertices fit the scene, or on a finer one."""
     near, reason = 1.0 if is_refined(scene) else 1.3, ""
     while wanted <= _finest(scene):
-        numbers = elements_near(scene, wanted, (wanted / near, wanted * near))
         try:
-            found = first_that_fits(scene, numbers, solve)
+            found = solve_near(scene, wanted, (wanted / near, wanted * near), solve)
             if found is not None:
-                return found[1]
+                return found
         except MeshMisfit as error:
             reason = str(error)
         wanted *= 2
@@ -355,16 +353,15 @@ def space_errors(
         below = levels[-1].elements - 1
         limits = most / factor / SEARCH_RATIO, min(most / factor, below)
         try:
-            numbers = elements_near(scene, most / factor, limits)
             # the run itself was accepted: a coarser mesh is refused for its vertices
-            found = first_that_fits(scene, numbers, level, InputError)
+            found = solve_near(scene, most / factor, limits, level, InputError)
         except RecedingError:
             if len(levels) == 1:
                 raise
             break  # a mesh as coarse as this may have no solution
         if found is None:
             break
-        levels.append(found[1])
+        levels.append(found)
     if meshes is not None:
         meshes.write()
     return {} if record is None else estimates_of(levels)
