@@ -6,5 +6,5 @@ The rooms read a :class:`~receding_fenicsx.evolution.record.Record`; they comput
 2. :mod:`snapshots`: ``draw.snapshots`` draws stresses on the deformed body, ``draw.animate``
    a film of a cycle.
 3. :mod:`report`: sections (``summary.SECTIONS``), as ``summary.summarise``,
-   ``text.run_table`` and ``html.write_report``.
+   ``summary.run_table`` and ``html.write_report``.
 """

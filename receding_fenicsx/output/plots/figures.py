@@ -72,51 +72,33 @@ def __dir__() -> list[str]:
 
 
 Draw = Callable[[Record, Any], Figure]
-Main = Callable[[int], bool]
 
 
-@dataclass(frozen=True)
-class Entry:
-    """A figure of the registry; attributes are the arguments of :func:`figure`."""
-
-    draw: Draw
-    needs: Callable[[Record], Any]
-    caption: str
-    main: bool | Main
-    all_edges: bool
-    each: bool
-
-
-FIGURES: dict[str, Entry] = {}
-"""Registered figures by name, in the order in which runs draw them and reports show them."""
-
-
-def figure(
-    name: str,
-    needs: Callable[[Record], Any],
-    caption: str = "",
-    main: bool | Main = False,
-    all_edges: bool = False,
-    each: bool = False,
-) -> Callable[[Draw], Draw]:
+@dataclass
+class figure:
     """Register a function ``draw(record, found)`` as a figure of every record that has data for it.
 
-    Args:
-        name: name of the file, without ending.
-        needs: returns from a record what the figure shows, such as instants: the second argument
-            ``found`` of ``draw``. None, False or an empty sequence: the figure is omitted.
-        caption: text below it in the report.
-        main: whether it answers a scene's question, so that all runs draw it; or a function of the
-            last cycle that says so.
-        all_edges: it shows all contact edges together; others are drawn for each edge.
-        each: ``needs`` returns names, and ``draw`` is called for each: a figure ``name_NAME``.
+    ``needs`` returns from a record what the figure shows, such as instants: the second argument
+    ``found`` of ``draw``. None, False or an empty sequence: the figure is omitted.
     """
 
-    def register(draw: Draw) -> Draw:
-        FIGURES[name] = Entry(draw, needs, caption, main, all_edges, each)
+    name: str  # of the file, without ending
+    needs: Callable[[Record], Any]
+    caption: str = ""  # text below it in the report
+    # it answers a scene's question, so that all runs draw it; or a function of the last cycle
+    main: bool | Callable[[int], bool] = False
+    all_edges: bool = False  # it shows all contact edges together; others are drawn for each edge
+    each: bool = False  # needs returns names, and draw is called for each: a figure name_NAME
+
+    def __call__(self, draw: Draw) -> Draw:
+        """Register the function."""
+        self.draw = draw
+        FIGURES[self.name] = self
         return draw
 
-    return register
+
+FIGURES: dict[str, figure] = {}
+"""Registered figures by name, in the order in which runs draw them and reports show them."""
 
 
 def plot_all(
@@ -165,7 +147,7 @@ def draw_all(record: Record, everything: bool = True) -> Iterator[tuple[str, Fig
 
 def _drawings(
     record: Record, everything: bool
-) -> Iterator[tuple[str, Entry, Callable[[], Figure]]]:
+) -> Iterator[tuple[str, figure, Callable[[], Figure]]]:
     """Yield name, entry and drawing function of the figures that a record has data for."""
     last = last_cycle(record)
     for name, entry in FIGURES.items():
