@@ -44,8 +44,8 @@ def random_system(seed: int, n: int, f: float) -> tuple[ContactSystem, Undecided
     K = 0.15 * G @ G.T / n + np.kron(np.eye(2), np.eye(n)) + np.kron([[0, 1], [1, 0]], couple)
     system = small_system(K, {"a": rng.standard_normal(2 * n)}, rng.uniform(0.2, f, n))
     kinds = rng.permutation(np.arange(n)) % 4
-    f, back = (np.where(kinds == 3, 0.0, each) for each in (system.f, rng.uniform(0.2, f, n)))
-    friction = replace(system, f=f, f_backward=back if seed % 2 else None)
+    forward, back = (np.where(kinds == 3, 0.0, each) for each in (system.f, rng.uniform(0.2, f, n)))
+    friction = replace(system, f=forward, f_backward=back if seed % 2 else None)
     nodes = [np.flatnonzero(kinds == kind) for kind in range(4)]
     return friction, Undecided(*nodes)
 
