@@ -28,8 +28,8 @@ from receding_fenicsx.bulk.contact_nodes import ContactNodes
 from receding_fenicsx.bulk.join_bodies import CondensedBody
 from receding_fenicsx.bulk.mesh.rectangle import POSITION_TOLERANCE
 from receding_fenicsx.bulk.point_values import PointValues, point_values
+from receding_fenicsx.bulk.schur import norm, symmetrise, turn
 from receding_fenicsx.bulk.stress import Discretisation, Stresses, stresses
-from receding_fenicsx.bulk.symmetric_matrix import norm, symmetrise, turn
 from receding_fenicsx.errors import SolveError
 from receding_fenicsx.mpi import given, on_root
 

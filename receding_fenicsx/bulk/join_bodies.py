@@ -55,7 +55,7 @@ from scipy.linalg import LinAlgError, LinAlgWarning, solve
 from receding_fenicsx.arrays import Array, Ints
 from receding_fenicsx.bulk.contact_operator import Relative, eliminate
 from receding_fenicsx.bulk.rigid_motions import common_motions, free_motions, independent, scaled
-from receding_fenicsx.bulk.symmetric_matrix import norm, symmetrise
+from receding_fenicsx.bulk.schur import norm, symmetrise
 from receding_fenicsx.errors import InputError, SolveError
 
 BALANCE_TOLERANCE = 1e-9

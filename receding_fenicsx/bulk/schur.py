@@ -6,6 +6,7 @@ petsc4py does not wrap this part of PETSc, so its C functions are called through
 from __future__ import annotations
 
 import ctypes
+from collections.abc import Callable, Iterator
 from functools import cache
 from typing import Any
 
@@ -15,7 +16,6 @@ from petsc4py import PETSc
 import numpy as np
 
 from receding_fenicsx.arrays import Array, Ints
-from receding_fenicsx.bulk.symmetric_matrix import symmetrise
 from receding_fenicsx.errors import SolveError
 from receding_fenicsx.mpi import on_root
 
@@ -127,3 +127,52 @@ def _call(name: str, *arguments: Any) -> None:
     code = getattr(_library(), name)(*arguments)
     if code:
         raise SolveError(f"PETSc's {name} failed with code {code}; report it")
+
+
+# -- large symmetric matrices in place, tile by tile, without a second matrix ----------------------
+
+
+def _slices(size: int) -> Iterator[slice]:
+    # two tiles of 128 by 128 fit into a core's cache
+    return (slice(first, min(first + 128, size)) for first in range(0, size, 128))
+
+
+def symmetrise(K: Array, triangle: str | None = None) -> None:
+    """Make a square matrix symmetric to the last bit, in place.
+
+    ``triangle`` "lower" or "upper" replaces the other one; None takes the mean of both.
+    """
+    for rows in _slices(len(K)):
+        for columns in _slices(rows.stop):
+            below, above = K[rows, columns], K[columns, rows].T
+            if triangle is None:
+                tile = 0.5 * (below + above)
+            elif rows == columns:
+                tile = _mirrored(below, triangle)
+            else:
+                tile = (below if triangle == "lower" else above).copy()
+            K[rows, columns] = tile
+            K[columns, rows] = tile.T
+
+
+def _mirrored(tile: Array, triangle: str) -> Array:
+    part: Array = np.tril(tile) if triangle == "lower" else np.triu(tile)
+    return part + part.T - np.diag(np.diagonal(part))
+
+
+def turn(K: Array, to_local: Callable[[Array], Array]) -> None:
+    """Replace a symmetric K by R K R^T to the last bit; ``to_local`` returns R times a matrix."""
+    # no work where the rotation is the identity
+    pattern = np.cos(1.0 + np.arange(len(K)) ** 2)
+    if np.array_equal(to_local(pattern), pattern):
+        return
+    for part in _slices(len(K)):
+        K[:, part] = to_local(K[:, part])
+    for part in _slices(len(K)):
+        K[part] = to_local(K[part].T).T
+    symmetrise(K)
+
+
+def norm(K: Array) -> float:
+    """Return the largest row sum of |K|."""
+    return max((float(np.abs(K[rows]).sum(axis=1).max()) for rows in _slices(len(K))), default=0.0)

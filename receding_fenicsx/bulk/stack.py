@@ -8,7 +8,6 @@ on the axis) would take 40 % less time and a third less memory: with 2561 contac
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from functools import cached_property
 from typing import Any
 
 from mpi4py import MPI
@@ -46,6 +45,8 @@ class Stack:
         soft: compliance (m, m) of springs between the bodies, whose unit loads are the last m.
         pair: both bodies, where both are half-planes.
         joined: their condensed system on rank 0, once they are ``condensed``.
+        relative: relative displacements of the bodies at the points of contacts and ties.
+        contact: points of all contacts.
     """
 
     scene: Scene
@@ -54,6 +55,13 @@ class Stack:
     pair: tuple[HalfPlane, HalfPlane] | None = None
     joined: JoinedBodies | None = None
     condensed: bool = False
+    relative: Relative = field(init=False)
+    contact: ContactPoints = field(init=False)
+
+    def __post_init__(self) -> None:
+        """Find the contact operator."""
+        contacts, scenes = zip(*((part.contact, part.scene) for part in self.parts), strict=True)
+        self.relative, self.contact = relative_of(self.scene, contacts, scenes)
 
     @property
     def comm(self) -> MPI.Comm:
@@ -69,21 +77,6 @@ class Stack:
     def half(self) -> bool:
         """Whether only x >= 0 is modelled; always for an axisymmetric body."""
         return self.parts[0].half
-
-    @cached_property
-    def _operator(self) -> tuple[Relative, ContactPoints]:
-        contacts = [part.contact for part in self.parts]
-        return relative_of(self.scene, contacts, [part.scene for part in self.parts])
-
-    @property
-    def relative(self) -> Relative:
-        """Relative displacements of the bodies at the points of contacts and ties."""
-        return self._operator[0]
-
-    @property
-    def contact(self) -> ContactPoints:
-        """Points of all contacts."""
-        return self._operator[1]
 
     @property
     def load_names(self) -> tuple[str, ...]:

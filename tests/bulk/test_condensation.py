@@ -12,7 +12,7 @@ from models import block_system
 from numpy.typing import NDArray
 
 from receding_fenicsx.bulk import schur
-from receding_fenicsx.bulk.symmetric_matrix import norm
+from receding_fenicsx.bulk.schur import norm
 from receding_fenicsx.errors import SolveError
 from receding_fenicsx.interface.system import ContactSystem
 from receding_fenicsx.scene.model import Body, Contact, Scene

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from receding_fenicsx.bulk.symmetric_matrix import norm, symmetrise, turn
+from receding_fenicsx.bulk.schur import norm, symmetrise, turn
 
 pytestmark = pytest.mark.one_rank
 

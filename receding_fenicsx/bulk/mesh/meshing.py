@@ -162,57 +162,50 @@ def make_meshes(comm: MPI.Comm, scene: Scene, half: bool) -> tuple[BodyMesh, ...
     Raises:
         InputError: a mesh that cannot serve the scene; on all ranks.
     """
-    made = on_root(comm, lambda: _make_on_root(scene, half))
-    shared = comm.bcast(None if made is None else [(m.cell, m.data) for m in made])
+
+    def tagged() -> list[tuple[dict[str, Any], tuple[NDArray[Any], ...]]]:
+        meshes = raw_meshes(scene, half)
+        interfaces = find_interfaces(scene, meshes, half and not scene.axisymmetric)
+        shared = {
+            "size": max(mesh.size for mesh in meshes),
+            "pivot": middle_of(scene, meshes, interfaces),
+            "half": half,
+        }
+        return [
+            (found | shared, arrays)
+            for body, mesh in zip(scene.bodies, meshes, strict=True)
+            for found, arrays in [_tagged(scene, body, mesh, interfaces)]
+        ]
+
+    made = on_root(comm, tagged)
+    every = comm.bcast(None if made is None else [data for data, _ in made])
     found = []
-    for i, (cell, data) in enumerate(shared):
-        points, cells = np.empty((0, 2)), np.empty((0, 3 if cell == "triangle" else 4), np.int64)
-        facets, tags = np.empty((0, 2), dtype=np.int64), np.empty(0, dtype=np.int32)
+    for i, data in enumerate(every):
+        corners = {"triangle": 3, "quadrilateral": 4}[data["cell"]]
+        points, cells = np.empty((0, 2)), np.empty((0, corners), np.int64)
+        facets, tags = np.empty((0, 2), np.int64), np.empty(0, np.int32)
+        of_cells = tags
         if made is not None:
-            points, cells, facets, tags = made[i].arrays
-        mesh = _dolfinx.create_mesh(comm, cell, cells, points)
-        tagged = _dolfinx.tag_entities(mesh, 1, facets, tags)
-        of_cells = made[i].materials if made is not None else np.empty(0, np.int32)
+            points, cells, facets, tags, of_cells = made[i][1]
+        mesh = _dolfinx.create_mesh(comm, data["cell"], cells, points)
+        tags = _dolfinx.tag_entities(mesh, 1, facets, tags)
         numbers = None
         if comm.bcast(len(of_cells)):
             tags_of = _dolfinx.tag_entities(mesh, 2, cells, of_cells)
             numbers = np.zeros(mesh.topology.index_map(2).size_local, dtype=np.int64)
             own = tags_of.indices < len(numbers)
             numbers[tags_of.indices[own]] = tags_of.values[own]
-        found.append(BodyMesh(mesh, tagged, cell=cell, materials=numbers, **data))
+        found.append(BodyMesh(mesh, tags, materials=numbers, **data))
     return tuple(found)
 
 
-@dataclass(frozen=True)
-class _Tagged:
-    """Points, cells, facets and tags of a mesh on rank 0, and other attributes of its BodyMesh."""
-
-    arrays: tuple[Array, Ints, Ints, NDArray[np.int32]]
-    cell: str
-    data: dict[str, Any]
-    materials: NDArray[np.int32]
-
-
-def _make_on_root(scene: Scene, half: bool) -> list[_Tagged]:
-    """Return the meshes of all bodies with their tags; no communication."""
-    meshes = raw_meshes(scene, half)
-    interfaces = find_interfaces(scene, meshes, half and not scene.axisymmetric)
-    middle = middle_of(scene, meshes, interfaces)
-    shared = {"size": max(mesh.size for mesh in meshes), "pivot": middle, "half": half}
-    return [
-        _tagged(scene, body, mesh, interfaces, shared)
-        for body, mesh in zip(scene.bodies, meshes, strict=True)
-    ]
-
-
 def _tagged(
-    scene: Scene,
-    body: Body,
-    mesh: RawMesh,
-    interfaces: tuple[Interface, ...],
-    shared: dict[str, Any],
-) -> _Tagged:
-    """Tag the facets of a body by edge, those in contact by contact."""
+    scene: Scene, body: Body, mesh: RawMesh, interfaces: tuple[Interface, ...]
+) -> tuple[dict[str, Any], tuple[NDArray[Any], ...]]:
+    """Tag the facets of a body by edge, those in contact by contact.
+
+    Returns attributes of its BodyMesh, and points, cells, facets, their tags, materials of cells.
+    """
     tag_of = {name: tag for tag, name in enumerate(mesh.edges, start=1)}
     tags = {name: np.full(len(f), tag_of[name], np.int32) for name, f in mesh.edges.items()}
     groups = {name: [tag] for name, tag in tag_of.items()}
@@ -250,12 +243,12 @@ def _tagged(
         "lines": lines,
         "spots": {name: mesh.points[nodes] for name, nodes in mesh.spots.items()},
         "arcs": mesh.arcs,
-        **shared,
+        "cell": mesh.cell,
     }
     facets = np.vstack([np.empty((0, 2), dtype=np.int64), *(mesh.edges[name] for name in used)])
     every = np.concatenate([np.empty(0, np.int32), *(tags[name] for name in used)])
-    arrays = mesh.points, mesh.cells, facets, every
-    return _Tagged(arrays, mesh.cell, data, _materials_of_cells(scene, body, mesh))
+    materials = _materials_of_cells(scene, body, mesh)
+    return data, (mesh.points, mesh.cells, facets, every, materials)
 
 
 def _materials_of_cells(scene: Scene, body: Body, mesh: RawMesh) -> NDArray[np.int32]:
