@@ -18,11 +18,11 @@ from dolfinx import fem
 
 from receding_fenicsx.bulk import _dolfinx
 from receding_fenicsx.bulk.body import Bulk
+from receding_fenicsx.bulk.closures import add_springs
 from receding_fenicsx.bulk.contact_nodes import find_contact
 from receding_fenicsx.bulk.loads import add_load
 from receding_fenicsx.bulk.material import lame_constants, stiffness_in
 from receding_fenicsx.bulk.mesh.meshing import BodyMesh
-from receding_fenicsx.bulk.springs import add_springs
 from receding_fenicsx.scene.model import Scene
 
 

@@ -18,12 +18,11 @@ from scipy.linalg import block_diag
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.bulk import elasticity
 from receding_fenicsx.bulk.body import Bulk
-from receding_fenicsx.bulk.closures import bolt_compliance, closed, with_gaps
+from receding_fenicsx.bulk.closures import NAME, add_links, bolt_compliance, closed, with_gaps
 from receding_fenicsx.bulk.contact_operator import ContactPoints, Relative, relative_of
 from receding_fenicsx.bulk.half_planes import HalfPlane, half_plane_of, join_half_planes
 from receding_fenicsx.bulk.join_bodies import CondensedBody, JoinedBodies, join
 from receding_fenicsx.bulk.mesh.meshing import BodyMesh
-from receding_fenicsx.bulk.springs import NAME, add_links
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.interface.system import ContactSystem
 from receding_fenicsx.mpi import given, on_root

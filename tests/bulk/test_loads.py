@@ -14,7 +14,7 @@ import receding_fenicsx as rf
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.bulk.body import Bulk
 from receding_fenicsx.bulk.from_scene import bulk_of
-from receding_fenicsx.bulk.mesh.gmsh_model import gmsh_model
+from receding_fenicsx.bulk.mesh.user_mesh import gmsh_model
 from receding_fenicsx.mpi import on_root
 from receding_fenicsx.scene.history import history_from_scene
 from receding_fenicsx.scene.model import Body, Contact, Load, Material, MeshOptions, Scene

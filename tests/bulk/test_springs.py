@@ -11,8 +11,8 @@ import pytest
 from bodies import ONCE, block, cylinder, played
 
 import receding_fenicsx as rf
+from receding_fenicsx.bulk.closures import _across
 from receding_fenicsx.bulk.material import stiffness_of
-from receding_fenicsx.bulk.springs import _across
 from receding_fenicsx.mpi import on_root
 from receding_fenicsx.scene.symmetry import is_half_meshed
 from receding_fenicsx.studies.run import condense

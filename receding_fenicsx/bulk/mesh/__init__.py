@@ -5,7 +5,7 @@ two:
 
 1. A rectangle: `rectangle.make_frame` chooses coordinates along the contact edge and into the
    depth, `find_marks` the positions where loads, contact and supports need vertices. gmsh
-   (`gmsh_model.gmsh_model`) meshes the half of `meshes/rectangle.geo`; `rectangle.snap` moves its
+   (`user_mesh.gmsh_model`) meshes the half of `meshes/rectangle.geo`; `rectangle.snap` moves its
    nodes to their exact places, `mirror` adds the other half.
 2. A file: `user_mesh.read_user_meshes` runs gmsh in a process of its own, once for all bodies that
    are surfaces of the file, and checks cells and groups; `curved_edges.arcs_of` keeps the true

@@ -9,10 +9,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from receding_fenicsx.arrays import Array, Ints
-from receding_fenicsx.bulk.mesh.gmsh_model import geo_path, gmsh_model, mesh_of
+from receding_fenicsx.arrays import Array
 from receding_fenicsx.bulk.mesh.grading import Base, grade_half, graded
 from receding_fenicsx.bulk.mesh.raw_mesh import RawMesh
+from receding_fenicsx.bulk.mesh.user_mesh import geo_path, gmsh_model, mesh_of
 from receding_fenicsx.errors import InputError, MeshMisfit, SolveError
 from receding_fenicsx.scene.model import Body, Refinement, Scene
 from receding_fenicsx.scene.one_body import part_of
@@ -81,22 +81,6 @@ class Marks:
     ends: Array
 
 
-@dataclass
-class HalfMesh:
-    """Points, cells and edges of a half body, later of the whole.
-
-    Attributes:
-        s, d: (n,) edge coordinates.
-        cells: (m, 3 or 4) points around each cell.
-        edges: (k, 2) points of the facets of each edge, by its name in the .geo file.
-    """
-
-    s: Array
-    d: Array
-    cells: Ints
-    edges: dict[str, Ints]
-
-
 def rectangle_mesh(whole: Scene, body: Body, half: bool) -> RawMesh:
     """Mesh a rectangle of a scene; no communication.
 
@@ -128,12 +112,12 @@ def rectangle_mesh(whole: Scene, body: Body, half: bool) -> RawMesh:
     if half:
         edges["left"] = np.empty((0, 2), dtype=np.int64)
     middles = {edge: np.hstack(edge_points(scene, edge, [0.0])) for edge in EDGES}
-    points = frame.to_body(mesh.s, mesh.d) + np.array(scene.body.position)
+    points = frame.to_body(*mesh.points.T) + np.array(scene.body.position)
     return RawMesh(points, mesh.cells, edges, {}, middles, upright=True)
 
 
-def _gmsh_half(scene: Scene, frame: Frame, marks: Marks) -> HalfMesh:
-    """Mesh the half body."""
+def _gmsh_half(scene: Scene, frame: Frame, marks: Marks) -> RawMesh:
+    """Mesh the half body in edge coordinates; edges have their names in the .geo file."""
     cell = scene.mesh.cell
     unit = frame.depth
     numbers = {
@@ -166,8 +150,7 @@ def _gmsh_half(scene: Scene, frame: Frame, marks: Marks) -> HalfMesh:
             ) from caught
         if list(gmsh.model.mesh.getElementTypes(2)) != [2 if cell == "triangle" else 3]:
             raise SolveError(f"gmsh did not fill the body with {cell}s; change contact_elements")
-        mesh = mesh_of(gmsh, None, "rectangle.geo", unit)
-    return HalfMesh(mesh.points[:, 0].copy(), mesh.points[:, 1].copy(), mesh.cells, mesh.edges)
+        return mesh_of(gmsh, None, "rectangle.geo", unit)
 
 
 def make_frame(scene: Scene, half: bool, stacked: bool = False) -> Frame:
@@ -286,10 +269,10 @@ def _apart(values: list[float], near: float) -> Array:
     return ordered[np.diff(ordered, prepend=-np.inf) > near]
 
 
-def snap(scene: Scene, frame: Frame, marks: Marks, mesh: HalfMesh) -> None:
+def snap(scene: Scene, frame: Frame, marks: Marks, mesh: RawMesh) -> None:
     """Move the nodes of the boundary and of the marks to their exact positions, in place."""
     n = scene.mesh.contact_elements
-    s, d = mesh.s, mesh.d
+    s, d = mesh.points.T
     dx = frame.length / n
     near = POSITION_TOLERANCE * frame.depth
     on = {edge: np.unique(facets) for edge, facets in mesh.edges.items()}
@@ -330,17 +313,16 @@ def _nearest(ds: Array, dd: Array, near: float) -> int:
     return node
 
 
-def mirror(mesh: HalfMesh) -> HalfMesh:
+def mirror(mesh: RawMesh) -> RawMesh:
     """Return the whole body: the half and its mirror image about s = 0, with the axis shared."""
-    off = np.flatnonzero(mesh.s > 0.0)
-    image = np.arange(len(mesh.s))
-    image[off] = len(mesh.s) + np.arange(len(off))
+    off = np.flatnonzero(mesh.points[:, 0] > 0.0)
+    image = np.arange(len(mesh.points))
+    image[off] = len(mesh.points) + np.arange(len(off))
     edges = {e: np.vstack([mesh.edges[e], image[mesh.edges[e]]]) for e in ("bottom", "top")}
     edges["right"], edges["left"] = mesh.edges["right"], image[mesh.edges["right"]]
     # reverse the images of the cells to keep their orientation
-    return HalfMesh(
-        np.concatenate([mesh.s, -mesh.s[off]]),
-        np.concatenate([mesh.d, mesh.d[off]]),
+    return RawMesh(
+        np.vstack([mesh.points, mesh.points[off] * [-1.0, 1.0]]),
         np.vstack([mesh.cells, image[mesh.cells][:, ::-1]]),
         edges,
     )
