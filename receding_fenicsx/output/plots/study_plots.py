@@ -157,16 +157,9 @@ def error_over_time(search: Mapping[str, Any]) -> Figure:
     if not any(e["relative"] for level in way for e in level["numbers"].values()):
         axes.set_ylim(0.1 * tolerance, 10.0 * tolerance)
     axes.axhline(tolerance, **style.GUIDE)
-    axes.annotate(
-        "tolerance",
-        (1.0, tolerance),
-        xycoords=("axes fraction", "data"),
-        xytext=(-3, 2),
-        textcoords="offset points",
-        ha="right",
-        fontsize=8,
-        color=style.INK_OF_GUIDES,
-    )
+    look: dict[str, Any] = {"textcoords": "offset points", "ha": "right", "fontsize": 8}
+    look |= {"xycoords": ("axes fraction", "data"), "color": style.INK_OF_GUIDES}
+    axes.annotate("tolerance", (1.0, tolerance), xytext=(-3, 2), **look)
     axes.set(xlabel="seconds since the start", ylabel="2 × estimated relative error")
     axes.set_xlim(seconds[0] / 1.5, seconds[-1] * 1.5)
     axes.xaxis.set_major_formatter("{x:g}")

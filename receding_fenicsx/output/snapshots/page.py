@@ -269,17 +269,10 @@ def _draw_contours(axes: Axes, view: View, values: Array, levels: Array, dpi: fl
     cells = view.cells
     if cells.shape[1] > 3:
         cells = np.vstack([cells[:, :3], cells[:, [0, 2, 3]]])
-    # width of a contour line in pixels
-    axes.tricontour(
-        Triangulation(view.moved[:, 0], view.moved[:, 1], cells),
-        values,
-        levels=inside,
-        colors="black",
-        alpha=0.5,
-        linewidths=72.0 / dpi,
-        linestyles="solid",
-        zorder=1.5,
-    )
+    look: dict[str, Any] = {"colors": "black", "alpha": 0.5, "linestyles": "solid", "zorder": 1.5}
+    look["linewidths"] = 72.0 / dpi  # a pixel
+    mesh = Triangulation(view.moved[:, 0], view.moved[:, 1], cells)
+    axes.tricontour(mesh, values, levels=inside, **look)
 
 
 def _axes_at(figure: Figure, box: tuple[float, float, float, float]) -> Axes:
