@@ -72,17 +72,6 @@ def test_check_counts_the_contact_nodes_of_the_run(
         assert f"; {len(record.x)} contact nodes," in said
 
 
-def test_check_tells_what_would_be_modelled(capsys: pytest.CaptureFixture[str]) -> None:
-    assert cli.main(["check", BLOCK]) == 0
-    out = capsys.readouterr().out
-    if root:
-        assert "321 contact nodes, half of the body, loads p0, 400 cycles" in out
-    else:
-        assert out == ""
-    assert cli.main(["check", BLOCK, "--set", "solver.symmetry=none"]) == 0
-    assert ("the whole body" in capsys.readouterr().out) == root
-
-
 @pytest.mark.parametrize("name", sorted(path.name for path in DEMOS.glob("*.toml")))
 def test_every_demo_scene_can_be_modelled(name: str) -> None:
     assert cli.main(["check", str(DEMOS / name)]) == 0

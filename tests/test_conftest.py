@@ -113,34 +113,3 @@ def test_rank_1_never_comes():
     assert "comm.Barrier" not in done.stdout
     assert "test_it.py" in done.stderr and "test_rank_1_never_comes" in done.stderr
     assert time.monotonic() - begin > RANK_WAIT
-
-
-def test_rank_that_dies_ends_the_job(session: Session) -> None:
-    done = session(
-        """
-def test_it():
-    if rank == 1:
-        import os
-        os._exit(7)
-    comm.Barrier()
-"""
-    )
-    assert done.returncode == 7
-
-
-def test_rank_that_hangs_ends_the_job_and_shows_where(session: Session) -> None:
-    done = session(
-        """
-def test_it():
-    if rank == 1:
-        endless()
-
-def endless():
-    while True:
-        time.sleep(0.1)
-""",
-        "--timeout=3",
-        "--timeout-method=thread",
-    )
-    assert done.returncode != 0
-    assert "in endless" in done.stdout + done.stderr

@@ -45,15 +45,6 @@ def test_an_error_in_order_is_estimated_exactly(factors: tuple[float, ...], orde
     assert estimated_error(values, observed_order(values)) == pytest.approx(abs(slope), rel=1e-6)
 
 
-def test_a_number_that_grows_like_a_logarithm_has_order_zero() -> None:
-    assert observed_order([(r, np.log(r)) for r in (2.0, 4.0, 8.0)]) == pytest.approx(0.0, abs=1e-6)
-
-
-def test_an_error_of_higher_order_is_overestimated() -> None:
-    values = [(r, 3.0 + 0.01 * r**3) for r in (1.0, 2.0, 2.5, 4.0)]
-    assert 0.01 < estimated_error(values, observed_order(values)) < 0.01 * 4.0**3
-
-
 def test_where_a_zone_is_not_resolved_no_order_above_one_is_assumed() -> None:
     values = [(r, 3.0 + 0.01 * r**1.5) for r in (1.0, 2.0, 4.0)]
     levels = [rf.Level(round(64 / r), 0, 0.0, {"a": rf.Number(a)}) for r, a in values]

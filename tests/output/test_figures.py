@@ -20,7 +20,6 @@ from small import cyclic, small_system, table
 
 import receding_fenicsx as rf
 from receding_fenicsx.measures.limit_nodes import limit_nodes
-from receding_fenicsx.output.plots.labels import describe_factors, load_symbol
 from receding_fenicsx.output.plots.series import slip_lines
 from receding_fenicsx.output.plots.zone_map import zone_map
 from receding_fenicsx.output.report.html import report_html
@@ -121,29 +120,6 @@ def test_colours_of_the_states_differ_in_lightness_too() -> None:
         light = np.where(c <= 0.04045, c / 12.92, ((c + 0.055) / 1.055) ** 2.4)
         found.append(116.0 * np.cbrt(light @ [0.2126, 0.7152, 0.0722]) - 16.0)
     assert np.diff(np.sort(found)).min() > 8.0
-
-
-def test_loads_that_are_symbols_are_written_as_such() -> None:
-    assert load_symbol("p0") == "p_{0}"
-    assert load_symbol("Q") == "Q"
-    assert load_symbol("bolt_force") == r"\mathrm{bolt\_force}"
-    assert load_symbol("tightening_torque") == r"\mathrm{tight…rque}"
-
-
-@pytest.mark.parametrize(
-    ("part", "said"),
-    [
-        (1.0, "p = p^"),
-        (-1.0, "p = -p^"),
-        (1.0 / 3.0, r"p = \frac{1}{3}\,p^"),
-        (2.0 / 3.0, r"p = \frac{2}{3}\,p^"),
-        (0.5, r"p = 0.5\,p^"),
-        (0.0, "p = 0$"),
-    ],
-)
-def test_parts_of_the_largest_load_are_written_as_they_are(part: float, said: str) -> None:
-    assert describe_factors(("p",), np.array([part])).startswith(f"${said}")
-    assert describe_factors(("torque",), np.array([part])).startswith(f"torque at ${part:.3g}$")
 
 
 def names_of_colours(figure: Figure) -> dict[str, str]:

@@ -10,7 +10,6 @@ from matplotlib.colors import to_rgb
 from small import cyclic, small_system, table
 
 import receding_fenicsx as rf
-from receding_fenicsx.output.plots.series import representative_nodes
 
 pytestmark = pytest.mark.one_rank
 
@@ -51,18 +50,6 @@ def test_path_of_the_first_loading_begins_at_rest(slip: str | None) -> None:
 def test_cycle_without_samples_is_refused() -> None:
     with pytest.raises(rf.InputError, match=r"cycle 5: .* only of \[0, 1, 2, 9, 25\]"):
         rf.loop_of(record(), 5)
-
-
-def test_chosen_nodes_have_different_fates() -> None:
-    found = record()
-    nodes = representative_nodes(found)
-    assert len(nodes) == len(set(nodes)) == 4
-    assert np.all(found.x[nodes] > 0.0)
-    state = found.samples.state[found.samples.cycle == CYCLES][:, nodes]
-    density = found.cycles.dissipation_density[-1]
-    assert np.any(state == rf.State.SEPARATION, axis=0).sum() >= 1
-    assert np.any(np.all(state == rf.State.STICK, axis=0))
-    assert int(np.argmax(np.where(found.x > 0.0, density, 0.0))) in nodes
 
 
 @pytest.mark.parametrize("mu", [0.0, 50.0])

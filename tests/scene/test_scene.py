@@ -26,16 +26,6 @@ def message(*overrides: str, extra: str = "") -> str:
     return text
 
 
-def test_block_is_the_papers_block() -> None:
-    scene = rf.read_scene(DEMOS / "block.toml")
-    # section 2: height h, width 4h, p0 on the central 2h; section 3: f = 0.35, nu = 0.3
-    assert scene.body.width == 4 * scene.body.height
-    assert scene.loads[0].span == (-scene.body.height, scene.body.height)
-    assert (scene.contacts[0].friction, scene.material.poisson) == (0.35, 0.3)
-    assert scene.mesh.degree * scene.mesh.contact_elements + 1 == 321
-    assert scene.history.minimum == scene.history.maximum / 3
-
-
 def test_written_scene_reads_back_equal() -> None:
     scene = block(
         'title="a \\"quoted\\" \\u00e9\\n\\u007f title"',
