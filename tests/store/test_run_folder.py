@@ -126,6 +126,11 @@ def test_run_without_a_checkpoint_is_kept_only_if_a_signal_ended_it(tmp_path: Pa
         (folder / SYSTEM).write_text("condensed")
         raise Killed
     assert os.listdir(tmp_path) == ["run.part"]
+    interrupt(out, resume=True)
+    # its checkpoints outlive a failure of the run that goes on with them
+    with pytest.raises(rf.InputError), run_folder(out, BLOCK, resume=True):
+        raise rf.InputError("its next leg fails")
+    assert has_run(out)
 
 
 def test_finished_run_stays_until_the_longer_one_is_finished_too(tmp_path: Path) -> None:
@@ -135,9 +140,12 @@ def test_finished_run_stays_until_the_longer_one_is_finished_too(tmp_path: Path)
     longer = replace(BLOCK, history=replace(BLOCK.history, cycles=900))
     with pytest.raises(Killed), run_folder(out, longer, resume=True) as folder:
         assert sorted(os.listdir(folder)) == [JOURNAL, SCENE, SYSTEM]
+        fill(folder, "on the way")
         raise Killed
     assert (out / SYSTEM).read_text() == "short"
     with run_folder(out, longer, resume=True) as folder:
+        # of the run that has come further
+        assert (folder / SYSTEM).read_text() == "on the way"
         fill(folder, "long")
     assert (out / SYSTEM).read_text() == "long"
     assert "cycles = 900" in (out / SCENE).read_text()
