@@ -126,6 +126,8 @@ def test_a_crowned_body_rolls_to_where_it_rests_under_its_load(top: float, f: fl
         for record, at in ((tilted, top), (level, 0.0))
     ]
     assert np.abs(gaps[0] - gaps[1]).max() <= 1e-9 * bend
+    # to neither side of its load's middle it leans further
+    assert np.abs(level.samples.w - level.samples.w[:, ::-1]).max() <= 1e-9 * bend
     assert tilted.residual_max <= 1e-11 and tilted.energy_error_max <= 1e-10
 
 
