@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -72,6 +73,14 @@ def test_error_of_the_polygon_falls_with_the_square_of_the_corners() -> None:
     assert doubling is not None and doubling[-1, 1] <= 1e-3 < doubling[-2, 1]
     record = evolve(system, scene)
     assert abs(record.cycles.dissipation[-1] - known) <= doubling[-1, 1] * known
+    # the larger one of the last change and a quarter of that before, of any of the first cycles
+    D = [
+        evolve(system, replace(scene, history=replace(scene.history, corners=int(n)))).cycles
+        for n in doubling[:, 0]
+    ]
+    change = np.array([np.ptp([a.dissipation, b.dissipation], 0).max() for a, b in pairwise(D)])
+    change /= [one.dissipation.max() for one in D[1:]]
+    assert doubling[2:, 1] == pytest.approx(np.maximum(change[1:], 0.25 * change[:-1]), rel=1e-9)
     # what was found is told, and is the scene of the record
     number, error = doubling[-1]
     assert record.scene is not None and record.scene.history.corners == number

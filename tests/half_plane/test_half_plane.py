@@ -112,6 +112,22 @@ def test_stiffness_is_symmetric_and_keeps_rigid_motions(order: int, side: int) -
     assert np.allclose(modes_of(x).T @ found.r_star[0], [0.0, 1.0, 0.0], atol=1e-12)
 
 
+def test_far_field_follows_from_the_balance_of_forces() -> None:
+    """Under a force and a given rotation; work-conjugate: motion of the force, its own moment."""
+    x = graded(9)
+    part, modes = surface(x), modes_of(x)
+    A = SurfaceStiffness(part, compliance(part, STEEL, 1, 20.0)).A
+    R, F, turn = modes[:, :2], np.array([0.3, -1.0]), 0.5 * modes[:, 2]
+    force, moved = np.array([[*F, 0.0], [0, 0, 0]]), np.array([[0, 0, 0], [0, 0, 0.5]])
+    far = FarField(np.array([True, True, False]), force, moved, np.array([-1.0, 1.0]))
+    found = condense_far_field(A, modes, far)
+    for load in np.eye(2):
+        a = np.linalg.solve(R.T @ A @ R, load[0] * F - R.T @ A @ turn * load[1])
+        r = -A @ (R @ a + turn * load[1])
+        assert found.r_star.T @ load == pytest.approx(r, abs=1e-9 * np.abs(A).max())
+        assert found.compliance @ load == pytest.approx([F @ a, -turn @ r], rel=1e-9)
+
+
 def bonded_errors(n: int, plane_stress: bool) -> tuple[float, float]:
     """Errors of p, relative, and q, over P / a, on 0.8 of a bonded punch of half width 1."""
     material = plane_material(3.0, 0.1, plane_stress)

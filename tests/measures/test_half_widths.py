@@ -119,3 +119,13 @@ def test_slip_of_a_settled_cycle_that_is_negligible_is_shown_as_stick() -> None:
     assert np.array_equal(shown_states(record, 0, state), state)
     shown = shown_states(record, last, state)
     assert np.all(shown[still] == 1) and np.all(shown[large] == 3)
+    # an edge of a millionth of the slips shows what it would show alone
+    edge = (record.x > 0.0).astype(np.int64)
+    tables = {
+        name: replace(part, v=part.v * np.where(edge, 1e-6, 1.0))
+        for name, part in (("samples", samples), ("turning_points", record.turning_points))
+    }
+    two = replace(record, edge=edge, edge_names=("left", "right"), **tables)  # type: ignore[arg-type]
+    for k, part in enumerate(two.by_edge().values()):
+        alone = shown_states(part, last, state[edge == k])
+        assert np.array_equal(shown_states(two, last, state)[edge == k], alone)
