@@ -59,13 +59,16 @@ def from_toml(text: str, overrides: Iterable[str] = (), folder: Path | None = No
 
 @lru_cache(maxsize=16)
 def known_scene(text: str) -> Scene:
-    """Return the scene of a TOML text of :func:`to_toml`, read once, also of an older version."""
+    """Return the scene of a TOML text of :func:`to_toml`, read once.
+
+    It was valid when it was written: one of an older version is not judged by newer rules.
+    """
     raw = toml_reader.parse_toml(text)
     for table, key in toml_reader.MOVED:
         part = raw.get(table.strip("[]"))
         if isinstance(part, dict):
             part.pop(key, None)
-    return from_raw(raw)
+    return toml_reader.scene_of(raw)
 
 
 def from_raw(raw: dict[str, Any], folder: Path | None = None) -> Scene:
