@@ -236,7 +236,8 @@ def _rules(scene: Scene, varying: tuple[str, ...]) -> Rules:
     """The keys of [history] suit its kind, and it drives all loads that are not constant."""
     options, names, kind = scene.history, scene.driven_names, scene.history.kind
     for keys, kinds in (
-        (("load", "maximum", "minimum"), '"cyclic" or "monotonic"'),
+        (("load", "maximum"), '"cyclic" or "monotonic"'),
+        (("minimum",), '"cyclic"'),
         (("rows", "cycle_rows", "columns"), '"table"'),
         (("harmonic", "corners", "tolerance"), '"harmonic"'),
     ):

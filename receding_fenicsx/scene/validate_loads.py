@@ -243,6 +243,7 @@ def of_support(scene: Scene, support: Support) -> checks.Rules:
     if support.edge is None:
         yield from _of_point(scene, support, at)
         return
+    yield from checks.unused(support, at, [(True, ("body",), "is not for an edge")])
     yield from of_edge(scene, support.edge, f"{at} edge")
     edge = scene.find_edge(support.edge)
     if any(scene.find_edge(c.edge) == edge and c.span is None for c in scene.joints):
