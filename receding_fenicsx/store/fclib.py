@@ -25,7 +25,7 @@ from receding_fenicsx.interface.gauss_seidel.compliance_form import (
 )
 from receding_fenicsx.interface.system import ContactState, ContactSystem
 from receding_fenicsx.scene import history
-from receding_fenicsx.scene.toml_file import from_toml
+from receding_fenicsx.scene.toml_file import known_scene
 from receding_fenicsx.store.hdf5 import new_hdf5, read_system
 from receding_fenicsx.store.run_folder import read_run
 
@@ -60,7 +60,7 @@ def export(
         load = np.ones(len(system.load_names))
         text = "from rest to load factors 1"
     problem, solution = step_problem(system, load, start), solve_problem(system, load, start)
-    title = from_toml(system.scene_toml).title if system.scene_toml else ""
+    title = known_scene(system.scene_toml).title if system.scene_toml else ""
     write_fclib(out, problem, solution, title, text, overwrite)
     free = problem.V.shape[1]
     return f"{text}: {len(problem.mu)} contacts, {free} rigid motion(s) left to the contact"

@@ -45,7 +45,7 @@ from receding_fenicsx.environment import versions
 from receding_fenicsx.errors import InputError, RecedingError, SolveError
 from receding_fenicsx.scene.identity import difference, digest
 from receding_fenicsx.scene.model import Scene
-from receding_fenicsx.scene.toml_file import from_toml, to_toml
+from receding_fenicsx.scene.toml_file import known_scene, to_toml
 from receding_fenicsx.store.run_folder import write_summary
 from receding_fenicsx.store.workspace import (
     CASES,
@@ -428,7 +428,7 @@ def _check_same(path: Path, study: Study[Any]) -> None:
     """Raise InputError if a folder holds another study."""
     try:
         found = json.loads((path / study.file).read_text(encoding="utf-8"))
-        scene = from_toml(found["scene"]) if found["scene"] else None
+        scene = known_scene(found["scene"]) if found["scene"] else None
         same, checksum = dict(found["same"]), found["digest"]
     except (OSError, ValueError, KeyError, TypeError, InputError):
         raise InputError(f"{path / study.file}: is damaged; start anew with --overwrite") from None

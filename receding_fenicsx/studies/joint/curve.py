@@ -36,7 +36,7 @@ from receding_fenicsx.scene.model import (
     Scene,
     WearOptions,
 )
-from receding_fenicsx.scene.toml_file import from_toml
+from receding_fenicsx.scene.toml_file import known_scene
 from receding_fenicsx.scene.validate import validate
 from receding_fenicsx.store.run_folder import write_csv, write_summary
 from receding_fenicsx.store.workspace import Case
@@ -307,7 +307,7 @@ def joint_curve(
         start = np.array([0.0 * factors, factors] if np.any(factors) else [factors])
         if given is not None and given.scene_toml:
             # bolts and interference have legs of their own
-            known = replace(from_toml(given.scene_toml), history=HistoryOptions())
+            known = replace(known_scene(given.scene_toml), history=HistoryOptions())
             played = _driven(known, drive, values)
         if played is not None:
             start = preload_path(own, played, drive)

@@ -21,7 +21,7 @@ from receding_fenicsx.interface.system import ContactSystem
 from receding_fenicsx.measures.fatigue import fatigue_summary
 from receding_fenicsx.output.plots import style
 from receding_fenicsx.output.report.contact import CRITERIA
-from receding_fenicsx.scene.toml_file import from_toml
+from receding_fenicsx.scene.toml_file import known_scene
 from receding_fenicsx.store.run_folder import write_csv
 from receding_fenicsx.studies.wear.steps import NodePairs, Row
 
@@ -125,7 +125,7 @@ class WearStudy:
 
     def fatigue(self) -> list[dict[str, Any]]:
         """Return the fatigue parameters at some of the cycles, evenly by the depth."""
-        scene = from_toml(self.system.scene_toml) if self.system.scene_toml else None
+        scene = known_scene(self.system.scene_toml) if self.system.scene_toml else None
         if scene is None or scene.fatigue is None or self.model.carried:
             return []
         return [
