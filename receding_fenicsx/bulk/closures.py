@@ -225,27 +225,22 @@ def closed(
     K = joined.K + r_star.T @ G
     compliance = C @ T
     compliance[at] = T[at]
+    # free motions on which unit tensions do no work: 1e-9 of the sum of its parts is none
+    pull, tiny = r_star[at] @ joined.rigid, np.finfo(float).tiny
+    parts = np.abs(r_star[at]) @ np.abs(joined.rigid) + tiny
+    held = np.where(np.abs(pull) > 1e-9 * parts, pull, 0.0)
+    held = held / parts.max(axis=1, keepdims=True, initial=tiny)
     return replace(
         joined,
         K=0.5 * (K + K.T),
         r_star=T[:, :kept].T @ r_star,
         compliance=compliance[:kept, :kept],
         sign=np.where(np.isin(np.arange(len(T)), at), 1.0, joined.sign)[:kept],
-        rigid=_without_lengthening(joined.rigid, r_star[at]),
+        rigid=scaled(joined.rigid @ free_motions(held, 1e-9)),
         driven=joined.driven[:kept],
         factors=(T[:, :kept], G),
         shift=joined.shift[:kept],
     )
-
-
-def _without_lengthening(rigid: Array, r_star: Array) -> Array:
-    """Return the rigid motions (2N, n) on which unit tensions with these r* do no work."""
-    pull = r_star @ rigid
-    size = np.abs(r_star) @ np.abs(rigid) + np.finfo(float).tiny
-    # a force of 1e-9 of the sum of its parts is none
-    held = np.where(np.abs(pull) > 1e-9 * size, pull, 0.0)
-    held = held / size.max(axis=1, keepdims=True, initial=np.finfo(float).tiny)
-    return scaled(rigid @ free_motions(held, 1e-9))
 
 
 def shifted(joined: JoinedBodies, S: Array) -> JoinedBodies:

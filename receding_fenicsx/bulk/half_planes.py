@@ -15,7 +15,6 @@ from receding_fenicsx.arrays import Array
 from receding_fenicsx.bulk import _dolfinx
 from receding_fenicsx.bulk.contact_nodes import ContactNodes, ContactSide
 from receding_fenicsx.bulk.join_bodies import (
-    BALANCE_TOLERANCE,
     CondensedBody,
     JoinedBodies,
     Motion,
@@ -430,7 +429,7 @@ def join_half_planes(a: HalfPlane, b: HalfPlane, load_names: tuple[str, ...]) ->
         sign[k, rows] = part.far.sign
     together = a.far.free & b.far.free
     size = np.abs(force).sum(axis=(0, 2))
-    lost = np.abs((force[0] + force[1]) * together).max(axis=1) > BALANCE_TOLERANCE * size
+    lost = np.abs((force[0] + force[1]) * together).max(axis=1) > 1e-9 * size
     # a displacement of one body that the other one follows freely
     lost |= np.any(moved[0] * b.far.free, axis=1) | np.any(moved[1] * a.far.free, axis=1)
     for k in np.flatnonzero(lost):

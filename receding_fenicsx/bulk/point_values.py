@@ -79,7 +79,7 @@ def _in_own_cells(bulk: Discretisation, points: Array) -> list[tuple[int, Ints, 
         near = np.all((point >= low - slack) & (point <= high + slack), axis=1)
         for cell in np.flatnonzero(near):
             at = reference(cell_type, corners[cell], point)
-            if not touches(cell_type, at):
+            if at is None:
                 continue
             local = dofmap.cell_dofs(int(cell))
             numbers = dofmap.index_map.local_to_global(local.astype(np.int32)).astype(np.int64)
@@ -114,24 +114,18 @@ def mapped(cell: str, corners: Array, at: Array) -> tuple[Array, Array]:
     return value[0] @ corners, (slopes[:, 0] @ corners).T
 
 
-def reference(cell: str, corners: Array, point: Array) -> Array:
-    """Return the reference coordinates of a point of a cell; NaN where there are none."""
+def reference(cell: str, corners: Array, point: Array) -> Array | None:
+    """Return the reference coordinates of a point in a cell or on its boundary to round-off."""
     at = np.full(2, 0.5)
     # Newton's method; the map of a triangle is linear
     for _ in range(1 if cell == "triangle" else 20):
         place, jacobian = mapped(cell, corners, at)
         if np.linalg.det(jacobian) == 0.0:
-            return np.full(2, np.nan)
+            return None
         at = at + np.linalg.solve(jacobian, point - place)
-    off = np.abs(mapped(cell, corners, at)[0] - point).max()
-    return at if off <= CELL_TOLERANCE * np.ptp(corners, axis=0).max() else np.full(2, np.nan)
-
-
-def touches(cell: str, at: Array) -> bool:
-    """Return whether reference coordinates lie in a cell, or on its boundary up to round-off."""
-    inside = at.min() >= -CELL_TOLERANCE
+    off = np.abs(mapped(cell, corners, at)[0] - point).max() / np.ptp(corners, axis=0).max()
     far = at.sum() if cell == "triangle" else at.max()
-    return bool(inside and far <= 1.0 + CELL_TOLERANCE)
+    return at if max(off, -at.min(), far - 1.0) <= CELL_TOLERANCE else None
 
 
 def shape_functions(cell: str, degree: int, corners: Array, at: Array) -> tuple[Array, Array]:

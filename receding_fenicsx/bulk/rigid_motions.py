@@ -9,9 +9,6 @@ from scipy.linalg import qr
 
 from receding_fenicsx.arrays import Array
 
-MOTION_TOLERANCE = 1e-12
-"""Largest constraint on a rigid motion (lengths over the body's size) that counts as zero."""
-
 
 def motions(points: Array, pivot: Array, size: float) -> Array:
     """Return the displacements (n, 2, 3) of points in the three rigid motions."""
@@ -22,7 +19,7 @@ def motions(points: Array, pivot: Array, size: float) -> Array:
     return moved
 
 
-def free_motions(constraints: Array, tolerance: float = MOTION_TOLERANCE) -> Array:
+def free_motions(constraints: Array, tolerance: float = 1e-12) -> Array:
     """Return a basis (n, k) of the combinations of n motions on which all rows (m, n) vanish.
 
     The basis is in echelon form: translations come first, without rotation where possible.
@@ -37,14 +34,14 @@ def free_motions(constraints: Array, tolerance: float = MOTION_TOLERANCE) -> Arr
         if row == len(basis):
             break
         best = row + int(np.argmax(np.abs(basis[row:, column])))
-        if abs(basis[best, column]) > MOTION_TOLERANCE:
+        if abs(basis[best, column]) > 1e-12:
             basis[[row, best]] = basis[[best, row]]
             basis[row] /= basis[row, column]
             for other in range(len(basis)):
                 if other != row:
                     basis[other] -= basis[other, column] * basis[row]
             row += 1
-    return np.where(np.abs(basis) > MOTION_TOLERANCE, basis, 0.0).T
+    return np.where(np.abs(basis) > 1e-12, basis, 0.0).T
 
 
 def scaled(modes: Array) -> Array:

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Callable, Iterator
-from functools import cache
 from typing import Any
 
 from mpi4py import MPI
@@ -100,31 +99,10 @@ def _triangle(ranks: int) -> str:
     return "upper" if ranks == 1 else "lower"
 
 
-@cache
-def _library() -> ctypes.CDLL:
-    """Return libpetsc, reached through petsc4py's module, with the functions used here declared."""
-    library = ctypes.CDLL(PETSc.__file__)
-    pointer = ctypes.c_void_p
-    for name, arguments in {
-        "MatFactorSetSchurIS": [pointer, pointer],
-        "MatFactorGetSchurComplement": [
-            pointer,
-            ctypes.POINTER(pointer),
-            ctypes.POINTER(ctypes.c_int),
-        ],
-        "MatFactorRestoreSchurComplement": [pointer, ctypes.POINTER(pointer), ctypes.c_int],
-        "MatDenseGetArrayRead": [pointer, ctypes.POINTER(ctypes.POINTER(ctypes.c_double))],
-        "MatDenseRestoreArrayRead": [pointer, ctypes.POINTER(ctypes.POINTER(ctypes.c_double))],
-    }.items():
-        function = getattr(library, name)
-        function.argtypes = arguments
-        function.restype = ctypes.c_int
-    return library
-
-
 def _call(name: str, *arguments: Any) -> None:
-    """Call a function of PETSc and raise when it reports an error."""
-    code = getattr(_library(), name)(*arguments)
+    """Call a function of libpetsc, reached through petsc4py's module; its errors are raised."""
+    handles = (ctypes.c_void_p(a) if isinstance(a, int) else a for a in arguments)
+    code = getattr(ctypes.CDLL(PETSc.__file__), name)(*handles)
     if code:
         raise SolveError(f"PETSc's {name} failed with code {code}; report it")
 

@@ -14,7 +14,7 @@ import receding_fenicsx as rf
 from receding_fenicsx.bulk import stack
 from receding_fenicsx.bulk.fields import BodyFields, gather_fields, probe_matrix, solve_fields
 from receding_fenicsx.bulk.mesh.meshing import make_meshes
-from receding_fenicsx.bulk.point_values import point_values, reference, shape_functions, touches
+from receding_fenicsx.bulk.point_values import point_values, reference, shape_functions
 from receding_fenicsx.bulk.stack import Stack, build_all
 
 comm = MPI.COMM_WORLD
@@ -188,7 +188,7 @@ def test_shape_functions_carry_linear_fields_in_cells_of_any_shape(kind: str, de
         nodes = cell if degree == 1 else np.vstack([cell, middles])
         inner = random.dirichlet(np.ones(len(cell))) @ cell
         at = reference(kind, cell, inner)
-        assert touches(kind, at)
+        assert at is not None
         shape, gradient = shape_functions(kind, degree, cell, at)
         slope = random.standard_normal(2)
         assert shape @ (1.0 + nodes @ slope) == pytest.approx(1.0 + inner @ slope, abs=1e-12)
