@@ -207,15 +207,3 @@ def test_a_landing_after_an_initial_slip_is_refused_by_node(method: str) -> None
     smooth = replace(system, f=np.array([0.4, 0.0]))
     end = evolve(smooth, history, options, initial_slip=np.array([1.0, 0.0])).turning_points
     assert end.P[0, 1] > 0.0
-
-
-@pytest.mark.one_rank
-@pytest.mark.parametrize("asymmetry", [1e-13, 1e-10, 0.9e-8])
-def test_an_asymmetry_within_the_check_is_removed(asymmetry: float) -> None:
-    loads = {"p": [1.0, 1.0]}
-    K = np.array([[2.0, 0.5], [0.5, 2.0]])
-    skew = asymmetry * np.array([[0.0, 1.0], [-1.0, 0.0]])
-    away = small_system(K + skew, loads, 0.3)
-    history = table(away, [[0.0], [1.0]], [[1.0], [0.2], [1.0]], 1)
-    found, even = (evolve(s, history).turning_points for s in (away, small_system(K, loads, 0.3)))
-    assert np.array_equal(found.Q, even.Q) and np.array_equal(found.P, even.P)

@@ -1,8 +1,6 @@
-import copy
 import dataclasses
 import json
 import os
-import re
 from collections.abc import Callable
 from pathlib import Path
 
@@ -19,9 +17,7 @@ from receding_fenicsx.evolution.replay import state_at
 from receding_fenicsx.interface.measures.zones import zones
 from receding_fenicsx.interface.mirror import mirror_of
 from receding_fenicsx.interface.system import ContactSystem
-from receding_fenicsx.output.plots.labels import describe_factors
-from receding_fenicsx.output.report.html import report_html
-from receding_fenicsx.output.report.summary import run_table, summarise
+from receding_fenicsx.output.report.summary import summarise
 from receding_fenicsx.scene.history import history_from_scene
 from receding_fenicsx.scene.model import SolverOptions
 from receding_fenicsx.scene.toml_file import from_toml, to_toml
@@ -265,26 +261,6 @@ def test_numbers_that_json_cannot_hold_become_null(record: Record, tmp_path: Pat
     bad = summarise(dataclasses.replace(record, residual_max=float("nan")))
     write_summary(tmp_path / "s.json", bad)
     assert json.loads((tmp_path / "s.json").read_text())["residual_max"] is None
-
-
-def test_no_number_that_rounds_to_zero_has_a_sign(record: Record) -> None:
-    summary = copy.deepcopy(summarise(record))
-    for point in summary["turning_points"]:
-        point["load"] = {"p0": -0.0}
-        point["contact_half_width"] = point["q_max"] = -1e-9
-        point["zones"] = [["stick", -1e-9, -0.0], ["separation", -0.0, 2.0]]
-        point["q_min"] = point["p_max"] = -1e-9
-        point["stick_half_width_estimate"] = {
-            "value": -1e-9, "interval": [-0.0, 1e-9], "fitted": True
-        }  # fmt: skip
-    summary["limit_without_slip"] = [[-0.0, 1.0]]
-    minus_zero = r"-0(\.0*)?(?![.\de])"
-    assert re.search(minus_zero, "to -0.0000 (") and not re.search(minus_zero, "-0.5 -0e-5")
-    texts = [run_table(summary, everything=every) for every in (False, True)]
-    for text in (*texts, report_html(summary)):
-        assert not re.search(minus_zero, re.sub(r"<style>.*?</style>", "", text, flags=re.S))
-    factors = describe_factors(("p0", "torque"), np.array([-0.0, -0.0]))
-    assert not re.search(minus_zero, factors)
 
 
 # -- comparison with the paper -------------------------------------------------------------------

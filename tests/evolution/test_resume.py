@@ -8,7 +8,6 @@ import sys
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 from mpi4py import MPI
 
@@ -18,7 +17,6 @@ import pytest
 
 from receding_fenicsx import cli, environment
 from receding_fenicsx.errors import Interrupted
-from receding_fenicsx.evolution import journal
 from receding_fenicsx.scene.model import Scene
 from receding_fenicsx.scene.toml_file import read_scene
 from receding_fenicsx.store.hdf5 import read_record
@@ -100,62 +98,6 @@ def test_interrupted_run_leaves_a_usable_record_and_goes_on_bitwise(
         assert told["uniqueness"] == read_summary(whole / "summary.json")["uniqueness"]
         assert told["uniqueness"]["margin"] > 1.0
     comm.Barrier()
-
-
-KILLED = """
-import os, signal, sys
-from receding_fenicsx import cli, timing
-from receding_fenicsx.evolution import journal
-
-journal.WRITING_SHARE = float("inf")  # however slow the disk, every checkpoint is written
-replace, told, blocks = os.replace, timing.Countdown.__call__, []
-
-def die():
-    os.kill(os.getpid(), signal.SIGKILL)
-
-def renamed(old, new):
-    blocks.extend([new] * str(new).endswith(".npz"))
-    if sys.argv[1] == "block" and len(blocks) == int(sys.argv[2]):
-        die()
-    replace(old, new)
-
-def tell(self, cycle, cycles, message):
-    told(self, cycle, cycles, message)
-    if sys.argv[1] == "cycle" and cycle == int(sys.argv[2]):
-        die()
-
-os.replace, timing.Countdown.__call__ = renamed, tell
-sys.exit(cli.main(sys.argv[3:]))
-"""
-"""A run that is killed before a block of its journal has its name, or after a cycle."""
-
-
-@pytest.mark.parametrize("ranks", [1, 2])
-def test_killed_again_and_again_the_run_ends_in_the_same_bits(
-    mpirun: Callable[..., Any], tmp_path: Path, ranks: int
-) -> None:
-    settings = [*SMALL, "history.cycles=60", "solver.steady_tolerance=1e-15"]
-    arguments = ["--pictures", "none"]
-    for setting in settings:
-        arguments += ["--set", setting]
-    whole, out = tmp_path / "whole", tmp_path / "run"
-    done = mpirun(ranks, *MODULE, "run", BLOCK, "--out", whole, *arguments)
-    assert done.returncode == 0, done.stderr
-    arguments = ["run", str(BLOCK), "--out", str(out), "--resume", *arguments]
-    part = tmp_path / "run.part"
-    script = tmp_path / "killed.py"
-    script.write_text(KILLED)
-    kept = []
-    # first the checkpoints after cycles 0 and 5, the second of which is cut off
-    for moment, number in (("block", 2), ("cycle", 43)):
-        done = mpirun(ranks, script, moment, str(number), *arguments)
-        assert done.returncode != 0
-        assert not out.exists()
-        kept.append(journal.checkpoints(part))
-    assert kept[0] == 1 and kept[1] > 4
-    done = mpirun(ranks, *MODULE, *arguments)
-    assert done.returncode == 0, done.stderr
-    same_bits(out, whole)
 
 
 @pytest.mark.one_rank

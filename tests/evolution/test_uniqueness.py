@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from models import block_system
@@ -13,7 +11,6 @@ from unique_paths import FALSE, KINDS, tally
 from receding_fenicsx.evolution.evolve import evolve
 from receding_fenicsx.evolution.record_data import PathUniqueness
 from receding_fenicsx.interface.system import ContactSystem
-from receding_fenicsx.output.report.contact import uniqueness_rows, uniqueness_summary
 from receding_fenicsx.scene.model import SolverOptions
 
 pytestmark = pytest.mark.one_rank
@@ -23,20 +20,6 @@ def found(system: ContactSystem, *args: object) -> PathUniqueness:
     unique = evolve(system, *args).uniqueness  # type: ignore[arg-type]
     assert unique is not None
     return unique
-
-
-@pytest.mark.parametrize("proved", [True, False])
-def test_a_certificate_says_where_the_first_loading_is_not_proved(proved: bool) -> None:
-    system = block_system(8, 4, f=0.35)
-    record = evolve(system, cyclic(1))
-    unique = record.uniqueness
-    assert unique is not None and unique.certified and unique.first_loading == 1
-    record.uniqueness = replace(unique, first_loading_proved=proved)
-    lines = dict(uniqueness_rows({"method": "events", **uniqueness_summary(record)}))
-    words = lines["only path from its start"]
-    assert words.startswith("certified") and ("not proved" in words) != proved
-    rest = "proved to be all" if proved else "others not excluded"
-    assert lines["first loading"] == f"1 solution found, {rest}"
 
 
 def test_the_block_is_certified_whole_and_half_and_the_whole_has_no_larger_margin() -> None:

@@ -10,16 +10,12 @@ from hashlib import sha256
 from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 from types import ModuleType
-from typing import Any
 
 import pytest
-from legs import play
-from models import block_system
 from test_imports import MODULES, modules_of
 
 import receding_fenicsx as rf
-from receding_fenicsx.interface.exact import compilation, kernel
-from receding_fenicsx.interface.exact.path import EventPath
+from receding_fenicsx.interface.exact import kernel
 
 pytestmark = pytest.mark.one_rank
 
@@ -68,14 +64,6 @@ def test_all_modules_that_enter_the_machine_code_are_among_its_sources() -> None
     enters -= {"arrays", "interface", "interface.exact"}  # types, and the folders of modules
     for name in enters:
         assert sha256(MODULES[name].read_bytes()).hexdigest() in kernel.SOURCES, name
-
-
-@pytest.mark.parametrize("samples", [0, 3])
-def test_what_the_set_up_compiles_is_all_that_paths_need(samples: int) -> None:
-    compilation.warm_up()
-    play(EventPath(block_system(20, 5)), [[0.0], [1.0], [0.2], [1.0]], samples)
-    follow: Any = kernel.follow
-    assert len(follow.signatures) == 1
 
 
 @pytest.mark.parametrize("home", ["home", "file/home"])

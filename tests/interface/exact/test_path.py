@@ -162,16 +162,3 @@ def test_jumps_without_end_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     said = r"^cycle 2, leg 0: .*jumps again at \w+ = 0\.4425\d*, \w+ = 0\.0816\d*;"
     with pytest.raises(NoQuasiStaticContinuation, match=said):
         evolve(system, history, SolverOptions(on_jump="static"))
-
-
-@pytest.mark.parametrize("pull", [0.1, -0.1])
-def test_a_node_that_opened_without_tangential_force_slips_first_under_one(pull: float) -> None:
-    # P = 1 - 2 s on the legs down: both margins vanish at s = 0.5 where Q = 0, and one does where
-    # f P = |Q| = 0.1, at s = 0.4. The second node carries the body while the first is open
-    loads = {"press": [0, 0, 1, 0], "pull": [-1, 0, 0, 0], "rest": [0, 0, 0, 1]}
-    system = small_system(np.diag([2.0, 2.0, 1.0, 1.0]), loads, 0.5)
-    path = [[0, 0, 0], [0, 0, 1], [1, 0, 1], [-1, 0, 1], [1, 0, 1], [1, pull, 1], [-1, pull, 1]]
-    record = evolve(system, table(system, path))
-    slip = FORWARD if pull > 0.0 else BACKWARD
-    assert events_of(record, 0, 5) == [near((0.4, 0, STICK, slip)), near((0.5, 0, slip, OPEN))]
-    assert record.energy_error_max < 1e-12
