@@ -65,17 +65,21 @@ def follow(run: Replay, leg: Leg, totals: Totals) -> None:
             if after is None:
                 totals.known = False
                 return
-            u_a = after
+            u_a, here = after, body.states(now)
         elif not apart:
             _look_for_hidden_jump(run, leg, (s_a, u), here, u_a - u, totals)
         u_b = u_a + here.rates(leg.load(s_b) - leg.load(s_a))
         s_kink = _kink(run, leg, (s_a, s_b), here, (u_a, u_b))
-        if s_kink < s_b:
-            # the states stay, an equation changes
-            groups.insert(g + 1, (s_kink, now))
-            changed.insert(g + 1, set())
+        off = False
+        if s_a < s_kink < s_b:
             u_b = u_a + (s_kink - s_a) / (s_b - s_a) * (u_b - u_a)
-            s_b, following = s_kink, None
+            # the states stay, an equation changes; or none leads on, and the body jumps
+            off = bool(run.record.jumps) and s_b - s_kink <= JUMP_STEP
+            if not off:
+                groups.insert(g + 1, (s_kink, now))
+                changed.insert(g + 1, set())
+                following = None
+            s_b = s_kink
         drifts = _drifts(here, now, (s_a, s_b), (u_a, u_b), (kept, s_apex))
         lifts = np.any(np.abs(here.free[:, n:][:, now == OPEN]) > LAW)
         if lifts and (drifts is None or np.all(now == OPEN)):
@@ -88,12 +92,13 @@ def follow(run: Replay, leg: Leg, totals: Totals) -> None:
             u_a, u_b = u_a + drifts[0], u_b + drifts[1]
         doubt = _reach(leg, here, doubt)
         if following is not None:
-            capped = body.capped.copy()
-            _choose_branches(run, leg, s_b, following, u_b)
-            next_ = body.states(following)
-            body.capped = capped
-            u_next = next_.solve(leg.load(s_b), u_b[:n], u_b)
-            off = bool(np.any(np.abs(u_next - u_b) > doubt + _reach(leg, next_, doubt)))
+            if not off:
+                capped = body.capped.copy()
+                _choose_branches(run, leg, s_b, following, u_b)
+                next_ = body.states(following)
+                body.capped = capped
+                u_next = next_.solve(leg.load(s_b), u_b[:n], u_b)
+                off = bool(np.any(np.abs(u_next - u_b) > doubt + _reach(leg, next_, doubt)))
             off = off or (run.record.jumps and _slips_at(s_b, now, following, between))
             s_jump = _jump_place(run, leg, (s_a, s_b), now, (u_a, u_b))
             # in a limit of infinitely many cycles a jump may become too small to be seen
@@ -447,6 +452,13 @@ def _jump(
         v_ref[i] = seen[0][1].v[seen[0][2]][i]
     load = leg.load(s)
     after = here.solve(load, v_ref, u)
+    for _ in range(8):  # the branches are those behind the jump
+        capped = body.above_kink(body.reactions(load, after)[n:], here.sign) > 0.0
+        if not body.branched or np.array_equal(capped, body.capped):
+            break
+        body.capped = capped
+        here = body.states(later[0][1])
+        after = here.solve(load, v_ref, u)
     change, r = after - u, body.reactions(load, after)
     dv = np.where(here.touches & (old != OPEN), change[:n], 0.0)
     slid = body.rubs & (np.abs(dv) * body.k[:n] > JUMP_LAW * leg.force) & ~(here.stuck & moved)

@@ -114,6 +114,23 @@ def test_sliding_that_begins_just_before_the_end_of_a_leg_is_told_as_for_frictio
             rf.evolve(system, table(system, [[0, 0], [2, 0], [2, 1]]))
 
 
+@pytest.mark.parametrize(("coupling", "shear"), [(-0.44, 0.12), (0.71, -0.6), (-0.78, 0.43)])
+def test_a_stuck_node_opens_where_it_has_closed(coupling: float, shear: float) -> None:
+    """Without slip a contact goes back as it came: all limits reach zero together where it opens.
+
+    At the turning point f P is above the shear limit, and |Q| below both.
+    """
+    system = small_system([[1.0, coupling], [coupling, 1.0]], {"press": [shear, 1.0]}, 3.0, 1.0)
+    v, w = np.linalg.solve(system.K, -system.r_star[0])
+    closes = -1.0 / w
+    record = evolve(
+        branched(system, None, 1.5 * closes), table(system, [[0], [3 * closes], [0.5 * closes]])
+    )
+    assert record.turning_points.v[:, 0] == pytest.approx([closes * v, 0.5 * closes * v])
+    assert record.events.load[:, 0] == pytest.approx([closes, closes])
+    assert record.dissipation_first_loading == 0.0
+
+
 def test_a_bond_forms_in_contact_and_breaks_without_shear_alone() -> None:
     """Gap 1, K = 1, c = 1/2: opened under Q = 0.3 the node springs back, 0.3^2 / 2 is released."""
     system = replace(ONE, f=np.zeros(1), g0=np.ones(1), cohesion=np.array([0.5]))

@@ -137,7 +137,8 @@ class BranchedPath:
             tried.add(now.key)
             problem = replace(whole, start=leg.end, s_start=s, force_scale=leg.force_scale)
             trial, end, error = self._piece(now, problem, target)
-            at, wrong, ahead = self._first_passed(now, problem, trial, end)
+            no_way = isinstance(error, NoQuasiStaticContinuation)
+            at, wrong, ahead = self._first_passed(now, problem, (trial, end), no_way)
             # the branches in use may be changed before as well: fewer pieces
             new = self.cones.passed(now, ahead)
             if ahead and new.key not in tried and len(tried) <= TRIES * self.system.n:
@@ -227,13 +228,15 @@ class BranchedPath:
         return found, end, error
 
     def _first_passed(
-        self, now: Branches, problem: LegProblem, found: Leg, end: float
+        self, now: Branches, problem: LegProblem, piece: tuple[Leg, float], no_way: bool
     ) -> tuple[float, list[tuple[int, int]], list[tuple[int, int]]]:
         """Return where another margin first passes zero or a bond forms, its kind and its nodes.
 
-        The last value names all margins that are passed by nodes which stick until then, if the
-        first is one of them.
+        Where no way leads on from the end of the piece, margins that just reach zero there are
+        passed too. The last value names all margins that are passed by nodes which stick until
+        then, if the first is one of them.
         """
+        found, end = piece
         stops = [(problem.s_start, problem.start.u), *found.stops, (end, found.end.u)]
         s, u = np.array([at for at, _ in stops]), np.array([one for _, one in stops])
         load = (1.0 - s)[:, None] * problem.ends[0] + s[:, None] * problem.ends[1]
@@ -258,6 +261,9 @@ class BranchedPath:
             ahead = [(int(k), int(n)) for k, n in np.argwhere(from_stick)]
             if not set(wrong) <= set(ahead):
                 ahead = []
+        elif no_way:
+            tied = (margins[-1, :2] <= slack) & (found.end.state != SEPARATION)
+            wrong = [(int(k), int(n)) for k, n in np.argwhere(tied)]
         events = found.events
         forms = self.cones.cohesive[events.node] & ~now.bonded[events.node]
         forms &= events.new != SEPARATION
