@@ -43,7 +43,7 @@ def of_bodies(scene: Scene) -> Rules:
             (body.mesh is not None, RECTANGLE_KEYS, "a body from a mesh file has none"),
             (body.mesh is None, ("surface", "parameters"), "needs a mesh file"),
             (body.is_half_plane, ("height",), "a half-plane has none"),
-            (body.is_rectangle, ("datum", "window"), 'belongs to shape = "half-plane"'),
+            (not body.is_half_plane, ("datum", "window"), 'belongs to shape = "half-plane"'),
         )
         yield from unused(body, at, table)
         if body.is_half_plane and body.datum is not None and not body.datum >= body.width:

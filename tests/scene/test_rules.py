@@ -126,6 +126,7 @@ RULES: list[tuple[str, str, str, str]] = [
         "[material] poisson: each body has a [material.NAME] of its own; remove poisson",
         "material.a={young=2.0} & material.poisson=0.2",
     ),
+    ("two", "body.b.mesh=b.msh & body.b.datum=3.0", "datum: belongs to shape", ""),
     ("block", "history.kind=monotonic & history.minimum=0.2", 'is for kind = "cyclic" only', ""),
     ("block", HELD + 'body = "a"', "[[support]] body: is not for an edge; remove body", HELD),
     ("two", BOLT + "shortening = 1.0", "bolt 'b': has", BOLT),
