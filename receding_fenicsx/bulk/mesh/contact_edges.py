@@ -88,50 +88,54 @@ def _mesh_of(scene: Scene, meshes: Sequence[RawMesh], edge: str) -> tuple[RawMes
     return meshes[scene.bodies.index(body)], name
 
 
-def _check_groups(scene: Scene, name: str, mesh: RawMesh, half: bool) -> None:
-    """Check that the groups used on a body exist, lie on its boundary and do not overlap."""
+def edges_of(scene: Scene) -> list[tuple[str, str]]:
+    """Return all edges that a scene uses, each with its place in messages."""
     named: list[tuple[str | None, str]] = []
     for joint, where in zip(scene.joints, scene.joint_labels, strict=True):
         named += [(joint.edge, f"{where} edge"), (joint.against, f"{where} against")]
     named += [(part.edge, f"{part.label} edge") for part in scene.edge_parts]
     named += [(spring.against, "[[spring]] against") for spring in scene.springs]
     named += [(support.edge, "[[support]] edge") for support in scene.supports]
-    used: dict[str, Ints] = {}
-    for edge, where in named:
-        if edge is None:
-            continue
+    return [(edge, where) for edge, where in named if edge is not None]
+
+
+def _check_groups(scene: Scene, name: str, mesh: RawMesh, half: bool) -> None:
+    """Check that the groups used on a body exist, lie on its boundary and do not overlap."""
+    used: set[str] = set()
+    group_of: dict[tuple[int, ...], str] = {}
+    for edge, where in edges_of(scene):
         body, group = scene.find_edge(edge)
         if body.name != name or group in used:
             continue
-        used[group] = mesh.facets(group, where)
-        if half and not len(used[group]):
+        used.add(group)
+        facets = mesh.facets(group, where)
+        if half and not len(facets):
             continue
-        if not len(used[group]):
+        if not len(facets):
             raise InputError(f"{where}: the group '{group}' holds no curve; put one in")
-        count = cells_behind(mesh, used[group])[0]
+        count = cells_behind(mesh, facets)[0]
         if np.any(count != 1):
-            x, y = mesh.points[used[group][np.argmax(count != 1)]].mean(axis=0)
+            x, y = mesh.points[facets[np.argmax(count != 1)]].mean(axis=0)
             place = "inside the body" if count.max() > 1 else "off the body"
             raise InputError(
                 f"{where}: the group '{group}' lies {place} at ({x:g}, {y:g}); use curves of its "
                 "boundary"
             )
-    groups = list(used)
-    for i, first in enumerate(groups):
-        for second in groups[:i]:
-            shared = _same_facets(used[first], used[second])
-            if len(shared):
-                x, y = mesh.points[used[first][shared[0]]].mean(axis=0)
-                raise InputError(
-                    f"the groups '{second}' and '{first}' overlap in {len(shared)} facets, one at "
-                    f"({x:g}, {y:g}); put each curve in one of the groups that the scene uses"
-                )
+        own = _keys(facets)
+        shared = [key for key in own if key in group_of]
+        if shared:
+            x, y = mesh.points[list(shared[0])].mean(axis=0)
+            raise InputError(
+                f"the groups '{group_of[shared[0]]}' and '{group}' overlap in {len(shared)} "
+                f"facets, one at ({x:g}, {y:g}); put each curve in one of the groups that the "
+                "scene uses"
+            )
+        group_of |= dict.fromkeys(own, group)
 
 
-def _same_facets(a: Ints, b: Ints) -> Ints:
-    """Return the numbers of the facets of a that are also in b."""
-    known = {tuple(pair) for pair in np.sort(b, axis=1).tolist()}
-    return np.array([i for i, p in enumerate(np.sort(a, axis=1).tolist()) if tuple(p) in known])
+def _keys(facets: Ints) -> list[tuple[int, ...]]:
+    """Return the points of each facet, alike in both orientations."""
+    return list(map(tuple, np.sort(facets, axis=1).tolist()))
 
 
 class _Side:
@@ -236,26 +240,24 @@ def _check_apart(
     scene: Scene, meshes: Sequence[RawMesh], found: Sequence[Interface], half: bool
 ) -> None:
     """Check that contacts and ties share no facet with each other, loads and supports."""
-    taken: list[tuple[str, int, Ints]] = []
+    # the contact edge of each facet of each body
+    taken: list[dict[tuple[int, ...], str]] = [{} for _ in meshes]
     for joint, where, interface in zip(scene.joints, scene.joint_labels, found, strict=True):
-        parts = [(joint.edge, interface.facets)]
-        if joint.against is not None and interface.against is not None:
-            parts.append((joint.against, interface.against))
-        for edge, numbers in parts:
+        for edge, numbers in ((joint.edge, interface.facets), (joint.against, interface.against)):
+            if edge is None or numbers is None:
+                continue
             body, name = scene.find_edge(edge)
             place = scene.bodies.index(body)
-            facets = meshes[place].edges[name][numbers]
-            for before, owner, theirs in taken:
-                if owner != place:
-                    continue
-                shared = _same_facets(facets, theirs)
-                if len(shared):
-                    x, y = meshes[place].points[facets[shared[0]]].mean(axis=0)
+            own = _keys(meshes[place].edges[name][numbers])
+            for key in own:
+                if key in taken[place]:
+                    x, y = meshes[place].points[list(key)].mean(axis=0)
                     raise InputError(
-                        f"{where}: '{edge}' lies on '{before}', which is in another contact or "
-                        f"tie, at ({x:g}, {y:g}); keep them apart by their spans or groups"
+                        f"{where}: '{edge}' lies on '{taken[place][key]}', which is in another "
+                        f"contact or tie, at ({x:g}, {y:g}); keep them apart by their spans or "
+                        "groups"
                     )
-            taken.append((edge, place, facets))
+            taken[place] |= dict.fromkeys(own, edge)
     uses: list[tuple[str, str, Load | Spring | Support]] = [
         (part.edge, part.label, part) for part in scene.edge_parts
     ]
@@ -266,10 +268,9 @@ def _check_apart(
             # checked by the scene
             continue
         place = scene.bodies.index(body)
-        facets = load_facets(meshes[place], thing, name, half)
-        for contact_edge, owner, theirs in taken:
-            if owner == place and len(_same_facets(facets, theirs)):
+        for key in _keys(load_facets(meshes[place], thing, name, half)):
+            if key in taken[place]:
                 raise InputError(
-                    f"{where}: '{edge}' lies on the contact edge '{contact_edge}' where the "
+                    f"{where}: '{edge}' lies on the contact edge '{taken[place][key]}' where the "
                     "contact is; use another group, or a span beside the contact's"
                 )

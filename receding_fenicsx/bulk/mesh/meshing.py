@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from receding_fenicsx.arrays import Array, Ints
 from receding_fenicsx.bulk import _dolfinx
-from receding_fenicsx.bulk.mesh.contact_edges import Interface, find_interfaces, middle_of
+from receding_fenicsx.bulk.mesh.contact_edges import Interface, edges_of, find_interfaces, middle_of
 from receding_fenicsx.bulk.mesh.curved_edges import Arcs
 from receding_fenicsx.bulk.mesh.raw_mesh import (
     STRAIGHT_TOLERANCE,
@@ -225,10 +225,7 @@ def _tagged(
                 frame = interface.back, -1.0
             slave = interface.slave == (sign > 0.0)
             contacts.append(ContactFacets(tag, interface.line, frame, slave, tie))
-    named = [edge for joint in scene.joints for edge in (joint.edge, joint.against)]
-    named += [part.edge for part in (*scene.edge_parts, *scene.supports)]
-    named += [spring.against for spring in scene.springs]
-    owned = [scene.find_edge(edge) for edge in named if edge is not None]
+    owned = [scene.find_edge(edge) for edge, _ in edges_of(scene)]
     wanted = {name for owner, name in owned if owner == body}
     wanted |= set(mesh.edges if body.mesh is None else ())
     used = [name for name in mesh.edges if name in wanted and len(mesh.edges[name])]
