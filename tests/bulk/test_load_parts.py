@@ -1,6 +1,6 @@
 """One load on several edges: several tables of one name act together under one load factor."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 from mpi4py import MPI
@@ -74,16 +74,18 @@ def test_load_of_several_parts_is_their_sum(case: str) -> None:
 
 
 @pytest.mark.parametrize(
-    "whole",
+    "load",
     [
-        rf.Load("L", "top", displacement=("0.1*x", "-0.1*(1 + x**2)")),
-        rf.Load("L", "top", traction=("1 + x", 0.5)),
-        rf.Load("L", "bottom", gap="0.1*(1 + x**2)"),
+        lambda s: rf.Load("L", "top", displacement=("0.1*x", f"-0.1*(1 + {s})")),
+        lambda s: rf.Load("L", "top", traction=(f"1 + {s}", 0.5)),
+        lambda s: rf.Load("L", "bottom", gap=f"0.1*(1 + {s})"),
     ],
+    ids=["displacement", "traction", "gap"],
 )
-def test_halves_of_an_edge_are_the_whole_edge(whole: rf.Load) -> None:
+def test_halves_of_an_edge_are_the_whole_edge(load: Callable[[str], rf.Load]) -> None:
     """The moved node in the middle belongs to both halves."""
-    halves = tuple(replace(whole, span=span) for span in ((-2.0, 0.0), (0.0, 2.0)))
+    parts = (("0*x", (-2.0, 0.0)), ("x", (0.0, 2.0)))
+    whole, halves = load("max(x, 0)"), tuple(replace(load(s), span=span) for s, span in parts)
     even, alone = rf.SolverOptions(symmetry="none"), rf.HistoryOptions(kind="monotonic")
     one, two = (
         system_of(block("quadrilateral", growth=1.0, loads=loads, solver=even, history=alone))

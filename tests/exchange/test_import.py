@@ -80,9 +80,9 @@ def write_market(folder: Path, block: Block) -> str:
 
 
 def write_labelled(folder: Path, block: Block) -> str:
-    """Write Abaqus' *MATRIX OUTPUT: the lower triangle."""
+    """Write Abaqus' *MATRIX OUTPUT: the lower triangle, with D before exponents."""
     lines = [
-        f"{a[0]},{a[1]}, {b[0]},{b[1]},  {block.A[i, j]:.16e}"
+        f"{a[0]},{a[1]}, {b[0]},{b[1]},  {block.A[i, j]:.16e}".replace("e", "D")
         for i, a in enumerate(block.freedoms)
         for j, b in enumerate(block.freedoms[: i + 1])
         if block.A[i, j] or i == j

@@ -21,7 +21,7 @@ from small import cyclic, small_system, table
 import receding_fenicsx as rf
 from receding_fenicsx.measures.limit_nodes import limit_nodes
 from receding_fenicsx.output.plots.series import slip_lines
-from receding_fenicsx.output.plots.zone_map import zone_map
+from receding_fenicsx.output.plots.zone_map import timelines_of, zone_map
 from receding_fenicsx.output.report.html import report_html
 
 pytestmark = pytest.mark.one_rank
@@ -110,6 +110,19 @@ def test_node_at_the_limit_that_never_moves_is_found_where_it_reaches_it() -> No
     assert still.s.tolist() == [table.s[when]]
     assert still.strict
     assert not still.stuck[0]
+
+
+def test_a_change_between_stick_and_slip_that_is_undone_at_once_is_no_zone() -> None:
+    """An opening is one, however short."""
+    found = record(method="gauss-seidel")
+    rows = np.flatnonzero((found.samples.cycle == 10) & (found.samples.leg == 0))
+    state, middle = found.samples.state.copy(), rows[len(rows) // 2]
+    state[rows] = STICK
+    state[middle, 5], state[middle, 10] = FORWARD, OPEN
+    made = replace(found, samples=replace(found.samples, state=state))
+    for flicker, alone in ((0.2, [10]), (0.0, [5, 10])):
+        lines = timelines_of(made, 10, 0, flicker=flicker)
+        assert [i for i, line in enumerate(lines) if len(line.state) > 1] == alone
 
 
 def test_colours_of_the_states_differ_in_lightness_too() -> None:

@@ -15,7 +15,7 @@ from small import small_system
 import receding_fenicsx as rf
 from receding_fenicsx import cli
 from receding_fenicsx.studies.joint.backbone import Backbone, first_loading
-from receding_fenicsx.studies.joint.curve import joint_figure
+from receding_fenicsx.studies.joint.curve import joint_figure, loop_numbers
 from receding_fenicsx.studies.sweep import SweepTable
 
 ROOT = Path(__file__).parents[2]
@@ -76,6 +76,16 @@ def test_a_spring_that_is_moved_obeys_the_closed_form_of_a_slider() -> None:
     assert curve.masing == pytest.approx(D, rel=1e-12)
     assert curve.stiffness == pytest.approx(np.minimum(k * U, f) / U, rel=1e-12)
     assert curve.slip == pytest.approx(2.0 * np.maximum(U - f / k, 0.0), rel=1e-12)
+
+
+@pytest.mark.one_rank
+def test_the_slip_is_that_of_nodes_that_touch_all_the_time() -> None:
+    """Uncoupled sliders of stiffness 1: the second one opens under U and swings further."""
+    loads = {"P": [0.0, 0.0, 1.0, 0.1], "U": [-1.0, -5.0, 0.0, -0.5]}
+    system = small_system(np.eye(4), loads, 0.4)
+    path = [[0, 0], [1, 0], [1, 1]], [[1, 1], [1, -1], [1, 1]]
+    record = rf.evolve(system, rf.History(("P", "U"), *map(np.array, path), cycles=2))
+    assert loop_numbers(record, "U")["slip"] == pytest.approx(2.0 * (1.0 - 0.4), rel=1e-12)
 
 
 @pytest.mark.one_rank
