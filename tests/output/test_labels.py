@@ -171,6 +171,8 @@ def test_titles_leave_out_an_interference_once_it_is_closed() -> None:
     titles = [rf.figures.tractions(found, moment).axes[0].get_title() for moment in instants]
     assert ["interference" in title for title in titles] == [True, False, False]
     assert all("$P = " in title for title in titles)
+    last = rf.figures.tractions(found, found.at(1, "maximum")).axes[0].get_title()
+    assert last.startswith("cycle 1, leg 1")
 
 
 @pytest.mark.parametrize(

@@ -177,6 +177,8 @@ def test_axes_are_in_the_units_of_the_scene_and_nothing_is_converted(kinematics:
     assert np.array_equal(curve(axes, -2), np.stack([record.x, moment.p], axis=1))
     least = f"${PRESSURE * LARGEST / 3.0:.3g}$ MPa"
     assert figure.axes[0].get_title() == f"first unloading, $p_{{0}}$ {least}"
+    last = rf.figures.tractions(given, given.at(1, "maximum")).axes[0].get_title()
+    assert last.startswith("reloading, cycle 1")
     zones = rf.figures.zone_maps(given, [(1, 0)]).axes[0]
     assert (zones.get_xlabel(), zones.get_ylabel()) == (f"${symbol}$ (mm)", "$p_{0}$ (MPa)")
     ends = PRESSURE * LARGEST / 3.0, PRESSURE * LARGEST

@@ -83,8 +83,8 @@ def test_the_slip_is_that_of_nodes_that_touch_all_the_time() -> None:
     """Uncoupled sliders of stiffness 1: the second one opens under U and swings further."""
     loads = {"P": [0.0, 0.0, 1.0, 0.1], "U": [-1.0, -5.0, 0.0, -0.5]}
     system = small_system(np.eye(4), loads, 0.4)
-    path = [[0, 0], [1, 0], [1, 1]], [[1, 1], [1, -1], [1, 1]]
-    record = rf.evolve(system, rf.History(("P", "U"), *map(np.array, path), cycles=2))
+    path, loop = np.array([[0, 0], [1, 0], [1, 1]]), np.array([[1, 1], [1, -1], [1, 1]])
+    record = rf.evolve(system, rf.History(("P", "U"), path, loop, cycles=2))
     assert loop_numbers(record, "U")["slip"] == pytest.approx(2.0 * (1.0 - 0.4), rel=1e-12)
 
 
