@@ -8,10 +8,10 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 from bodies import played
+from numpy.typing import NDArray
 from small import named_loads
 
 import receding_fenicsx as rf
-from receding_fenicsx.arrays import Array
 from receding_fenicsx.bulk.mesh.meshing import make_meshes
 from receding_fenicsx.bulk.mesh.raw_mesh import RawMesh, line_of, with_radii
 from receding_fenicsx.bulk.stack import build_all
@@ -105,7 +105,7 @@ def test_a_support_inside_a_taper_is_refused_with_its_place(shared_tmp_path: Pat
         played(scene)
 
 
-def whole_contact_at_rest(scene: rf.Scene) -> tuple[WholeContact, Array]:
+def whole_contact_at_rest(scene: rf.Scene) -> tuple[WholeContact, NDArray[np.int64]]:
     """What pictures show of a contact that slips forward, and the modelled nodes' edges."""
     bulk = build_all(scene, make_meshes(comm, scene, True))
     n, edge = len(bulk.contact.x), bulk.contact.edge
