@@ -1,5 +1,7 @@
 """Closed forms and values by themselves: forces from tractions, limits, quadratures."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from numpy.polynomial import polynomial
@@ -8,7 +10,15 @@ from scipy.optimize import brentq
 
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.reference import closed_forms
-from receding_fenicsx.reference.closed_forms import CattaneoMindlin, Hertz, bilateral_pressure
+from receding_fenicsx.reference.closed_forms import (
+    LAYER_ON_HALF_PLANE,
+    LAYERS,
+    CattaneoMindlin,
+    Hertz,
+    bilateral_pressure,
+)
+from receding_fenicsx.reference.fretting import cycle_dissipation
+from receding_fenicsx.reference.layer import contact_half_width, double_half_widths
 
 
 def integral_of_arcs(values, end: float) -> float:  # type: ignore[no-untyped-def]
@@ -139,3 +149,63 @@ def test_forms_of_stretched_bodies_end_where_they_no_longer_hold() -> None:
     large = closed_forms.CattaneoMindlin(hertz, f=0.5, largest=0.3, tension=3.0)
     with pytest.raises(ValueError, match="does not slip"):
         large.traction(0.0, 0.3, "loading")
+
+
+# -- layers ----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("known", LAYERS)
+def test_half_widths_on_a_rigid_plane_are_the_tabulated_ones(known) -> None:  # type: ignore[no-untyped-def]
+    assert contact_half_width(known.load) == pytest.approx(known.half_width, rel=1e-7)
+
+
+@pytest.mark.parametrize(("case", "c"), LAYER_ON_HALF_PLANE.items())
+def test_half_widths_on_a_half_plane_are_the_tabulated_ones(
+    case: tuple[float, str], c: float
+) -> None:
+    alpha, load = case
+    ratio = (1.0 - alpha) / (1.0 + alpha)
+    assert contact_half_width(0.0 if load == "line load" else 0.5, ratio) == pytest.approx(
+        c, rel=1e-7
+    )
+
+
+def test_two_layers_have_the_limits_of_one() -> None:
+    # a stiff second layer is a rigid plane, a thick one a half-plane, which a line load presses
+    assert double_half_widths(0.5, 1e-9)[0] == pytest.approx(contact_half_width(0.5), rel=1e-8)
+    first, second = double_half_widths(0.5, 1.0, 40.0)
+    assert first == pytest.approx(contact_half_width(0.5, 1.0), rel=1e-3)
+    assert second / 40.0 == pytest.approx(contact_half_width(0.0), rel=1e-3)
+
+
+# -- dissipation of sheared cylinders by the memory of the contact --------------------------------
+
+ANGLE = 2.0 * np.pi * np.arange(801) / 800
+
+
+@pytest.mark.parametrize("part", [0.1, 0.5, 0.9, 0.999])
+def test_constant_normal_force_gives_the_loop_of_cattaneo_and_mindlin(part: float) -> None:
+    largest = part * F * HERTZ.force
+    known = CattaneoMindlin(HERTZ, F, largest).dissipation()
+    P = np.full_like(ANGLE, HERTZ.force)
+    found = cycle_dissipation(HERTZ, F, P, largest * np.cos(ANGLE))
+    assert found == pytest.approx(known, rel=1e-4 / part)
+    # to lowest order the loop grows with the third power of the force
+    if part == 0.1:
+        half = CattaneoMindlin(HERTZ, F, 0.5 * largest).dissipation()
+        assert known / half == pytest.approx(8.0, rel=0.05)
+
+
+def test_dissipation_scales_with_force_and_modulus() -> None:
+    P, Q = 2.0 + np.cos(ANGLE), 0.3 * np.sin(ANGLE)
+    once = cycle_dissipation(HERTZ, F, P, Q)
+    assert cycle_dissipation(HERTZ, F, 3.0 * P, 3.0 * Q) == pytest.approx(9.0 * once, rel=1e-9)
+    assert cycle_dissipation(replace(HERTZ, modulus=0.5 * HERTZ.modulus), F, P, Q) == pytest.approx(
+        2.0 * once
+    )
+
+
+def test_opposite_phases_dissipate_the_same() -> None:
+    P = 2.0 + np.cos(ANGLE)
+    turned = [cycle_dissipation(HERTZ, F, P, 0.3 * np.cos(ANGLE - a)) for a in (0.7, 0.7 + np.pi)]
+    assert turned[0] == pytest.approx(turned[1], rel=1e-12)
