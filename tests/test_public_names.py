@@ -4,13 +4,13 @@ import ast
 import inspect
 import pydoc
 import re
-import subprocess
 import sys
 from pathlib import Path
 
 from mpi4py import MPI
 
 import pytest
+from test_imports import imports
 
 import receding_fenicsx as rf
 
@@ -26,25 +26,10 @@ CHECKERS = {
 }
 """Modules of ``tests/`` that benchmarks use."""
 NEEDED = {"matplotlib", "mpi4py", "numpy", "petsc4py", "scipy", "h5py"}
-LATE = (
-    *("dolfinx", "petsc4py", "mpi4py", "gmsh", "pyvista", "vtk", "matplotlib", "numpy", "h5py"),
-    "numba",
-)
 DEMOS = sorted((ROOT / "demos").rglob("*.py"))
 NOTEBOOKS = sorted((ROOT / "docs" / "tutorials").glob("*.py"))
 DOCUMENTS = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md"))]
 DOCUMENTS += NOTEBOOKS
-
-
-def imports(text: str) -> set[str]:
-    """Return the modules that a program imports, anywhere in it; of the package, with names."""
-    found = set()
-    for node in ast.walk(ast.parse(text)):
-        if isinstance(node, ast.Import):
-            found |= {alias.name for alias in node.names}
-        elif isinstance(node, ast.ImportFrom):
-            found |= {f"{node.module}.{alias.name}" for alias in node.names}
-    return found
 
 
 def is_inside(name: str) -> bool:
@@ -69,18 +54,6 @@ def test_type_checkers_and_programs_see_the_same_names() -> None:
     # a type checker hides names without "as"; the loader takes the name before it
     assert names == [(name, name) for name, _ in names]
     assert sorted(name for name, _ in names) == sorted(rf.__all__)
-
-
-def test_importing_the_package_loads_no_library() -> None:
-    program = f"import sys, {PACKAGE}; print(*sorted(m.split('.')[0] for m in sys.modules))"
-    run = subprocess.run(
-        [sys.executable, "-c", program],
-        capture_output=True,
-        text=True,
-        check=True,
-        env=rf.child_environment(),
-    )
-    assert not set(LATE) & set(run.stdout.split())
 
 
 @pytest.mark.parametrize("demo", DEMOS, ids=lambda path: path.stem)
