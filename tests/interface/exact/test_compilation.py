@@ -60,7 +60,7 @@ def test_machine_code_is_kept_while_all_sources_are_the_same(
 
 
 def test_all_modules_that_enter_the_machine_code_are_among_its_sources() -> None:
-    enters = modules_of(MODULES["interface.exact.kernel"])
+    enters = modules_of("interface.exact.kernel")
     enters -= {"arrays", "interface", "interface.exact"}  # types, and the folders of modules
     for name in enters:
         assert sha256(MODULES[name].read_bytes()).hexdigest() in kernel.SOURCES, name
