@@ -23,8 +23,6 @@ def harmonic(loads: dict[str, Harmonic], **options: Any) -> HistoryOptions:
     return replace(HistoryOptions(kind="harmonic", cycles=2, harmonic=loads), **options)
 
 
-# -- a block on a spring, followed by hand -------------------------------------------------------
-
 STIFFNESS, FRICTION = 2.0, 0.4
 SPRING = {"P": Harmonic(1.0, 0.5), "Q": Harmonic(0.1, 1.2, 70.0)}
 
@@ -97,6 +95,3 @@ def test_tolerance_out_of_reach_is_an_error(monkeypatch: pytest.MonkeyPatch) -> 
     with pytest.raises(SolveError, match="with 64 corners the error estimate") as caught:
         with_corners(system, replace(scene, history=replace(scene.history, tolerance=1e-9)))
     assert "\n" not in str(caught.value)
-
-
-# -- runs ----------------------------------------------------------------------------------------

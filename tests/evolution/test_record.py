@@ -263,9 +263,6 @@ def test_numbers_that_json_cannot_hold_become_null(record: Record, tmp_path: Pat
     assert json.loads((tmp_path / "s.json").read_text())["residual_max"] is None
 
 
-# -- comparison with the paper -------------------------------------------------------------------
-
-
 # -- replay --------------------------------------------------------------------------------------
 
 

@@ -30,8 +30,6 @@ def events_of(record: Record, cycle: int, leg: int) -> list[tuple[Any, ...]]:
     return [(float(e.s[j]), int(e.node[j]), int(e.old[j]), int(e.new[j])) for j in rows]
 
 
-# -- one node: a tangential spring of stiffness k on a plane --------------------------------------
-#
 # Loads "press" (P* = 1) and "push" (Q* = -1, to the right): Q = k v - push, P = press.
 
 SPRING = 5.0
@@ -72,12 +70,6 @@ def test_cyclic_push_runs_round_a_hysteresis_loop() -> None:
     assert fine.n_events == record.n_events
 
 
-# -- advancing contact: K = [[2, 1], [1, 2]], g0 = 1, loads as in the tests of Gauss-Seidel --------
-
-
-# -- two nodes ------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("locked", [-0.3, 0.0, 0.25])
 def test_the_limit_cycle_of_a_coupled_pair_remembers_the_initial_slip(locked: float) -> None:
     # Node 1 always sticks where it was laid down, v1 = locked; K_tn couples that to the pressure of
@@ -93,8 +85,6 @@ def test_the_limit_cycle_of_a_coupled_pair_remembers_the_initial_slip(locked: fl
     assert record.turning_points.P[0, 0] == near(P0)
     assert record.cycles.dissipation == near([4 * F * P0 * (top - F * P0) / k] * 5)
 
-
-# -- the block ------------------------------------------------------------------------------------
 
 SMALL = block_system(40, 20)
 
@@ -140,9 +130,6 @@ def test_a_load_range_lost_in_round_off_is_refused() -> None:
         evolve(SMALL, cyclic(3, 1.0 - 1e-8))
     with pytest.raises(SolveError, match="enlarge the load range"):
         evolve(eliminate_tangential(replace(SMALL, f=np.zeros(SMALL.n))), cyclic(3, 1.0 - 1e-8))
-
-
-# -- random systems -------------------------------------------------------------------------------
 
 
 def random_case(seed: int, margin: float, largest: int = 12) -> tuple[ContactSystem, History]:

@@ -41,9 +41,6 @@ def test_a_node_that_nothing_presses_moves_freely_and_does_not_fall(method: str,
     assert np.all(ends.state != STICK)
 
 
-# -- a lever --------------------------------------------------------------------------------------
-
-
 def test_a_body_that_slides_is_not_held_by_round_off_of_its_stiffness() -> None:
     # to the coupling c = 1.3e-16 of v and P, v = 4e16 would be a pressure that friction needs
     K = [[8e-33, 1.3e-16], [1.3e-16, 2.1]]

@@ -172,9 +172,6 @@ def test_slips_are_judged_by_themselves(seed: int, until: str) -> None:
         assert seen[0] == seen[1] and abs(seen[2] - seen[0]) <= 1
 
 
-# -- the block ------------------------------------------------------------------------------------
-
-
 def test_the_block_reaches_cyclic_slip_and_its_limit_is_foreseen() -> None:
     record = evolve(SMALL, cyclic(150))
     D = record.cycles.dissipation
