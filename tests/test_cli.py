@@ -11,8 +11,9 @@ from mpi4py import MPI
 
 import pytest
 
-from receding_fenicsx import cli, environment, read_scene, run
+from receding_fenicsx import cli, environment, read_record, read_scene, run
 from receding_fenicsx.errors import InputError, SolveError
+from receding_fenicsx.output.plots.figures import draw_all
 from receding_fenicsx.store.hdf5 import read_system
 from receding_fenicsx.studies import run as study
 
@@ -126,6 +127,10 @@ def test_run_prints_a_table_and_no_progress_into_a_file(
         for word in ("81 contact nodes", "stick half width", "dissipation", " MB", str(out)):
             assert word in captured.out
         assert len(captured.out.splitlines()) <= 10
+        # all figures, and no picture of the body
+        known = {name for name, _ in draw_all(read_record(out / "record.h5"))}
+        assert {path.stem for path in (out / "figures").iterdir()} == known
+        assert not (out / "snapshots").exists()
     else:
         assert captured.out == ""
     MPI.COMM_WORLD.Barrier()
