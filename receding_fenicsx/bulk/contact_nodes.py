@@ -78,11 +78,6 @@ class ContactNodes:
     sides: tuple[ContactSide, ...] = ()
 
     @property
-    def rigid(self) -> Array:
-        """(2N, n) rigid motions free of supports and symmetry, each with largest entry 1."""
-        return scaled(self.modes @ free_motions(self.constraints))
-
-    @property
     def dofs(self) -> Ints:
         """(2N,) global degrees of freedom in the order [u_x; u_y]."""
         return np.concatenate([2 * self.node, 2 * self.node + 1])
