@@ -102,6 +102,7 @@ def test_statically_it_is_the_condensed_contact_and_its_mass_is_that_of_the_body
     assert np.diag(mass) == pytest.approx([4.0, 4.0, 2.0 * (2.0 / 3.0 + 8.0 / 12.0)], rel=1e-9)
     assert abs(mass[0, 2]) == pytest.approx(4.0 * 0.5, rel=1e-9)
     assert np.abs(model.M[-3:, -3:] - np.eye(3)).max() < 1e-9
+    assert np.diag(model.K)[-3:] == pytest.approx(model.omega**2, rel=1e-9)
 
 
 def test_frequencies_of_the_stuck_block_come_from_above_with_more_modes() -> None:
