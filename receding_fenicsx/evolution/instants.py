@@ -22,24 +22,15 @@ from receding_fenicsx.scene.model import SolverOptions
 
 
 class Instant(NamedTuple):
-    """State of the modelled nodes at one place of the load path.
+    """State of the modelled nodes at one place of the load path."""
 
-    Attributes:
-        cycle: cycle, 0 for the path from rest.
-        leg: leg of the cycle, from 0.
-        s: position along the leg, in [0, 1].
-        load: (n_loads,) load factors.
-        v: (N,) tangential displacement, also where the solvers work without it.
-        state: state in the 2N layout of the solvers.
-        shown: (N,) states that pictures show where they differ from those of ``state``.
-    """
-
-    cycle: int
-    leg: int
-    s: float
-    load: Array
-    v: Array
-    state: ContactState
+    cycle: int  # cycle, 0 for the path from rest
+    leg: int  # leg of the cycle, from 0
+    s: float  # position along the leg, in [0, 1]
+    load: Array  # (n_loads,) load factors
+    v: Array  # (N,) tangential displacement, also where the solvers work without it
+    state: ContactState  # state in the 2N layout of the solvers
+    # (N,) states that pictures show where they differ from those of ``state``
     shown: NDArray[np.int8] | None = None
 
 
@@ -93,47 +84,28 @@ def events_of(system: ContactSystem, samples: Iterable[Samples]) -> NDArray[np.v
 
 
 class Totals(NamedTuple):
-    """Maxima and sums over the history up to an instant.
+    """Maxima and sums over the history up to an instant."""
 
-    Attributes:
-        force_scale: largest nodal force.
-        energy_scale: largest energy of a leg.
-        residual: largest residual of the contact law over the force scale.
-        energy_error: largest relative error of a leg's energy identity.
-        sweeps: Gauss-Seidel sweeps.
-        events: changes of state of the whole contact.
-        jumps: jumps stepped over.
-        released: energy released by the jumps, of the modelled body.
-    """
-
-    force_scale: float = 0.0
-    energy_scale: float = 0.0
-    residual: float = 0.0
-    energy_error: float = 0.0
-    sweeps: int = 0
-    events: int = 0
-    jumps: int = 0
-    released: float = 0.0
+    force_scale: float = 0.0  # largest nodal force
+    energy_scale: float = 0.0  # largest energy of a leg
+    residual: float = 0.0  # largest residual of the contact law over the force scale
+    energy_error: float = 0.0  # largest relative error of a leg's energy identity
+    sweeps: int = 0  # Gauss-Seidel sweeps
+    events: int = 0  # changes of state of the whole contact
+    jumps: int = 0  # jumps stepped over
+    released: float = 0.0  # energy released by the jumps, of the modelled body
 
 
 @dataclass(frozen=True)
 class FinishedCycle:
-    """Results of one finished cycle.
+    """Results of one finished cycle."""
 
-    Attributes:
-        corners: the ends of its legs.
-        dissipation: (N,) frictional dissipation of the modelled nodes.
-        slip: (N,) v at its end less v at its start.
-        totals: over the history up to its end.
-        samples: its samples and events, where they were asked for.
-        uniqueness: whether the path up to its end is the only one.
-    """
-
-    corners: list[Instant]
-    dissipation: Array
-    slip: Array
-    totals: Totals
-    samples: Samples | None = None
+    corners: list[Instant]  # the ends of its legs
+    dissipation: Array  # (N,) frictional dissipation of the modelled nodes
+    slip: Array  # (N,) v at its end less v at its start
+    totals: Totals  # over the history up to its end
+    samples: Samples | None = None  # its samples and events, where they were asked for
+    # whether the path up to its end is the only one
     uniqueness: Uniqueness = field(default_factory=Uniqueness)
 
 

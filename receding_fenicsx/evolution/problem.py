@@ -147,24 +147,16 @@ def _shifted_to_axis(scene: Scene, system: ContactSystem, g0: Array) -> Array:
 
 @dataclass(frozen=True)
 class Problem:
-    """Problem to be evolved, checked; see :func:`problem_of_scene` and :func:`problem_of_history`.
+    """Checked problem, made by :func:`problem_of_scene` or :func:`problem_of_history`."""
 
-    Attributes:
-        system: the condensed body.
-        history: path from rest, then cycles.
-        solver: method and tolerances.
-        output: which cycles get samples and events.
-        initial_slip: (N,) tangential displacement at rest; 0 at held nodes.
-        chooser: chooses among several continuations of the exact path; None takes the first.
-        judged: the uniqueness of the path is judged; it costs time, and changes no other answer.
-    """
-
-    system: ContactSystem
-    history: History
-    solver: SolverOptions
-    output: OutputOptions
-    initial_slip: Array
+    system: ContactSystem  # the condensed body
+    history: History  # path from rest, then cycles
+    solver: SolverOptions  # method and tolerances
+    output: OutputOptions  # which cycles get samples and events
+    initial_slip: Array  # (N,) tangential displacement at rest; 0 at held nodes
+    # chooses among several continuations of the exact path; None takes the first
     chooser: Chooser | None = None
+    # the uniqueness of the path is judged; it costs time, and changes no other answer
     judged: bool = True
 
     @property

@@ -17,22 +17,14 @@ AXIS_TOLERANCE = 1e-12
 
 @dataclass(frozen=True)
 class Mirror:
-    """Maps nodal arrays of the model to the whole contact; the identity for a whole model.
+    """Maps nodal arrays of the model to the whole contact; the identity for a whole model."""
 
-    Attributes:
-        index: (M,) modelled node behind each node of the whole contact.
-        left: (M,) True for reflected nodes.
-        axis: (M,) True for the node on the axis of a half model.
-        factor: 2 for a half model, 2 pi for one radian, else 1: whole-contact energies over
-            modelled ones.
-        circle: 2 pi for one radian, else 1: nodal totals over modelled ones.
-    """
-
-    index: NDArray[np.intp]
-    left: NDArray[np.bool_]
-    axis: NDArray[np.bool_]
+    index: NDArray[np.intp]  # (M,) modelled node behind each node of the whole contact
+    left: NDArray[np.bool_]  # (M,) True for reflected nodes
+    axis: NDArray[np.bool_]  # (M,) True for the node on the axis of a half model
+    # 2 for a half model, 2 pi for one radian, else 1: whole-contact energies over modelled ones
     factor: float
-    circle: float = 1.0
+    circle: float = 1.0  # 2 pi for one radian, else 1: nodal totals over modelled ones
 
     def even(self, a: Array) -> Array:
         """Return w-like values (last axis over nodes): equal on both sides."""

@@ -24,17 +24,12 @@ from receding_fenicsx.interface.tolerances import NO_STIFFNESS, RIGID_TOLERANCE
 
 @dataclass(frozen=True)
 class ProbeMatrix:
-    """Displacements and stresses at m points of the bodies, linear in [v; w; lambda].
+    """Displacements and stresses at m points of the bodies, linear in [v; w; lambda]."""
 
-    Attributes:
-        names: name of the probe of each point.
-        points: (m, 2) coordinates.
-        rows: (m, 6, 2N + n_loads), with [u_x, u_y, s_xx, s_yy, s_zz, s_xy] = rows @ [v; w; lambda]
-            at each point; N are the modelled nodes, the points those of the whole body.
-    """
-
-    names: tuple[str, ...]
-    points: Array
+    names: tuple[str, ...]  # name of the probe of each point
+    points: Array  # (m, 2) coordinates
+    # (m, 6, 2N + n_loads), with [u_x, u_y, s_xx, s_yy, s_zz, s_xy] = rows @ [v; w; lambda] at each
+    # point; N are the modelled nodes, the points those of the whole body
     rows: Array
 
 
@@ -221,16 +216,11 @@ class ContactState:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Changes:
-    """Changes of state of single nodes, one a row, in order of place.
+    """Changes of state of single nodes, one a row, in order of place."""
 
-    Attributes:
-        s: (k,) places on the leg.
-        node: (k,) nodes.
-        old, new: (k,) their states before and after.
-    """
-
-    s: Array
-    node: NDArray[np.intp]
+    s: Array  # (k,) places on the leg
+    node: NDArray[np.intp]  # (k,) nodes
+    # old, new: (k,) their states before and after
     old: NDArray[np.int8]
     new: NDArray[np.int8]
 

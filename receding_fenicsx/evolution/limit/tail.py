@@ -54,18 +54,13 @@ class NoLimit(Exception):
 
 
 class Tail(NamedTuple):
-    """Limit to which the cycles come.
+    """Limit to which the cycles come."""
 
-    Attributes:
-        u: (2N,) displacements at the start of the limit cycle.
-        walks: each cycle adds a rigid motion.
-        drifting: (N,) nodes that slip at the start of the last cycle, and nowhere in the limit.
-        others: displacements at the start and end of cycles whose releases have another order.
-    """
-
-    u: Array
-    walks: bool
+    u: Array  # (2N,) displacements at the start of the limit cycle
+    walks: bool  # each cycle adds a rigid motion
+    # (N,) nodes that slip at the start of the last cycle, and nowhere in the limit
     drifting: NDArray[np.bool_]
+    # displacements at the start and end of cycles whose releases have another order
     others: list[tuple[Array, Array]]
 
 
@@ -187,56 +182,36 @@ Mask = NDArray[np.bool_]
 
 
 class Stop(NamedTuple):
-    """Event or corner of a cycle.
+    """Event or corner of a cycle."""
 
-    Attributes:
-        leg, s: leg of the cycle and place on it.
-        load: (n_loads,) load factors.
-        u: (2N,) displacements.
-        q: (4N,) rates of y = [v, gap, A, B] on the way there, over the leg.
-        label: quantity that reached its limit, -1 at a corner.
-        state: (N,) states on the way there.
-    """
-
+    # leg, s: leg of the cycle and place on it
     leg: int
     s: float
-    load: Array
-    u: Array
-    q: Array
-    label: int
-    state: NDArray[np.int8]
+    load: Array  # (n_loads,) load factors
+    u: Array  # (2N,) displacements
+    q: Array  # (4N,) rates of y = [v, gap, A, B] on the way there, over the leg
+    label: int  # quantity that reached its limit, -1 at a corner
+    state: NDArray[np.int8]  # (N,) states on the way there
 
 
 class MovingEvents(NamedTuple):
-    """How the events of a cycle move where the cycle starts from other displacements.
+    """How the events of a cycle move where the cycle starts from other displacements."""
 
-    Attributes:
-        at: (E,) number of the stop of each.
-        label: (E,) quantity that reaches zero there.
-        change: (E, 4N) rates of all quantities before it less those after it.
-        triangle: (E, E) rate of each quantity at its own event, its changes at those before.
-    """
-
-    at: Ints
-    label: Ints
-    change: Array
-    triangle: Array
+    at: Ints  # (E,) number of the stop of each
+    label: Ints  # (E,) quantity that reaches zero there
+    change: Array  # (E, 4N) rates of all quantities before it less those after it
+    triangle: Array  # (E, E) rate of each quantity at its own event, its changes at those before
 
 
 @dataclass(frozen=True)
 class TracedCycle:
-    """One cycle, event by event.
+    """One cycle, event by event."""
 
-    Attributes:
-        start, end: states at its start and end.
-        stops: its events and corners.
-        segments: makes the rates.
-    """
-
+    # start, end: states at its start and end
     start: ContactState
     end: ContactState
-    stops: list[Stop]
-    segments: Segments
+    stops: list[Stop]  # its events and corners
+    segments: Segments  # makes the rates
 
     @cached_property
     def events(self) -> MovingEvents:

@@ -21,17 +21,11 @@ MAX_JUMPS = 100
 
 @dataclass(frozen=True)
 class Jump:
-    """A jump at constant load.
+    """A jump at constant load."""
 
-    Attributes:
-        end: state after it.
-        work: sum lambda r* . change of u, as in the energy identity.
-        released: energy -(change of 1/2 u K u + work), lost to friction and motion together.
-    """
-
-    end: ContactState
-    work: float
-    released: float
+    end: ContactState  # state after it
+    work: float  # sum lambda r* . change of u, as in the energy identity
+    released: float  # energy -(change of 1/2 u K u + work), lost to friction and motion together
 
 
 def find_jump(segments: Segments, start: ContactState, load: Array, place: Array) -> Jump:

@@ -43,126 +43,86 @@ class Contact(NamedTuple):
 
 
 class Matrix(NamedTuple):
-    """Arrays of a tableau, see :class:`~receding_fenicsx.interface.exact.pivot_matrix.PivotMatrix`.
+    """Arrays of a tableau, a ``PivotMatrix``."""
 
-    Attributes:
-        T, U, V: the matrix without, and the factors of, its pending updates.
-        counts: number of pending updates, exchanges in all, and whether ``rate`` is up to date.
-        rate: (m,) rates of the outputs along the leg.
-        row_label, column_label, row_of, column_of: labels and where they are.
-        state: (N,) states of the tableau.
-        singular: smallest pivot.
-        oldest: exchanges after which it is to be made anew.
-    """
-
+    # T, U, V: the matrix without, and the factors of, its pending updates
     T: Array
     U: Array
     V: Array
-    counts: Ints
-    rate: Array
+    counts: Ints  # number of pending updates, exchanges in all, and whether ``rate`` is up to date
+    rate: Array  # (m,) rates of the outputs along the leg
+    # row_label, column_label, row_of, column_of: labels and where they are
     row_label: Ints
     column_label: Ints
     row_of: Ints
     column_of: Ints
-    state: NDArray[np.int8]
-    singular: float
-    oldest: int
+    state: NDArray[np.int8]  # (N,) states of the tableau
+    singular: float  # smallest pivot
+    oldest: int  # exchanges after which it is to be made anew
 
 
 class Memory(NamedTuple):
-    """Rates of the sets of states met, by direction of the leg.
+    """Rates of the sets of states met, by direction of the leg."""
 
-    Attributes:
-        table: entry by hash, -1 where there is none.
-        used: number of entries.
-        mark: (k,) hash of each.
-        state: (k, N) states.
-        rates: (k, 4N) rates of y.
-        threshold: (k,) rate, as a force, below which a quantity falls.
-        reversed_nodes: (k,) number of slipping nodes whose rate contradicts their state.
-        hit: (k,) quantity that reached its limit last time, -1 where the leg ended.
-        stroke: (k, n_loads) rates of r*_k . u.
-        imbalance: (k, sums) rates of the sums of the balance check.
-        resting: (k,) number of gaps and margins that are zero in these states.
-    """
-
-    table: NDArray[np.int32]
-    used: Ints
-    mark: NDArray[np.uint64]
-    state: NDArray[np.int8]
-    rates: Array
-    threshold: Array
+    table: NDArray[np.int32]  # entry by hash, -1 where there is none
+    used: Ints  # number of entries
+    mark: NDArray[np.uint64]  # (k,) hash of each
+    state: NDArray[np.int8]  # (k, N) states
+    rates: Array  # (k, 4N) rates of y
+    threshold: Array  # (k,) rate, as a force, below which a quantity falls
+    # (k,) number of slipping nodes whose rate contradicts their state
     reversed_nodes: NDArray[np.int32]
-    hit: NDArray[np.int32]
-    stroke: Array
-    imbalance: Array
-    resting: NDArray[np.int32]
+    hit: NDArray[np.int32]  # (k,) quantity that reached its limit last time, -1 where the leg ended
+    stroke: Array  # (k, n_loads) rates of r*_k . u
+    imbalance: Array  # (k, sums) rates of the sums of the balance check
+    resting: NDArray[np.int32]  # (k,) number of gaps and margins that are zero in these states
 
 
 class Way(NamedTuple):
-    """A leg.
+    """A leg."""
 
-    Attributes:
-        start, direction: (n_loads,) load factors at its start, and their change.
-        mark, back: number of its direction, and of the opposite one.
-        on_limit: (4N,) distance from a limit up to which a node is on it.
-        accepted: imbalance that need not be removed.
-        sample_at: (k,) places of samples.
-        end: place at which it ends.
-        unloading: part of the leg before its end within which events may be round-off, else 0.
-        asks_rates: all rates are asked for.
-        asks_choice: consistent states are asked for at each event.
-    """
-
+    # start, direction: (n_loads,) load factors at its start, and their change
     start: Array
     direction: Array
+    # mark, back: number of its direction, and of the opposite one
     mark: np.uint64
     back: np.uint64
-    on_limit: Array
-    accepted: float
-    sample_at: Array
-    end: float
-    unloading: float
-    asks_rates: bool
-    asks_choice: bool
+    on_limit: Array  # (4N,) distance from a limit up to which a node is on it
+    accepted: float  # imbalance that need not be removed
+    sample_at: Array  # (k,) places of samples
+    end: float  # place at which it ends
+    unloading: float  # part of the leg before its end within which events may be round-off, else 0
+    asks_rates: bool  # all rates are asked for
+    asks_choice: bool  # consistent states are asked for at each event
 
 
 class Path(NamedTuple):
-    """Path along a leg under way.
+    """Path along a leg under way."""
 
-    Attributes:
-        y, state: (4N,) quantities and (N,) states.
-        place: s, where the last events without progress began, and the way to the next event.
-        counts: see ``COUNTS``.
-        dissipation: (N,) frictional dissipation.
-        work: (n_loads,) integral of lambda_k r*_k . du.
-        imbalance: (sums,) of the balance check.
-        violated: (N,) scratch: 1 << kind of the violated quantities of each node, added up.
-        event_at, event: (k,) places and (k, 3) node, old state, new state.
-        tie_at, tie: likewise: node, state, other state.
-        stop_at, stop: (k,) places and (k, 4N) quantities at events, where asked for.
-        stop_label, stop_state, stop_rate: (k,) quantities that have reached their limit there, -1
-            at the end, (k, N) states and (k, 4N) rates on the way there, where it is traced.
-        sample, sample_state: (k, 4N) and (k, N) at the places of samples.
-    """
-
+    # y, state: (4N,) quantities and (N,) states
     y: Array
     state: NDArray[np.int8]
-    place: Array
-    counts: Ints
-    dissipation: Array
-    work: Array
-    imbalance: Array
-    violated: Ints
+    place: Array  # s, where the last events without progress began, and the way to the next event
+    counts: Ints  # see ``COUNTS``
+    dissipation: Array  # (N,) frictional dissipation
+    work: Array  # (n_loads,) integral of lambda_k r*_k . du
+    imbalance: Array  # (sums,) of the balance check
+    violated: Ints  # (N,) scratch: 1 << kind of the violated quantities of each node, added up
+    # event_at, event: (k,) places and (k, 3) node, old state, new state
     event_at: Array
     event: Ints
+    # tie_at, tie: likewise: node, state, other state
     tie_at: Array
     tie: Ints
+    # stop_at, stop: (k,) places and (k, 4N) quantities at events, where asked for
     stop_at: Array
     stop: Array
+    # stop_label, stop_state, stop_rate: (k,) quantities that have reached their limit there, -1 at
+    # the end, (k, N) states and (k, 4N) rates on the way there, where it is traced
     stop_label: Ints
     stop_state: NDArray[np.int8]
     stop_rate: Array
+    # sample, sample_state: (k, 4N) and (k, N) at the places of samples
     sample: Array
     sample_state: NDArray[np.int8]
 

@@ -35,26 +35,17 @@ class Chooser(Protocol):
 
 @dataclass(frozen=True)
 class LegProblem:
-    """A leg to be followed from a given state, or a piece of a leg.
+    """A leg to be followed from a given state, or a piece of a leg."""
 
-    Attributes:
-        start: state at ``s_start``.
-        ends: (n_loads,) load factors at s = 0 and at s = 1.
-        force_scale: largest nodal force of the history so far.
-        samples: places s at which states are stored, increasing.
-        s_start: place at which ``start`` is.
-        part: where s = 0 and s = 1 lie on the leg of the history, for messages.
-        jumps: jumps on the leg of the history before this piece.
-        chooser: chooses among several continuations; None takes the first one found.
-    """
-
-    start: ContactState
-    ends: tuple[Array, Array]
-    force_scale: float
-    samples: tuple[float, ...] = ()
-    s_start: float = 0.0
+    start: ContactState  # state at ``s_start``
+    ends: tuple[Array, Array]  # (n_loads,) load factors at s = 0 and at s = 1
+    force_scale: float  # largest nodal force of the history so far
+    samples: tuple[float, ...] = ()  # places s at which states are stored, increasing
+    s_start: float = 0.0  # place at which ``start`` is
+    # where s = 0 and s = 1 lie on the leg of the history, for messages
     part: tuple[float, float] = (0.0, 1.0)
-    jumps: int = 0
+    jumps: int = 0  # jumps on the leg of the history before this piece
+    # chooses among several continuations; None takes the first one found
     chooser: Chooser | None = None
 
     def load(self, s: float) -> Array:
@@ -97,21 +88,13 @@ class LegProblem:
 
 @dataclass
 class PathPoint:
-    """Contact at one place of a leg, as the quantities of the event search; changed in place.
+    """Contact at one place of a leg, as the quantities of the event search; changed in place."""
 
-    Attributes:
-        problem: the leg.
-        system: the condensed body in 2N form.
-        s: place on the leg.
-        y: (4N,) quantities [v, gap, A, B].
-        state: (N,) states.
-    """
-
-    problem: LegProblem
-    system: ContactSystem
-    s: float
-    y: Array
-    state: NDArray[np.int8]
+    problem: LegProblem  # the leg
+    system: ContactSystem  # the condensed body in 2N form
+    s: float  # place on the leg
+    y: Array  # (4N,) quantities [v, gap, A, B]
+    state: NDArray[np.int8]  # (N,) states
 
     @property
     def load(self) -> Array:

@@ -39,15 +39,11 @@ NO_MATRIX = PivotMatrix(PivotData(np.zeros((1, 1)), *np.zeros((2, 1), dtype=np.i
 
 
 class ActiveSet(NamedTuple):
-    """Freedoms that the states at an end of a leg leave free, and the forces that vanish there.
+    """Freedoms that the states at an end of a leg leave free, and the forces that vanish there."""
 
-    Attributes:
-        free: (m,) tangential freedoms of nodes that do not stick, then normal ones of open nodes.
-        friction: (k,) coefficients c of the k tangential ones, whose forces Q + c P vanish.
-    """
-
+    # (m,) tangential freedoms of nodes that do not stick, then normal ones of open nodes
     free: Ints
-    friction: Array
+    friction: Array  # (k,) coefficients c of the k tangential ones, whose forces Q + c P vanish
 
     def forces(self, state: ContactState) -> Array:
         """Return the (m,) forces that vanish but for round-off."""

@@ -36,20 +36,13 @@ class SingularExchange(Exception):
 
 @dataclass(frozen=True)
 class PivotData:
-    """Matrices and labels of a :class:`PivotMatrix`.
+    """Matrices and labels of a :class:`PivotMatrix`."""
 
-    Attributes:
-        T: (m, k + n_loads) outputs from inputs and unit loads; those that stay inputs may be left
-            out.
-        row_label: (m,) label of each output.
-        column_label: (k,) label of each input.
-        age: exchanges since the matrix was made from scratch.
-    """
-
+    # (m, k + n_loads) outputs from inputs and unit loads; those that stay inputs may be left out
     T: Array
-    row_label: Ints
-    column_label: Ints
-    age: int = 0
+    row_label: Ints  # (m,) label of each output
+    column_label: Ints  # (k,) label of each input
+    age: int = 0  # exchanges since the matrix was made from scratch
 
     def without(self, inputs: Ints) -> PivotData:
         """Return the same without the columns of some inputs."""

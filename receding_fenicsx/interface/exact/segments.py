@@ -58,17 +58,11 @@ REFINEMENTS_BEFORE_REBUILD = 0.05
 
 @dataclass(frozen=True, slots=True)
 class Segment:
-    """Rates along a leg in one set of states.
+    """Rates along a leg in one set of states."""
 
-    Attributes:
-        q: (4N,) rates of y per unit of s.
-        falling: labels of quantities that must stay >= 0 and fall.
-        reversed_nodes: slipping nodes whose rate contradicts their state.
-    """
-
-    q: Array
-    falling: NDArray[np.intp]
-    reversed_nodes: NDArray[np.intp]
+    q: Array  # (4N,) rates of y per unit of s
+    falling: NDArray[np.intp]  # labels of quantities that must stay >= 0 and fall
+    reversed_nodes: NDArray[np.intp]  # slipping nodes whose rate contradicts their state
 
 
 class Segments:

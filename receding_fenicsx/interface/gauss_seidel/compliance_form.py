@@ -31,38 +31,23 @@ from receding_fenicsx.interface.system_checks import check_system
 
 @dataclass(frozen=True)
 class StepProblem:
-    """One step: m contacts, unknowns in the order [N, T] of the first contact, of the second, ...
+    """One step of m contacts; the unknowns are [N, T] of each, one after the other."""
 
-    Attributes:
-        W: (2m, 2m) compliance, symmetric, positive semi-definite.
-        q: (2m,) gaps and slips without reactions.
-        mu: (m,) coefficients of friction.
-        V: (2m, p) rigid motions that only the contact hinders.
-        s: (p,) resultant of the loads along them, with the sign of V^T r + s = 0.
-        nodes: (m,) contact node of each contact.
-    """
-
-    W: Array
-    q: Array
-    mu: Array
-    V: Array
-    s: Array
-    nodes: NDArray[np.intp]
+    W: Array  # (2m, 2m) compliance, symmetric, positive semi-definite
+    q: Array  # (2m,) gaps and slips without reactions
+    mu: Array  # (m,) coefficients of friction
+    V: Array  # (2m, p) rigid motions that only the contact hinders
+    s: Array  # (p,) resultant of the loads along them, with the sign of V^T r + s = 0
+    nodes: NDArray[np.intp]  # (m,) contact node of each contact
 
 
 @dataclass(frozen=True)
 class StepSolution:
-    """What solves a :class:`StepProblem`.
+    """What solves a :class:`StepProblem`."""
 
-    Attributes:
-        u: (2m,) gaps and slips.
-        r: (2m,) reactions.
-        rho: (p,) rigid motions.
-    """
-
-    u: Array
-    r: Array
-    rho: Array
+    u: Array  # (2m,) gaps and slips
+    r: Array  # (2m,) reactions
+    rho: Array  # (p,) rigid motions
 
 
 def step_problem(

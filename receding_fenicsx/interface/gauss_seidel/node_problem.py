@@ -39,26 +39,16 @@ Solution = tuple[int, float, float]
 
 @dataclass(slots=True)
 class NodeProblem:
-    """Stiffness and law of one node.
+    """Stiffness and law of one node."""
 
-    Attributes:
-        k_t: tangential diagonal entry of K.
-        k_n: normal one.
-        c: entry that couples the node's v and w.
-        f_forward: coefficient of friction for forward slip.
-        f_backward: the same for backward slip.
-        w_c: normal displacement at which the gap closes, -g0.
-        det: determinant of the stiffness.
-        singular: the node has a motion without stiffness while the others are held.
-    """
-
-    k_t: float
-    k_n: float
-    c: float
-    f_forward: float
-    f_backward: float
-    w_c: float
-    det: float = field(init=False)
+    k_t: float  # tangential diagonal entry of K
+    k_n: float  # normal one
+    c: float  # entry that couples the node's v and w
+    f_forward: float  # coefficient of friction for forward slip
+    f_backward: float  # the same for backward slip
+    w_c: float  # normal displacement at which the gap closes, -g0
+    det: float = field(init=False)  # determinant of the stiffness
+    # the node has a motion without stiffness while the others are held
     singular: bool = field(init=False)
 
     def __post_init__(self) -> None:

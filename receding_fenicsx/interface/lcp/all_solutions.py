@@ -49,15 +49,11 @@ TRIED_AT_ONCE = BATCH
 
 @dataclass(frozen=True)
 class Solutions:
-    """Solutions of a rate problem.
+    """Solutions of a rate problem."""
 
-    Attributes:
-        states: (k, N) states of the undecided nodes, 0 elsewhere; a row for each solution.
-        complete: no other solution exists. Otherwise there may be more than were found.
-    """
-
+    # (k, N) states of the undecided nodes, 0 elsewhere; a row for each solution
     states: NDArray[np.int8]
-    complete: bool
+    complete: bool  # no other solution exists. Otherwise there may be more than were found
 
 
 def all_solutions(

@@ -131,19 +131,12 @@ property end on rays where a solution exists."""
 
 @dataclass(frozen=True)
 class Undecided:
-    """Nodes whose state the problem has to find; every other node keeps its own.
+    """Nodes whose state the problem has to find; every other node keeps its own."""
 
-    Attributes:
-        forward: nodes in contact at A = 0: stick or forward slip.
-        backward: nodes in contact at B = 0: stick or backward slip.
-        touching: nodes with neither gap nor pressure: any state.
-        smooth: nodes without friction or held tangentially, neither gap nor pressure.
-    """
-
-    forward: Indices
-    backward: Indices
-    touching: Indices
-    smooth: Indices
+    forward: Indices  # nodes in contact at A = 0: stick or forward slip
+    backward: Indices  # nodes in contact at B = 0: stick or backward slip
+    touching: Indices  # nodes with neither gap nor pressure: any state
+    smooth: Indices  # nodes without friction or held tangentially, neither gap nor pressure
 
     @property
     def nodes(self) -> Indices:

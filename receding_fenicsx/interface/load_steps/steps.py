@@ -53,17 +53,11 @@ if TYPE_CHECKING:
 
 
 class ExactPath(NamedTuple):
-    """The exact path through a part of a leg.
+    """The exact path through a part of a leg."""
 
-    Attributes:
-        walk: at the place where the path ends, or at the end of the part.
-        error: why it ends, None at the end of the part.
-        at_rest: the part ends at complete unloading, just beyond the walk.
-    """
-
-    walk: Walk
-    error: SolveError | None
-    at_rest: bool
+    walk: Walk  # at the place where the path ends, or at the end of the part
+    error: SolveError | None  # why it ends, None at the end of the part
+    at_rest: bool  # the part ends at complete unloading, just beyond the walk
 
 
 class Continuation:
@@ -254,16 +248,12 @@ SMALL_STEP_ERROR = 0.02
 
 
 class Trial(NamedTuple):
-    """Result of a trial of one part of a load step.
+    """Result of a trial of one part of a load step."""
 
-    Attributes:
-        found: a step or a piece of the exact path that is accepted; the error at which the path
-            ends; None where the part has to be divided.
-        s: place up to which ``found`` leads, or up to which to try next.
-    """
-
+    # a step or a piece of the exact path that is accepted; the error at which the path ends; None
+    # where the part has to be divided
     found: Leg | SolveError | None
-    s: float
+    s: float  # place up to which ``found`` leads, or up to which to try next
 
 
 class StepTrials:

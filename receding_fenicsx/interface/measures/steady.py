@@ -90,25 +90,15 @@ def limit_of_decay(values: Array) -> tuple[str, float, float]:
 
 
 class CycleEnd(NamedTuple):
-    """What a cycle leaves for :class:`SteadyWatch`.
+    """What a cycle leaves for :class:`SteadyWatch`."""
 
-    Attributes:
-        r: (2N,) reactions at its end.
-        v: (N,) tangential displacements there.
-        dissipation: (N,) dissipation in it.
-        pressed: (N,) largest P at its corners.
-        reach: (2N,) largest displacements there.
-        force: largest nodal force of the history so far.
-        residual: largest residual of the contact law so far, over that force.
-    """
-
-    r: Array
-    v: Array
-    dissipation: Array
-    pressed: Array
-    reach: Array
-    force: float
-    residual: float = 0.0
+    r: Array  # (2N,) reactions at its end
+    v: Array  # (N,) tangential displacements there
+    dissipation: Array  # (N,) dissipation in it
+    pressed: Array  # (N,) largest P at its corners
+    reach: Array  # (2N,) largest displacements there
+    force: float  # largest nodal force of the history so far
+    residual: float = 0.0  # largest residual of the contact law so far, over that force
 
 
 class SteadyWatch:

@@ -27,31 +27,22 @@ from receding_fenicsx.interface.measures.zones import begins_on_axis
 
 @dataclass(frozen=True)
 class Tractions:
-    """Nodal forces and states of one instant, from which zone ends are estimated.
+    """Nodal forces and states of one instant, from which zone ends are estimated."""
 
-    Attributes:
-        x: (N,) positions, increasing.
-        weight: (N,) integrals of the shape functions over the contact edge.
-        P, Q: (N,) nodal forces, Q positive towards greater x.
-        state: (N,) values of :class:`State`.
-        f: (N,) coefficient of friction.
-        beta: Dundurs' constant of the body against the other side; None when it is not known.
-        half: True when all is its own mirror image about x = 0.
-        radius: (N,) distances of the nodes from the axis when axisymmetric.
-        f_backward: (N,) coefficient of friction for backward slip; None stands for ``f``.
-        branches: (N,) cohesion and shear limit as tractions; None for none.
-    """
-
-    x: Array
-    weight: Array
+    x: Array  # (N,) positions, increasing
+    weight: Array  # (N,) integrals of the shape functions over the contact edge
+    # P, Q: (N,) nodal forces, Q positive towards greater x
     P: Array
     Q: Array
-    state: NDArray[np.integer]
-    f: Array
+    state: NDArray[np.integer]  # (N,) values of :class:`State`
+    f: Array  # (N,) coefficient of friction
+    # Dundurs' constant of the body against the other side; None when it is not known
     beta: float | None = None
-    half: bool = False
-    radius: Array | None = None
+    half: bool = False  # True when all is its own mirror image about x = 0
+    radius: Array | None = None  # (N,) distances of the nodes from the axis when axisymmetric
+    # (N,) coefficient of friction for backward slip; None stands for ``f``
     f_backward: Array | None = None
+    # (N,) cohesion and shear limit as tractions; None for none
     branches: tuple[Array | None, Array | None] = (None, None)
 
     @property

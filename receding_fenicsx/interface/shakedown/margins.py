@@ -28,49 +28,30 @@ Loads = Mapping[str, float]
 
 @dataclass(frozen=True)
 class LoadRange:
-    """Loads mean + lambda vertex_k, k = 1 to V.
+    """Loads mean + lambda vertex_k, k = 1 to V."""
 
-    Attributes:
-        mean: (n_loads,) load factors.
-        vertices: (V, n_loads) changes of the load factors at lambda = 1.
-    """
-
-    mean: Array
-    vertices: Array
+    mean: Array  # (n_loads,) load factors
+    vertices: Array  # (V, n_loads) changes of the load factors at lambda = 1
 
 
 @dataclass(frozen=True)
 class Margins:
-    """Margins G y + c + mu D_k >= 0 at the vertices k of a load range, scaled to order one.
+    """Margins G y + c + mu D_k >= 0 at the vertices k of a load range, scaled to order one."""
 
-    Attributes:
-        G: (rows, m) influence of the scaled residual slips y.
-        c: (rows,) margins under the mean loads without residual slip.
-        by_load: (rows, n_loads) change of the margins per unit of each load factor.
-        D: (rows, V) change of the margins at each vertex per unit of the scaled range mu.
-        node: (rows,) contact node of each row.
-        kind: (rows,) what happens where the row vanishes.
-        targets: rows that vanish together where a node may leave its stick for good: both friction
-            limits of a node with friction, the pressure of one without.
-        nodes: (m,) contact nodes with friction, whose residual slip is unknown.
-        slip_scale: (m,) residual slip per unit of y.
-        range_scale: lambda per unit of mu.
-        n: number of contact nodes of the model.
-        coupled: whether residual slip changes a pressure or a gap.
-    """
-
-    G: Array
-    c: Array
-    by_load: Array
-    D: Array
-    node: Ints
-    kind: tuple[str, ...]
+    G: Array  # (rows, m) influence of the scaled residual slips y
+    c: Array  # (rows,) margins under the mean loads without residual slip
+    by_load: Array  # (rows, n_loads) change of the margins per unit of each load factor
+    D: Array  # (rows, V) change of the margins at each vertex per unit of the scaled range mu
+    node: Ints  # (rows,) contact node of each row
+    kind: tuple[str, ...]  # (rows,) what happens where the row vanishes
+    # rows that vanish together where a node may leave its stick for good: both friction limits of a
+    # node with friction, the pressure of one without
     targets: tuple[tuple[int, ...], ...]
-    nodes: Ints
-    slip_scale: Array
-    range_scale: float
-    n: int
-    coupled: bool
+    nodes: Ints  # (m,) contact nodes with friction, whose residual slip is unknown
+    slip_scale: Array  # (m,) residual slip per unit of y
+    range_scale: float  # lambda per unit of mu
+    n: int  # number of contact nodes of the model
+    coupled: bool  # whether residual slip changes a pressure or a gap
 
     @property
     def d(self) -> Array:

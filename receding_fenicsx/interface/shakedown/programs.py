@@ -21,21 +21,13 @@ BINDS = 1e-7
 
 @dataclass(frozen=True)
 class Answer:
-    """Smallest value of a linear function over G z + c >= 0, with its proof.
+    """Smallest value of a linear function over G z + c >= 0, with its proof."""
 
-    Attributes:
-        z: where it is reached; polished on the rows that bind.
-        value: the smallest value; inf when no z is feasible, -inf when there is none.
-        bound: value that the multipliers prove to be a lower bound.
-        multipliers: (rows,) not negative (of any sign at rows that are equations).
-        equations: rows that were made to vanish.
-    """
-
-    z: Array
-    value: float
-    bound: float
-    multipliers: Array
-    equations: tuple[int, ...] = ()
+    z: Array  # where it is reached; polished on the rows that bind
+    value: float  # the smallest value; inf when no z is feasible, -inf when there is none
+    bound: float  # value that the multipliers prove to be a lower bound
+    multipliers: Array  # (rows,) not negative (of any sign at rows that are equations)
+    equations: tuple[int, ...] = ()  # rows that were made to vanish
 
 
 def minimise(

@@ -20,15 +20,10 @@ BREAKS, FORMS = 2, 3
 
 @dataclass(frozen=True)
 class Branches:
-    """Branches that limit Q, one set of them.
+    """Branches that limit Q, one set of them."""
 
-    Attributes:
-        branch: (N,) ``FRICTION``, ``FORWARD_LIMIT`` or ``BACKWARD_LIMIT``.
-        bonded: (N,) nodes in contact, where the cohesion acts.
-    """
-
-    branch: NDArray[np.int8]
-    bonded: NDArray[np.bool_]
+    branch: NDArray[np.int8]  # (N,) ``FRICTION``, ``FORWARD_LIMIT`` or ``BACKWARD_LIMIT``
+    bonded: NDArray[np.bool_]  # (N,) nodes in contact, where the cohesion acts
 
     @property
     def key(self) -> bytes:

@@ -198,24 +198,17 @@ def cholesky(matrix: Array) -> Array:
 
 @dataclass(frozen=True)
 class Pattern:
-    """Sets of states that are definite together; sets of nodes are integers as in ``Sides``.
+    """Sets of states that are definite together; sets of nodes are integers as in ``Sides``."""
 
-    Attributes:
-        forward, backward: nodes that may slip, and where to.
-        opened: nodes that are open in all of its sets.
-        may_open: nodes that are open in some.
-        rubbing: nodes with friction.
-        turning: what it takes to turn round the slip of a node; in all less than 1 is there.
-        either: nodes whose slip may be turned round.
-    """
-
+    # forward, backward: nodes that may slip, and where to
     forward: int
     backward: int
-    opened: int
-    may_open: int
-    rubbing: int
+    opened: int  # nodes that are open in all of its sets
+    may_open: int  # nodes that are open in some
+    rubbing: int  # nodes with friction
+    # what it takes to turn round the slip of a node; in all less than 1 is there
     turning: dict[int, float]
-    either: int
+    either: int  # nodes whose slip may be turned round
 
     def holds(self, one: Sides) -> bool:
         """Return whether all sets of states that the nodes may take are among its sets."""

@@ -47,19 +47,12 @@ def nodes_of(bits: int) -> list[int]:
 
 
 class Sides(NamedTuple):
-    """Disjoint sets of nodes; all others stick.
+    """Disjoint sets of nodes; all others stick."""
 
-    Attributes:
-        forward: nodes in forward slip.
-        backward: nodes in backward slip.
-        open: separated nodes.
-        touching: nodes with neither gap nor pressure, which may take any state.
-    """
-
-    forward: int = 0
-    backward: int = 0
-    open: int = 0
-    touching: int = 0
+    forward: int = 0  # nodes in forward slip
+    backward: int = 0  # nodes in backward slip
+    open: int = 0  # separated nodes
+    touching: int = 0  # nodes with neither gap nor pressure, which may take any state
 
     @classmethod
     def of(cls, state: States) -> Sides:

@@ -56,33 +56,27 @@ LARGE_MARGIN = 1.5
 
 @dataclass(frozen=True)
 class Uniqueness:
-    """Whether a path is the only one from its start, as far as it has gone.
+    """Whether a path is the only one from its start, as far as it has gone."""
 
-    Attributes:
-        certified: at every instant the rates are proved to be unique, and no static problem was
-            found to have several solutions.
-        margin: factor phi by which all friction could grow before definiteness fails, the smallest
-            of all instants. Above ``LARGE_MARGIN`` it is the smallest at the ends of legs, where
-            slip zones are largest; infinite where nothing slips there. Sets of states in which
-            something slips without stiffness have none: their solutions are counted.
-        solutions: largest number of rates found at one instant, or of solutions of a static
-            problem.
-        cycle, leg, s: place of the first doubt, -1 without one. A path that is not certified and
-            has no such place is ``UNKNOWN``: it began before uniqueness was judged.
-        nodes: nodes of the first doubt, at most as many as here, filled up with -1.
-        static: largest number of solutions found of a static problem, 0 without one.
-        proved: static problems are proved to have no other solution.
-    """
-
+    # at every instant the rates are proved to be unique, and no static problem was found to have
+    # several solutions
     certified: bool = True
+    # factor phi by which all friction could grow before definiteness fails, the smallest of all
+    # instants. Above ``LARGE_MARGIN`` it is the smallest at the ends of legs, where slip zones are
+    # largest; infinite where nothing slips there. Sets of states in which something slips without
+    # stiffness have none: their solutions are counted
     margin: float = np.inf
+    # largest number of rates found at one instant, or of solutions of a static problem
     solutions: int = 1
+    # cycle, leg, s: place of the first doubt, -1 without one. A path that is not certified and has
+    # no such place is ``UNKNOWN``: it began before uniqueness was judged
     cycle: int = -1
     leg: int = -1
     s: float = -1.0
+    # nodes of the first doubt, at most as many as here, filled up with -1
     nodes: tuple[int, ...] = (-1,) * 8
-    static: int = 0
-    proved: bool = True
+    static: int = 0  # largest number of solutions found of a static problem, 0 without one
+    proved: bool = True  # static problems are proved to have no other solution
 
     def with_doubt(
         self, place: tuple[int, int, float], nodes: tuple[int, ...], solutions: int = 1
