@@ -1,9 +1,10 @@
-"""All texts of a figure, and whether they can be read."""
+"""All texts of a figure, whether they can be read, and the states that legends name."""
 
 from __future__ import annotations
 
 import matplotlib as mpl
 from matplotlib.axes import Axes
+from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 from matplotlib.text import Text
 
@@ -47,3 +48,10 @@ def labels_beyond(axes: Axes) -> list[Text]:
             if not low - slack <= tick.get_loc() <= high + slack:
                 found += [tick.label1, tick.label2]
     return found
+
+
+def names_of_colours(figure: Figure) -> dict[str, str]:
+    """Return the name of each state by the colour that the legends of a figure give it."""
+    patches = [patch for legend in figure.legends for patch in legend.get_patches()]
+    labels = {to_hex(patch.get_facecolor()): str(patch.get_label()) for patch in patches}
+    return {colour: label[3:] for colour, label in labels.items() if label[0].isdigit()}

@@ -24,21 +24,9 @@ SMALL = [
     *("--set", "history.cycles=2"),
     *("--set", "solver.method=events"),
 ]
-FAILING = [
-    *SMALL[:4],
-    *("--set", "solver.method=gauss-seidel"),
-    *("--set", "solver.max_sweeps=1"),
-    *("--set", "solver.polish=false"),
-    *("--pictures", "none"),
-]
-"""A run that one sweep cannot solve."""
 MODULE = ("-m", "receding_fenicsx")
 Run = Callable[..., "subprocess.CompletedProcess[str]"]
 root = MPI.COMM_WORLD.rank == 0
-
-
-def alone(*arguments: str) -> list[str]:
-    return [sys.executable, *MODULE, *arguments]
 
 
 def our_lines(text: str) -> list[str]:
@@ -262,13 +250,6 @@ def test_help_waits_for_no_library() -> None:
 # -- as a program of its own, on one rank and more -----------------------------------------------
 
 
-def test_bad_scene_stops_every_rank_with_the_same_code(mpirun: Run) -> None:
-    done = mpirun(3, *MODULE, "check", BLOCK, "--set", "body.width=-1")
-    assert done.returncode == 2
-    assert len(our_lines(done.stderr)) == 1
-    assert "[body] width" in done.stderr
-
-
 def test_run_on_two_ranks_gives_the_answer_of_one(mpirun: Run, tmp_path: Path) -> None:
     command = ["run", BLOCK, *SMALL, "--pictures", "none", "--out"]
     assert cli.main([*command, str(tmp_path / "1")]) == 0
@@ -281,14 +262,6 @@ def test_run_on_two_ranks_gives_the_answer_of_one(mpirun: Run, tmp_path: Path) -
     for a, b in zip(one["turning_points"], two["turning_points"], strict=True):
         assert a["zones"] == b["zones"]
         assert a["p_max"] == pytest.approx(b["p_max"], rel=1e-9)
-
-
-def test_failing_solver_on_two_ranks_ends_with_code_1(mpirun: Run, tmp_path: Path) -> None:
-    done = mpirun(2, *MODULE, "run", BLOCK, *FAILING, "--out", tmp_path / "run")
-    assert done.returncode == 1
-    assert len(our_lines(done.stderr)) == 1
-    assert "residual" in our_lines(done.stderr)[0]
-    assert os.listdir(tmp_path) == []
 
 
 FAILS_ALONE = """

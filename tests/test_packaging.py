@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ast
 import os
 import re
 import shutil
@@ -13,6 +12,7 @@ from importlib import metadata
 from pathlib import Path
 
 import pytest
+from test_imports import IMPORTS
 
 pytestmark = pytest.mark.one_rank
 
@@ -29,24 +29,12 @@ NOT_IMPORTED = {"vtk": "release for pyvista"}
 """Dependencies that the package does not import itself, and their purpose."""
 
 
-def imported_modules() -> set[str]:
-    """Return the top-level names of all imports of the package, those inside functions too."""
-    found = set()
-    for path in (ROOT / "receding_fenicsx").rglob("*.py"):
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-            if isinstance(node, ast.Import):
-                found |= {alias.name for alias in node.names}
-            elif isinstance(node, ast.ImportFrom):
-                assert node.level == 0 and node.module is not None, path
-                found.add(node.module)
-    return {name.partition(".")[0] for name in found}
-
-
 def test_imports_of_the_package_are_its_declared_dependencies() -> None:
     project = PYPROJECT["project"]
     requirements = project["dependencies"] + project["optional-dependencies"]["tables"]
     declared = {re.split(r"[<>=~!; ]", text)[0] for text in requirements}
-    names = imported_modules() - sys.stdlib_module_names - BROUGHT_BY_DOLFINX
+    names = {name.partition(".")[0] for found in IMPORTS.values() for name in found}
+    names -= sys.stdlib_module_names | BROUGHT_BY_DOLFINX
     imported = {DISTRIBUTIONS.get(name, name) for name in names - {"receding_fenicsx"}}
     assert imported == declared - set(NOT_IMPORTED)
 

@@ -10,7 +10,7 @@ from typing import Any
 import models
 import numpy as np
 import pytest
-from drawn_text import check_texts
+from drawn_text import check_texts, names_of_colours
 from matplotlib.collections import PolyCollection
 from matplotlib.colors import to_hex, to_rgb, to_rgba_array
 from matplotlib.figure import Figure
@@ -41,12 +41,6 @@ def record(
     history = cyclic(10) if kind == "cyclic" else table(system, path[kind])
     found = rf.evolve(system, history, rf.SolverOptions(method=method))
     return replace(found, scene_toml=rf.to_toml(BLOCK)) if known else found
-
-
-def area(polygon: np.ndarray) -> float:
-    """Return the area of a simple polygon by the shoelace formula."""
-    x, y = polygon.T
-    return 0.5 * abs(float(x @ np.roll(y, -1) - y @ np.roll(x, -1)))
 
 
 LEGS = [
@@ -133,13 +127,6 @@ def test_colours_of_the_states_differ_in_lightness_too() -> None:
         light = np.where(c <= 0.04045, c / 12.92, ((c + 0.055) / 1.055) ** 2.4)
         found.append(116.0 * np.cbrt(light @ [0.2126, 0.7152, 0.0722]) - 16.0)
     assert np.diff(np.sort(found)).min() > 8.0
-
-
-def names_of_colours(figure: Figure) -> dict[str, str]:
-    """Name of each state by the colour that the legend of a figure gives it."""
-    patches = [patch for legend in figure.legends for patch in legend.get_patches()]
-    labels = {to_hex(patch.get_facecolor()): str(patch.get_label()) for patch in patches}
-    return {colour: label[3:] for colour, label in labels.items() if label[0].isdigit()}
 
 
 def moves_of(found: rf.Record, s: float) -> dict[str, np.ndarray]:
@@ -320,22 +307,16 @@ def test_the_same_record_gives_the_same_files_of_the_width_asked_for(tmp_path: P
     assert image.size[0] == pytest.approx(rf.style.COLUMN * rf.style.DPI, abs=12)
     # states and curves are in it: their colours are
     pixels = np.asarray(image.convert("RGB")).reshape(-1, 3)
-    colours = [rf.style.STATE_COLOURS[s] for s in (STICK, FORWARD, BACKWARD)] + [
-        rf.style.SHEAR_COLOUR
-    ]
-    for colour in colours:
+    states = (rf.style.STATE_COLOURS[s] for s in (STICK, FORWARD, BACKWARD))
+    for colour in (*states, rf.style.SHEAR_COLOUR):
         assert np.all(pixels == np.round(255.0 * np.array(to_rgb(colour))), axis=1).sum() > 100
 
 
-def test_figures_are_drawn_of_what_is_asked_by_names_and_show_in_a_notebook() -> None:
-    found = record()
-    both = rf.figures.zone_maps(found, 9)
-    assert len(both.axes) == 2
-    alone = rf.figures.tractions(found, found.at(9, "minimum"))
+def test_figures_show_in_a_notebook() -> None:
+    alone = rf.figures.tractions(record(), record().at(9, "minimum"))
     image = Image.open(io.BytesIO(alone._repr_png_()))  # type: ignore[attr-defined]
     assert image.size[0] == pytest.approx(rf.style.COLUMN * rf.style.NOTEBOOK_DPI, abs=2)
-    with pytest.raises(rf.InputError, match="cycle 5"):
-        rf.figures.zone_maps(found, 5)
+    assert len(rf.figures.zone_maps(record(), 9).axes) == 2
 
 
 @pytest.mark.parametrize(
@@ -360,20 +341,17 @@ def test_figures_without_anything_to_show_are_refused(name: str) -> None:
     found, cycles = record(), record().cycles
     nothing, resting = np.zeros_like(cycles.slip_increment), np.zeros_like(found.samples.P)
     open_ = np.full_like(found.samples.state, OPEN)
-    told = {
+    unknown = {
+        name: replace(table, load_displacement=np.full_like(table.load_displacement, np.nan))
+        for name, table in (("turning_points", found.turning_points), ("samples", found.samples))
+    }
+    told: dict[str, Any] = {
         "slip_per_cycle": {"cycles": replace(cycles, slip_increment=nothing)},
-        "hysteresis": {
-            name: unknown(getattr(found, name)) for name in ("turning_points", "samples")
-        },
+        "hysteresis": unknown,
         "trajectories": {"samples": replace(found.samples, P=resting, p=resting, state=open_)},
     }[name]
     with pytest.raises(rf.InputError, match=name.replace("_", " ")):
         getattr(rf.figures, name)(replace(found, **told))
-
-
-def unknown(table: Any) -> Any:
-    """The same instants with load displacements that are not known."""
-    return replace(table, load_displacement=np.full_like(table.load_displacement, np.nan))
 
 
 @pytest.mark.parametrize("cycles", [20, 1000])
@@ -414,11 +392,12 @@ def test_nothing_sticks_where_there_is_no_friction(mu: float) -> None:
 
 
 def around(legs: int, cycles: int = 2) -> rf.Record:
-    """Return a record of two nodes under two loads whose cycle is a polygon."""
+    """Return a record of two uncoupled nodes under two loads whose cycle is a polygon."""
     angle = np.linspace(0.0, 2.0 * np.pi, legs + 1)
     loop = np.stack([1.0 + 0.3 * np.cos(angle), 0.2 * np.sin(angle)], axis=1)
     loop[-1] = loop[0]
-    system = two_nodes()
+    loads = {"a": np.repeat([0.1, 1.0], 2), "b": np.repeat([0.2, 0.5], 2)}
+    system = small_system(np.kron([[2.0, 0.3], [0.3, 1.0]], np.eye(2)), loads, 0.5)
     history = table(system, [[0.0, 0.0], loop[0]], loop, cycles)
     return rf.evolve(system, history, output=rf.OutputOptions(samples_per_leg=2, cycles="all"))
 
@@ -445,9 +424,3 @@ def test_unknown_format_is_refused(tmp_path: Path) -> None:
     with pytest.raises(rf.InputError, match=r"format 'xyz': is unknown; use some of .*png"):
         rf.figures.plot_all(record(), tmp_path / "figures", formats="xyz")
     assert not (tmp_path / "figures").exists()
-
-
-def two_nodes() -> rf.ContactSystem:
-    """Two nodes that know nothing of each other, under two loads."""
-    loads = {"a": np.repeat([0.1, 1.0], 2), "b": np.repeat([0.2, 0.5], 2)}
-    return small_system(np.kron([[2.0, 0.3], [0.3, 1.0]], np.eye(2)), loads, 0.5)

@@ -8,9 +8,9 @@ from typing import Any
 import matplotlib as mpl
 import numpy as np
 import pytest
-from matplotlib.axes import Axes
+from drawn_text import names_of_colours
 from matplotlib.collections import PolyCollection
-from matplotlib.colors import to_hex, to_rgba_array
+from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 from pictured import instant_of_row, view_at
 
@@ -222,20 +222,6 @@ def page_of(view: View, contours: tuple[np.ndarray, np.ndarray] | None = None) -
         return compose(view, layout, empty, colours, contours=contours)
 
 
-def hexes(colours: Any) -> list[str]:
-    """Colours of a collection as text."""
-    return [to_hex(colour) for colour in to_rgba_array(colours)]
-
-
-def names_of_colours(figure: Figure) -> dict[str, str]:
-    """Name of each state by the colour that the legend gives it."""
-    (legend,) = figure.legends
-    return {
-        to_hex(patch.get_facecolor()): text.get_text()[3:]
-        for patch, text in zip(legend.get_patches(), legend.get_texts(), strict=True)
-    }
-
-
 @pytest.mark.one_rank
 def test_band_of_states_has_the_colours_of_the_legend_where_the_states_are() -> None:
     view = made_up()
@@ -243,38 +229,14 @@ def test_band_of_states_has_the_colours_of_the_legend_where_the_states_are() -> 
     named, body = names_of_colours(figure), figure.axes[0]
     assert len(named) == 4
     (boxes,) = [c for c in body.collections if isinstance(c, PolyCollection)]
-    found = []
-    for path, colour in zip(boxes.get_paths(), hexes(boxes.get_facecolor()), strict=True):
+    ends, expected = [], rf.zones(view.x, STATES)
+    for path, colour in zip(boxes.get_paths(), map(to_hex, boxes.get_facecolor()), strict=True):
         x, y = np.asarray(path.vertices).T
-        found.append((named[colour], x.min(), x.max()))
+        ends.append((named[colour], x.min(), x.max()))
         # below the plane
         assert y.max() < -view.strips[0].gap.max()
-    assert [name for name, *_ in found] == [
-        "separation",
-        "backward slip",
-        "stick",
-        "forward slip",
-        "separation",
-    ]
-    expected = [end for _, *ends in rf.zones(view.x, STATES) for end in ends]
-    assert [end for _, *ends in found for end in ends] == pytest.approx(expected)
-
-
-def lines_by_label(axes: Axes) -> dict[str, np.ndarray]:
-    """Data of the lines by the label that the legend shows beside their colour."""
-    legend = axes.get_legend()
-    assert legend is not None
-    shown = {
-        text.get_text(): to_hex(line.get_color())
-        for line, text in zip(legend.get_lines(), legend.get_texts(), strict=True)
-    }
-    assert len(set(shown.values())) == len(shown)
-    return {
-        label: np.asarray(line.get_xydata())
-        for label, colour in shown.items()
-        for line in axes.lines
-        if len(np.asarray(line.get_xdata())) > 2 and to_hex(line.get_color()) == colour
-    }
+    for found, zone in zip(ends, expected, strict=True):
+        assert found[0] == zone[0] and found[1:] == pytest.approx(zone[1:])
 
 
 @pytest.mark.one_rank
@@ -282,9 +244,13 @@ def test_tractions_stand_below_their_places_and_are_named_by_their_colours() -> 
     view = replace(made_up(), f=Friction(np.full(9, 0.3), np.full(9, 0.5)))
     figure = page_of(view)
     body, tractions, bar = figure.axes
-    lines = lines_by_label(tractions)
-    assert lines["$p/p_{0}$"] == pytest.approx(np.stack([view.x, view.p], axis=1))
-    assert lines["$q/p_{0}$"] == pytest.approx(np.stack([view.x, view.q], axis=1))
+    legend = tractions.get_legend()
+    assert legend is not None and len(legend.get_texts()) == 2
+    for entry, text in zip(legend.get_lines(), legend.get_texts(), strict=True):
+        named = (line for line in tractions.lines if line.get_color() == entry.get_color())
+        (line,) = (line for line in named if np.size(line.get_xdata()) > 2)
+        values = {"$p/p_{0}$": view.p, "$q/p_{0}$": view.q}[text.get_text()]
+        assert np.asarray(line.get_xydata()) == pytest.approx(np.stack([view.x, values], axis=1))
     (cone,) = (np.asarray(c.get_paths()[0].vertices) for c in tractions.collections)
     for x, p in zip(view.x, view.p, strict=True):
         at = cone[np.abs(cone[:, 0] - x) < 1e-12, 1]
