@@ -39,31 +39,25 @@ Solve = Callable[[Array], Array]
 
 @dataclass
 class Bulk(Discretisation):
-    """The discretised body.
+    """The discretised body."""
 
-    Attributes:
-        stiffness: A, for Young's modulus 1, without boundary conditions; with platens P^T A P.
-        loads: nodal forces of each load with factor 1, with platens P^T f; for a prescribed
-            displacement d the equivalent forces -E A d.
-        fixed: degrees of freedom off the contact that symmetry, supports, prescribed displacements
-            or platens determine: global numbers, this rank's own.
-        contact: the contact nodes.
-        prescribed: prescribed displacement d with factor 1, by the name of its load.
-        driven: (2N,) its part [v; w] at contact nodes, where it has one.
-        ties: P, when there are platens: u = P u'.
-        seconds: time spent on "forms" (compiling or loading them) and on "assemble".
-        interior: factor of A_II, or of A with its Schur complement; made once.
-    """
-
+    # A, for Young's modulus 1, without boundary conditions; with platens P^T A P
     stiffness: PETSc.Mat
+    # nodal forces of each load with factor 1, with platens P^T f; for a prescribed displacement d
+    # the equivalent forces -E A d
     loads: list[PETSc.Vec]
+    # degrees of freedom off the contact that symmetry, supports, prescribed displacements or
+    # platens determine: global numbers, this rank's own
     fixed: Ints
-    contact: ContactNodes
+    contact: ContactNodes  # the contact nodes
+    # prescribed displacement d with factor 1, by the name of its load
     prescribed: dict[str, PETSc.Vec] = field(default_factory=dict)
+    # (2N,) its part [v; w] at contact nodes, where it has one
     driven: dict[str, Array] = field(default_factory=dict)
-    ties: PETSc.Mat | None = None
+    ties: PETSc.Mat | None = None  # P, when there are platens: u = P u'
+    # time spent on "forms" (compiling or loading them) and on "assemble"
     seconds: dict[str, float] = field(default_factory=dict)
-    interior: PETSc.PC | None = None
+    interior: PETSc.PC | None = None  # factor of A_II, or of A with its Schur complement; made once
 
     @property
     def half(self) -> bool:

@@ -56,22 +56,15 @@ class Dofs(NamedTuple):
 
 @dataclass(frozen=True)
 class Constraints:
-    """The constraints of a body, alike on every rank.
+    """The constraints of a body, alike on every rank."""
 
-    Attributes:
-        slaves, masters: (n,) dofs that follow, sorted, and the dof that each follows.
-        given: (m,) dofs of u' that are given, sorted; none of them follows.
-        prescribed: by the name of the load, (m,) their value with factor 1.
-        rows: (m, 3) components of the rigid motions at the given dofs.
-        tied: (k, 3) combinations of the rigid motions that platens exclude.
-    """
-
+    # slaves, masters: (n,) dofs that follow, sorted, and the dof that each follows
     slaves: Ints
     masters: Ints
-    given: Ints
-    prescribed: dict[str, Array]
-    rows: Array
-    tied: Array
+    given: Ints  # (m,) dofs of u' that are given, sorted; none of them follows
+    prescribed: dict[str, Array]  # by the name of the load, (m,) their value with factor 1
+    rows: Array  # (m, 3) components of the rigid motions at the given dofs
+    tied: Array  # (k, 3) combinations of the rigid motions that platens exclude
 
     def matrix(self, stiffness: PETSc.Mat) -> PETSc.Mat | None:
         """Return P, or None where nothing follows.

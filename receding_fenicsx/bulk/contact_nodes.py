@@ -21,61 +21,44 @@ from receding_fenicsx.scene.model import Scene
 
 @dataclass(frozen=True)
 class ContactSide:
-    """A contact edge of a body, or a tied one.
+    """A contact edge of a body, or a tied one."""
 
-    Attributes:
-        node: (n,) its nodes among the body's, sorted along the edge.
-        x: (n,) position along the first body's edge from its middle.
-        points: (n, 2) coordinates.
-        normal: (n, 2) unit vectors n into the first body.
-        weight: (n,) integral of N_i over the modelled edge, axisymmetric times r.
-        facets: (k, 2 or 3) places in ``node`` of the nodes of each facet: ends, middle; -1 for one
-            without weight, on the axis of revolution.
-        carries: (n,) whether a node may be a contact point. Nodes of two edges and obliquely held
-            ones are none, nor are the middles of chords, which lie off their curve; of a tie, nodes
-            of two ties are none where they do not match.
-        slave: whether the contact points are this side's nodes where those of both do not match.
-    """
-
-    node: Ints
-    x: Array
-    points: Array
-    normal: Array
-    weight: Array
+    node: Ints  # (n,) its nodes among the body's, sorted along the edge
+    x: Array  # (n,) position along the first body's edge from its middle
+    points: Array  # (n, 2) coordinates
+    normal: Array  # (n, 2) unit vectors n into the first body
+    weight: Array  # (n,) integral of N_i over the modelled edge, axisymmetric times r
+    # (k, 2 or 3) places in ``node`` of the nodes of each facet: ends, middle; -1 for one without
+    # weight, on the axis of revolution
     facets: Ints
+    # (n,) whether a node may be a contact point. Nodes of two edges and obliquely held ones are
+    # none, nor are the middles of chords, which lie off their curve; of a tie, nodes of two ties
+    # are none where they do not match
     carries: NDArray[np.bool_]
-    slave: bool
+    slave: bool  # whether the contact points are this side's nodes where those of both do not match
 
 
 @dataclass(frozen=True)
 class ContactNodes:
-    """The nodes of all contact and tied edges of a body, each once, known alike on every rank.
+    """The nodes of all contact and tied edges of a body, each once, known alike on every rank."""
 
-    Attributes:
-        points: (N, 2) coordinates.
-        node: (N,) global number of the node, whose displacements are 2 node and 2 node + 1.
-        tangent: (N, 2) unit vectors t = (n_y, -n_x).
-        normal: (N, 2) unit vectors n into the first body of the contact; y of nodes that are no
-            contact points.
-        held: (2N,) degrees of freedom [v; w] fixed by symmetry or supports.
-        modes: (2N, 3) displacements [v; w] of the rigid motions of the body: translations in x and
-            y, rotation about a pivot, the middle of all contacts.
-        constraints: (m, 3) components of these motions at all held degrees of freedom; the free
-            motions are orthogonal to all rows.
-        null: (2N, n) rigid motions that are free while no contact node is held: null vectors of
-            the condensed stiffness.
-        sides: the edges.
-    """
-
-    points: Array
-    node: Ints
-    tangent: Array
+    points: Array  # (N, 2) coordinates
+    node: Ints  # (N,) global number of the node, whose displacements are 2 node and 2 node + 1
+    tangent: Array  # (N, 2) unit vectors t = (n_y, -n_x)
+    # (N, 2) unit vectors n into the first body of the contact; y of nodes that are no contact
+    # points
     normal: Array
-    held: NDArray[np.bool_]
+    held: NDArray[np.bool_]  # (2N,) degrees of freedom [v; w] fixed by symmetry or supports
+    # (2N, 3) displacements [v; w] of the rigid motions of the body: translations in x and y,
+    # rotation about a pivot, the middle of all contacts
     modes: Array
+    # (m, 3) components of these motions at all held degrees of freedom; the free motions are
+    # orthogonal to all rows
     constraints: Array
+    # (2N, n) rigid motions that are free while no contact node is held: null vectors of the
+    # condensed stiffness
     null: Array
-    sides: tuple[ContactSide, ...] = ()
+    sides: tuple[ContactSide, ...] = ()  # the edges
 
     @property
     def dofs(self) -> Ints:

@@ -40,45 +40,30 @@ from receding_fenicsx.scene.one_body import sides_of_body
 
 @dataclass(frozen=True)
 class ContactPoints:
-    """The points of all contacts, alike on every rank, sorted along each edge.
+    """The points of all contacts, alike on every rank, sorted along each edge."""
 
-    Attributes:
-        x: (N,) position along the edge from its middle; increasing on each edge.
-        edge: (N,) number of the contact, not decreasing.
-        points: (N, 2) coordinates.
-        tangent, normal: (N, 2) unit vectors t and n, n into the first body.
-        weight: (N,) integral of the shape functions over the modelled edge, axisymmetric times r.
-        held: (2N,) relative displacements [v; w] that symmetry or supports hold on both sides.
-    """
-
-    x: Array
-    edge: Ints
-    points: Array
+    x: Array  # (N,) position along the edge from its middle; increasing on each edge
+    edge: Ints  # (N,) number of the contact, not decreasing
+    points: Array  # (N, 2) coordinates
+    # tangent, normal: (N, 2) unit vectors t and n, n into the first body
     tangent: Array
     normal: Array
+    # (N,) integral of the shape functions over the modelled edge, axisymmetric times r
     weight: Array
+    # (2N,) relative displacements [v; w] that symmetry or supports hold on both sides
     held: NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
 class Relative:
-    """Relative displacements, u = sum_b on[b] u_b, of contact points, then of tied points.
+    """Relative displacements, u = sum_b on[b] u_b, of contact points, then of tied points."""
 
-    Attributes:
-        on: (rows, 2N_b) of each body.
-        size: 2N, the number of rows [v; w] of contact points, which come first.
-        joint: (rows,) number of the contact, or of the tie after all contacts.
-        slave: (joints,) number of the body that the points belong to; -1 where both sides match.
-        links: numbers of the contacts and ties of each body.
-        places: (rows, 2) coordinates of the points.
-    """
-
-    on: tuple[sparse.csr_matrix, ...]
-    size: int
-    joint: Ints
-    slave: Ints
-    links: tuple[frozenset[int], ...]
-    places: Array
+    on: tuple[sparse.csr_matrix, ...]  # (rows, 2N_b) of each body
+    size: int  # 2N, the number of rows [v; w] of contact points, which come first
+    joint: Ints  # (rows,) number of the contact, or of the tie after all contacts
+    slave: Ints  # (joints,) number of the body that the points belong to; -1 where both sides match
+    links: tuple[frozenset[int], ...]  # numbers of the contacts and ties of each body
+    places: Array  # (rows, 2) coordinates of the points
 
     @property
     def rows(self) -> int:
@@ -229,23 +214,18 @@ def _match(a: ContactSide, b: ContactSide) -> bool:
 
 @dataclass(frozen=True)
 class _Points:
-    """The points of one contact or tie, and the displacements there.
+    """The points of one contact or tie, and the displacements there."""
 
-    Attributes:
-        x, places, normal, weight: as of ``ContactPoints``.
-        parts: of each side its body, and for each pair of a point and a node of the body, whose
-            numbers are (m,), the matrix (m, 2, 2) of x and y that multiplies the displacement.
-        own: (n,) the slave's node at each point.
-        without: (n, 2) whether only that node counts in [v; w].
-    """
-
+    # x, places, normal, weight: as of ``ContactPoints``
     x: Array
     places: Array
     normal: Array
     weight: Array
+    # of each side its body, and for each pair of a point and a node of the body, whose numbers are
+    # (m,), the matrix (m, 2, 2) of x and y that multiplies the displacement
     parts: tuple[tuple[int, Ints, Ints, Array], ...]
-    own: Ints
-    without: NDArray[np.bool_]
+    own: Ints  # (n,) the slave's node at each point
+    without: NDArray[np.bool_]  # (n, 2) whether only that node counts in [v; w]
 
     def rows(self, nodes: ContactNodes, body: int, axis: str) -> sparse.csr_matrix:
         """Return the rows along t or n, of the displacements [v; w] of a body."""

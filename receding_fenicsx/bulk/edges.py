@@ -21,17 +21,12 @@ from receding_fenicsx.scene.model import Scene
 
 @dataclass(frozen=True)
 class EdgeFacets:
-    """Straight boundary facets whose cell this rank owns.
+    """Straight boundary facets whose cell this rank owns."""
 
-    Attributes:
-        points: (n, nodes, 2) coordinates of a facet's nodes: both ends, and at order 2 the middle.
-        nodes: (n, nodes) their global numbers.
-        outward: (n, 2) unit normals.
-    """
-
+    # (n, nodes, 2) coordinates of a facet's nodes: both ends, and at order 2 the middle
     points: Array
-    nodes: Ints
-    outward: Array
+    nodes: Ints  # (n, nodes) their global numbers
+    outward: Array  # (n, 2) unit normals
 
     def __len__(self) -> int:
         """Return the number of facets."""

@@ -22,38 +22,25 @@ from receding_fenicsx.scene.one_body import sides_of_body
 
 @dataclass(frozen=True)
 class BodyFields:
-    """Fields of one modelled body, distributed over the ranks.
+    """Fields of one modelled body, distributed over the ranks."""
 
-    Attributes:
-        bulk: the body.
-        displacement: displacement in the space of degree 1, that of the mesh.
-        stresses: stresses in the cells and at the vertices.
-    """
-
-    bulk: Body
-    displacement: fem.Function
-    stresses: Stresses
+    bulk: Body  # the body
+    displacement: fem.Function  # displacement in the space of degree 1, that of the mesh
+    stresses: Stresses  # stresses in the cells and at the vertices
 
 
 @dataclass(frozen=True)
 class Fields:
-    """Displacement and stresses at the vertices of the whole body, on rank 0.
+    """Displacement and stresses at the vertices of the whole body, on rank 0."""
 
-    Attributes:
-        points: (n, 2) vertices.
-        cells: (m, 3 or 4) vertices around each cell.
-        displacement: (n, 2) displacement.
-        stress: by name ("sxx", "syy", "szz", "sxy", "von_mises", "max_shear"), (n,) averages over
-            the cells around each vertex.
-        cell_stress: by name, (m,) at the midpoints of the cells.
-        body: (n,) number of the body that each vertex belongs to; None for one body.
-    """
-
-    points: Array
-    cells: NDArray[np.int64]
-    displacement: Array
+    points: Array  # (n, 2) vertices
+    cells: NDArray[np.int64]  # (m, 3 or 4) vertices around each cell
+    displacement: Array  # (n, 2) displacement
+    # by name ("sxx", "syy", "szz", "sxy", "von_mises", "max_shear"), (n,) averages over the cells
+    # around each vertex
     stress: dict[str, Array]
-    cell_stress: dict[str, Array]
+    cell_stress: dict[str, Array]  # by name, (m,) at the midpoints of the cells
+    # (n,) number of the body that each vertex belongs to; None for one body
     body: NDArray[np.int64] | None = None
 
 

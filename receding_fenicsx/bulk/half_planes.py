@@ -45,28 +45,17 @@ from receding_fenicsx.scene.symmetry import contact_samples
 
 @dataclass
 class HalfPlane:
-    """A half-plane in the place of a discretised body; see :class:`bulk.body.Bulk`.
+    """A half-plane in the place of a discretised body; see :class:`bulk.body.Bulk`."""
 
-    Attributes:
-        scene: the scene of this body alone.
-        comm: communicator.
-        contact: the contact nodes; those of the first body of a pair.
-        size: length that rotations are relative to.
-        surface: the nodes on the surface, at positions along t.
-        side: +1 where n points into the half-plane, -1 for the second body of a pair.
-        datum: depth of the point that displacements are relative to.
-        far: loads and supports of the far field.
-        window: mesh of the window that pictures show, made with the first fields.
-    """
-
-    scene: Scene
-    comm: MPI.Comm
-    contact: ContactNodes
-    size: float
-    surface: Surface
-    side: int
-    datum: float
-    far: FarField
+    scene: Scene  # the scene of this body alone
+    comm: MPI.Comm  # communicator
+    contact: ContactNodes  # the contact nodes; those of the first body of a pair
+    size: float  # length that rotations are relative to
+    surface: Surface  # the nodes on the surface, at positions along t
+    side: int  # +1 where n points into the half-plane, -1 for the second body of a pair
+    datum: float  # depth of the point that displacements are relative to
+    far: FarField  # loads and supports of the far field
+    # mesh of the window that pictures show, made with the first fields
     window: BodyMesh | None = None
     dofs: int = 0
     half: bool = False

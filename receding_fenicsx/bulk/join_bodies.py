@@ -61,28 +61,19 @@ from receding_fenicsx.errors import InputError, SolveError
 
 @dataclass(frozen=True)
 class CondensedBody:
-    """One body condensed to its contact nodes.
+    """One body condensed to its contact nodes."""
 
-    Attributes:
-        K: (2N, 2N) stiffness, order [v; w].
-        r_star: (n_loads, 2N) reactions to each unit load, all contact nodes held.
-        compliance: (n_loads, n_loads) work-conjugate displacements, all contact nodes held.
-        sign: (n_loads,) -1 for forces, +1 for prescribed displacements, 0 where none acts.
-        held: (2N,) contact degrees of freedom held by symmetry or supports, or prescribed.
-        driven: (n_loads, 2N) displacements that the loads prescribe; u is relative to these.
-        modes: (2N, 3) displacements of the contact nodes in the rigid motions of the body:
-            translations in x and y, rotation about a pivot that all bodies have in common.
-        constraints: (m, 3) components of these motions at all held degrees of freedom.
-    """
-
-    K: Array
-    r_star: Array
-    compliance: Array
-    sign: Array
+    K: Array  # (2N, 2N) stiffness, order [v; w]
+    r_star: Array  # (n_loads, 2N) reactions to each unit load, all contact nodes held
+    compliance: Array  # (n_loads, n_loads) work-conjugate displacements, all contact nodes held
+    sign: Array  # (n_loads,) -1 for forces, +1 for prescribed displacements, 0 where none acts
+    # (2N,) contact degrees of freedom held by symmetry or supports, or prescribed
     held: NDArray[np.bool_]
-    driven: Array
+    driven: Array  # (n_loads, 2N) displacements that the loads prescribe; u is relative to these
+    # (2N, 3) displacements of the contact nodes in the rigid motions of the body: translations in x
+    # and y, rotation about a pivot that all bodies have in common
     modes: Array
-    constraints: Array
+    constraints: Array  # (m, 3) components of these motions at all held degrees of freedom
 
 
 class Motion(NamedTuple):
@@ -94,28 +85,22 @@ class Motion(NamedTuple):
 
 @dataclass(frozen=True)
 class JoinedBodies:
-    """Several bodies in one.
+    """Several bodies in one."""
 
-    Attributes:
-        K, r_star, compliance, sign, held: as of ``CondensedBody``, for u.
-        driven: (n_loads, 2N) relative displacements that the loads prescribe on one side; as
-            joined, u is relative to these.
-        rigid: (2N, n) free relative motions of the bodies, each with largest entry 1.
-        rest: (m, 2N) and (m, n_loads): y = rest[0] u + rest[1] lambda, as joined.
-        motions: how each body follows u and y, as joined.
-        factors, shift: T, G and D. Of the present u and lambda, the bodies as joined have the
-            displacements u + D^T lambda, and the load factors T lambda + G (u + D^T lambda).
-    """
-
+    # K, r_star, compliance, sign, held: as of ``CondensedBody``, for u
     K: Array
     r_star: Array
     compliance: Array
     sign: Array
     held: NDArray[np.bool_]
+    # (n_loads, 2N) relative displacements that the loads prescribe on one side; as joined, u is
+    # relative to these
     driven: Array
-    rigid: Array
-    rest: tuple[Array, Array]
-    motions: tuple[Motion, ...]
+    rigid: Array  # (2N, n) free relative motions of the bodies, each with largest entry 1
+    rest: tuple[Array, Array]  # (m, 2N) and (m, n_loads): y = rest[0] u + rest[1] lambda, as joined
+    motions: tuple[Motion, ...]  # how each body follows u and y, as joined
+    # factors, shift: T, G and D. Of the present u and lambda, the bodies as joined have the
+    # displacements u + D^T lambda, and the load factors T lambda + G (u + D^T lambda)
     factors: tuple[Array, Array]
     shift: Array
 

@@ -21,19 +21,13 @@ CELL_TOLERANCE = 1e-9
 
 @dataclass(frozen=True)
 class PointValues:
-    """Values [u_x, u_y, s_xx, s_yy, s_zz, s_xy] at points as sparse rows; alike on every rank.
+    """Values [u_x, u_y, s_xx, s_yy, s_zz, s_xy] at points as sparse rows; alike on every rank."""
 
-    Attributes:
-        row: (k,) row of each entry, 6 times the point's number plus the component's.
-        dof: (k,) global degree of freedom.
-        value: (k,) coefficient.
-        of_loads: (6m, n_loads) part of each load with factor 1 beside the displacements: the stress
-            that a thermal strain takes away.
-    """
-
-    row: Ints
-    dof: Ints
-    value: Array
+    row: Ints  # (k,) row of each entry, 6 times the point's number plus the component's
+    dof: Ints  # (k,) global degree of freedom
+    value: Array  # (k,) coefficient
+    # (6m, n_loads) part of each load with factor 1 beside the displacements: the stress that a
+    # thermal strain takes away
     of_loads: Array
 
 

@@ -36,26 +36,19 @@ Body = Bulk | HalfPlane
 
 @dataclass
 class Stack:
-    """Discretised bodies, the first contact's ``edge`` being on the first.
+    """Discretised bodies, the first contact's ``edge`` being on the first."""
 
-    Attributes:
-        scene: what they were built from.
-        parts: the bodies, each with its own part of the scene.
-        soft: compliance (m, m) of springs between the bodies, whose unit loads are the last m.
-        pair: both bodies, where both are half-planes.
-        joined: their condensed system on rank 0, once they are ``condensed``.
-        relative: relative displacements of the bodies at the points of contacts and ties.
-        contact: points of all contacts.
-    """
-
-    scene: Scene
-    parts: tuple[Body, ...]
+    scene: Scene  # what they were built from
+    parts: tuple[Body, ...]  # the bodies, each with its own part of the scene
+    # compliance (m, m) of springs between the bodies, whose unit loads are the last m
     soft: Array = field(default_factory=lambda: np.zeros((0, 0)))
-    pair: tuple[HalfPlane, HalfPlane] | None = None
+    pair: tuple[HalfPlane, HalfPlane] | None = None  # both bodies, where both are half-planes
+    # their condensed system on rank 0, once they are ``condensed``
     joined: JoinedBodies | None = None
     condensed: bool = False
+    # relative displacements of the bodies at the points of contacts and ties
     relative: Relative = field(init=False)
-    contact: ContactPoints = field(init=False)
+    contact: ContactPoints = field(init=False)  # points of all contacts
 
     def __post_init__(self) -> None:
         """Find the contact operator."""

@@ -43,14 +43,11 @@ class Discretisation:
 
 @dataclass(frozen=True)
 class Stresses:
-    """Stresses of a displacement field, each by its name in ``STRESSES``.
+    """Stresses of a displacement field, each by its name in ``STRESSES``."""
 
-    Attributes:
-        cell: piecewise constant functions: the stress at each cell's midpoint.
-        nodal: continuous functions of degree 1: averages over the cells around a vertex.
-    """
-
+    # piecewise constant functions: the stress at each cell's midpoint
     cell: dict[str, fem.Function]
+    # continuous functions of degree 1: averages over the cells around a vertex
     nodal: dict[str, fem.Function]
 
 

@@ -8,6 +8,7 @@ import sys
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 from mpi4py import MPI
 
@@ -17,6 +18,7 @@ import pytest
 
 from receding_fenicsx import cli, environment
 from receding_fenicsx.errors import Interrupted
+from receding_fenicsx.evolution.journal import checkpoints
 from receding_fenicsx.scene.model import Scene
 from receding_fenicsx.scene.toml_file import read_scene
 from receding_fenicsx.store.hdf5 import read_record
@@ -98,6 +100,46 @@ def test_interrupted_run_leaves_a_usable_record_and_goes_on_bitwise(
         assert told["uniqueness"] == read_summary(whole / "summary.json")["uniqueness"]
         assert told["uniqueness"]["margin"] > 1.0
     comm.Barrier()
+
+
+KILLED = """
+import os, signal, sys
+from receding_fenicsx import cli
+from receding_fenicsx.evolution import journal
+
+journal.WRITING_SHARE = float("inf")  # however slow the disk, every checkpoint is written
+replace, names = os.replace, []
+
+def renamed(old, new):
+    names.extend([new] * str(new).endswith(".npz"))
+    if len(names) == int(sys.argv[1]):
+        os.kill(os.getpid(), signal.SIGKILL)
+    replace(old, new)
+
+os.replace = renamed
+sys.exit(cli.main(sys.argv[2:]))
+"""
+"""A run that is killed just before the file of a checkpoint has its name."""
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_killed_again_and_again_the_run_ends_in_the_same_bits(
+    mpirun: Callable[..., Any], tmp_path: Path, ranks: int
+) -> None:
+    settings = [*SMALL, "history.cycles=60", "solver.steady_tolerance=1e-15"]
+    arguments = ["run", BLOCK, "--pictures", "none"]
+    for setting in settings:
+        arguments += ["--set", setting]
+    done = mpirun(ranks, *MODULE, *arguments, "--out", tmp_path / "whole")
+    assert done.returncode == 0, done.stderr
+    arguments += ["--out", tmp_path / "run", "--resume"]
+    (tmp_path / "killed.py").write_text(KILLED)
+    for number, kept in ((2, 1), (5, 5)):
+        assert mpirun(ranks, tmp_path / "killed.py", number, *arguments).returncode != 0
+        assert checkpoints(tmp_path / "run.part") == kept
+    done = mpirun(ranks, *MODULE, *arguments)
+    assert done.returncode == 0, done.stderr
+    same_bits(tmp_path / "run", tmp_path / "whole")
 
 
 @pytest.mark.one_rank

@@ -27,21 +27,15 @@ from receding_fenicsx.scene.model import Joint, Load, Scene, Spring, Support
 
 @dataclass(frozen=True)
 class Interface:
-    """One contact edge, or a tied one.
+    """One contact edge, or a tied one."""
 
-    Attributes:
-        line: the first body's edge.
-        facets: numbers of the first body's facets on its edge.
-        against: numbers of the second body's facets on its edge; None for a rigid plane.
-        back: the second body's edge, where its nodes do not match and it is curved.
-        slave: whether the contact points are the first body's nodes.
-    """
-
-    line: Along
-    facets: Ints
+    line: Along  # the first body's edge
+    facets: Ints  # numbers of the first body's facets on its edge
+    # numbers of the second body's facets on its edge; None for a rigid plane
     against: Ints | None = None
+    # the second body's edge, where its nodes do not match and it is curved
     back: Along | None = None
-    slave: bool = True
+    slave: bool = True  # whether the contact points are the first body's nodes
 
 
 def find_interfaces(scene: Scene, meshes: Sequence[RawMesh], half: bool) -> tuple[Interface, ...]:

@@ -22,17 +22,12 @@ GAUSS_POINTS = 8
 
 @dataclass(frozen=True)
 class Arcs:
-    """The true curves of the facets on curved edges.
+    """The true curves of the facets on curved edges."""
 
-    Attributes:
-        ends: (n, 2, 2) coordinates of the facets' ends.
-        points: (n, GAUSS_POINTS, 2) points of the curve between them.
-        slopes: (n, GAUSS_POINTS, 2) derivative of the curve's points by s, which runs from 0 at the
-            first end to 1 at the second.
-    """
-
-    ends: Array
-    points: Array
+    ends: Array  # (n, 2, 2) coordinates of the facets' ends
+    points: Array  # (n, GAUSS_POINTS, 2) points of the curve between them
+    # (n, GAUSS_POINTS, 2) derivative of the curve's points by s, which runs from 0 at the first end
+    # to 1 at the second
     slopes: Array
 
     def find(self, a: Array, b: Array) -> tuple[Ints, Ints]:

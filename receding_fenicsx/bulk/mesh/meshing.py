@@ -37,21 +37,14 @@ from receding_fenicsx.scene.one_body import part_of
 
 @dataclass(frozen=True)
 class ContactFacets:
-    """One contact edge of a body.
+    """One contact edge of a body."""
 
-    Attributes:
-        tag: tag of its facets.
-        line: the first body's edge, so that both sides have the same positions.
-        frame: the edge whose normals are those of the nodes, with a sign into the first body.
-        slave: whether the contact points are this edge's nodes where those of both do not match.
-        tie: whether the edge is a tied one.
-    """
-
-    tag: int
-    line: Along
+    tag: int  # tag of its facets
+    line: Along  # the first body's edge, so that both sides have the same positions
+    # the edge whose normals are those of the nodes, with a sign into the first body
     frame: tuple[Along, float]
-    slave: bool
-    tie: bool
+    slave: bool  # whether the contact points are this edge's nodes where those of both do not match
+    tie: bool  # whether the edge is a tied one
 
     def inward(self, points: Array) -> Array:
         """Return the normals n (n, 2) into the first body."""
@@ -61,34 +54,21 @@ class ContactFacets:
 
 @dataclass(frozen=True)
 class BodyMesh:
-    """A distributed mesh of a body with named edges.
+    """A distributed mesh of a body with named edges."""
 
-    Attributes:
-        mesh: DOLFINx mesh.
-        facet_tags: tags of boundary facets.
-        groups: tags of each edge by name.
-        contacts: the contact edges of this body in the scene's order, then the tied ones.
-        lines: the line of each straight edge.
-        spots: (k, 2) coordinates of each named group of points.
-        arcs: the true curves of the facets on curved edges, where they are known.
-        size: length that tolerances on positions are relative to, the same for all bodies.
-        pivot: (2,) middle of all contacts, about which rigid motions rotate.
-        half: True when only x >= 0 is meshed; always for an axisymmetric body.
-        cell: "triangle" or "quadrilateral".
-        materials: number of the material of each owned cell, where the body has several.
-    """
-
-    mesh: dmesh.Mesh
-    facet_tags: Any
-    groups: dict[str, tuple[int, ...]]
+    mesh: dmesh.Mesh  # DOLFINx mesh
+    facet_tags: Any  # tags of boundary facets
+    groups: dict[str, tuple[int, ...]]  # tags of each edge by name
+    # the contact edges of this body in the scene's order, then the tied ones
     contacts: tuple[ContactFacets, ...]
-    lines: dict[str, Line]
-    spots: dict[str, Array]
-    arcs: Arcs | None
-    size: float
-    pivot: Array
-    half: bool
-    cell: str
+    lines: dict[str, Line]  # the line of each straight edge
+    spots: dict[str, Array]  # (k, 2) coordinates of each named group of points
+    arcs: Arcs | None  # the true curves of the facets on curved edges, where they are known
+    size: float  # length that tolerances on positions are relative to, the same for all bodies
+    pivot: Array  # (2,) middle of all contacts, about which rigid motions rotate
+    half: bool  # True when only x >= 0 is meshed; always for an axisymmetric body
+    cell: str  # "triangle" or "quadrilateral"
+    # number of the material of each owned cell, where the body has several
     materials: Ints | None = None
 
 

@@ -19,27 +19,19 @@ STRAIGHT_TOLERANCE = 1e-6
 
 @dataclass(frozen=True)
 class RawMesh:
-    """A mesh of straight-sided cells of one kind.
+    """A mesh of straight-sided cells of one kind."""
 
-    Attributes:
-        points: (n, 2) coordinates.
-        cells: (m, 3 or 4) points around each cell, counter-clockwise.
-        edges: (k, 2) points of the facets of each edge, by name.
-        spots: points of each named group of points.
-        middles: (2,) middle of each edge of the whole body, where it is not that of the facets.
-        upright: positions along edges grow rightwards or upwards, as for a rectangle; else with the
-            body on the left, independent of the orientation of the scene.
-        arcs: the true curves of the facets on curved edges, where they are known.
-        surfaces: name of the physical surface of each cell; empty where there are none.
-    """
-
-    points: Array
-    cells: Ints
-    edges: dict[str, Ints]
-    spots: dict[str, Ints] = field(default_factory=dict)
+    points: Array  # (n, 2) coordinates
+    cells: Ints  # (m, 3 or 4) points around each cell, counter-clockwise
+    edges: dict[str, Ints]  # (k, 2) points of the facets of each edge, by name
+    spots: dict[str, Ints] = field(default_factory=dict)  # points of each named group of points
+    # (2,) middle of each edge of the whole body, where it is not that of the facets
     middles: dict[str, Array] = field(default_factory=dict)
+    # positions along edges grow rightwards or upwards, as for a rectangle; else with the body on
+    # the left, independent of the orientation of the scene
     upright: bool = False
-    arcs: Arcs | None = None
+    arcs: Arcs | None = None  # the true curves of the facets on curved edges, where they are known
+    # name of the physical surface of each cell; empty where there are none
     surfaces: tuple[str, ...] = ()
 
     @property
@@ -92,19 +84,12 @@ def with_radii(mesh: RawMesh) -> RawMesh:
 
 @dataclass(frozen=True)
 class Line:
-    """The straight line that an edge lies on.
+    """The straight line that an edge lies on."""
 
-    Attributes:
-        middle: (2,) middle of the edge, from which positions along it are measured.
-        direction: (2,) unit vector along which positions grow.
-        outward: (2,) unit outward normal.
-        length: of the edge.
-    """
-
-    middle: Array
-    direction: Array
-    outward: Array
-    length: float
+    middle: Array  # (2,) middle of the edge, from which positions along it are measured
+    direction: Array  # (2,) unit vector along which positions grow
+    outward: Array  # (2,) unit outward normal
+    length: float  # of the edge
     sag: ClassVar[float] = 0.0
 
     def along(self, points: Array) -> Array:
@@ -215,19 +200,12 @@ def check_span(
 
 @dataclass(frozen=True)
 class Curve:
-    """A curved edge, with the body on the left.
+    """A curved edge, with the body on the left."""
 
-    Attributes:
-        vertices: (n + 1, 2) vertices in order; of a closed edge the last one is the first.
-        position: (n + 1,) arc length from the middle, of a closed edge from its lowest vertex.
-        angle: (n + 1,) direction of the tangent t at the vertices, by the circle through three.
-        closed: whether the edge is a closed one.
-    """
-
-    vertices: Array
-    position: Array
-    angle: Array
-    closed: bool
+    vertices: Array  # (n + 1, 2) vertices in order; of a closed edge the last one is the first
+    position: Array  # (n + 1,) arc length from the middle, of a closed edge from its lowest vertex
+    angle: Array  # (n + 1,) direction of the tangent t at the vertices, by the circle through three
+    closed: bool  # whether the edge is a closed one
 
     @property
     def length(self) -> float:

@@ -32,18 +32,13 @@ OPPOSITE = {"bottom": "top", "top": "bottom", "left": "right", "right": "left"}
 
 @dataclass(frozen=True)
 class Frame:
-    """Edge coordinates of a rectangle.
+    """Edge coordinates of a rectangle."""
 
-    Attributes:
-        edge, length: contact edge and its length.
-        depth: depth of the rectangle below it.
-        both: whether the opposite edge is a contact edge with the same vertices.
-    """
-
+    # edge, length: contact edge and its length
     edge: str
     length: float
-    depth: float
-    both: bool = False
+    depth: float  # depth of the rectangle below it
+    both: bool = False  # whether the opposite edge is a contact edge with the same vertices
 
     def to_body(self, s: Array, d: Array) -> Array:
         """Return (n, 2) body coordinates."""
@@ -63,21 +58,14 @@ class Frame:
 
 @dataclass(frozen=True)
 class Marks:
-    """Positions on the half s >= 0, besides its corners, that need a vertex.
+    """Positions on the half s >= 0, besides its corners, that need a vertex."""
 
-    Attributes:
-        contact: (n,) s of all vertices on the contact edge from 0 to its end.
-        top: (n,) s on the edge opposite the contact, increasing.
-        side: (n,) d on the sides (for columns of quadrilaterals: levels), increasing.
-        inner: (n, 2) points (s, d) inside.
-        ends: (n, 2) points (s, d) off the contact edge where loads and supports end, corners too.
-            The mesh is as fine there as on the contact edge, because stresses jump there.
-    """
-
-    contact: Array
-    top: Array
-    side: Array
-    inner: Array
+    contact: Array  # (n,) s of all vertices on the contact edge from 0 to its end
+    top: Array  # (n,) s on the edge opposite the contact, increasing
+    side: Array  # (n,) d on the sides (for columns of quadrilaterals: levels), increasing
+    inner: Array  # (n, 2) points (s, d) inside
+    # (n, 2) points (s, d) off the contact edge where loads and supports end, corners too. The mesh
+    # is as fine there as on the contact edge, because stresses jump there
     ends: Array
 
 
