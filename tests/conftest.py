@@ -18,7 +18,6 @@ import shutil
 import signal
 import subprocess
 import sys
-import threading
 import time
 import zlib
 from collections.abc import Callable, Generator
@@ -41,8 +40,6 @@ import pytest_timeout
 POLL_SECONDS = 0.001
 EXIT_WAIT_SECONDS = 30.0
 """A rank's wait for the others once pytest has ended."""
-HEAD_START_SECONDS = 5.0
-"""How much later a waiting rank's time runs out: the one that hangs shall say where before that."""
 LAUNCHER_SECONDS = 0.5
 """A rank's pause before it ends the job: MPICH's launcher drops what it has not passed on yet."""
 COLLECTION_WAIT_SECONDS = 60.0
@@ -57,23 +54,8 @@ SERIAL_FOLDERS = [Path(__file__).parent / name for name in ("half_plane", "inter
 comm = MPI.COMM_WORLD.Dup()
 stderr_stream = sys.__stderr__
 """Set to the terminal's own stream once pytest has configured its capture."""
-waiting = threading.Event()
-"""Set while this rank waits for the others."""
 failures: list[str] = []
 """Texts of the failures so far: an aborted session has no closing report."""
-
-
-class OtherRankTerminal(io.StringIO):
-    """Terminal of the ranks that do not report; only the stack dump of pytest-timeout gets through.
-
-    pytest-timeout writes from its timer's thread, everything else from the main one.
-    """
-
-    def write(self, text: str) -> int:
-        """Write the text if it is a stack dump."""
-        if threading.current_thread() is not threading.main_thread():
-            say(text)
-        return len(text)
 
 
 def say(text: str) -> None:
@@ -103,12 +85,10 @@ def exchange(step: str, outcome: int, patience: float) -> list[int] | None:
     gathered = array.array("q", [0] * (2 * comm.size))
     request = comm.Iallgather([mine, MPI.INT64_T], [gathered, MPI.INT64_T])
     begin = time.monotonic()
-    waiting.set()
     while not request.Test():
         if outcome >= FAILED and time.monotonic() - begin > patience:
             return None
         time.sleep(POLL_SECONDS)
-    waiting.clear()
     if len(set(gathered[::2])) > 1:
         say(f"\nthe ranks are out of step: rank {comm.rank} is at {step}\n")
         time.sleep(0.5)  # lets every rank say where it is
@@ -135,33 +115,16 @@ def pytest_configure(config: pytest.Config) -> None:
     if comm.size == 1:
         return
     stderr_stream = os.fdopen(os.dup(2), "w")
-    pytest_timeout.timeout_timer = held_back(pytest_timeout.timeout_timer)
-    pytest_timeout.dump_stacks = paused_after(pytest_timeout.dump_stacks)
+    pytest_timeout.dump_stacks = dump_stacks
     faulthandler.register(signal.SIGTERM, file=stderr_stream, chain=True)
     if comm.rank > 0:
-        config.get_terminal_writer()._file = OtherRankTerminal()
+        config.get_terminal_writer()._file = io.StringIO()
 
 
-def held_back(end: Callable[..., None]) -> Callable[..., None]:
-    """Make the end of a rank whose time has run out come later if it waits for others."""
-
-    def end_later(*arguments: object) -> None:
-        if waiting.is_set():
-            time.sleep(HEAD_START_SECONDS)
-        end(*arguments)
-
-    return end_later
-
-
-def paused_after(dump: Callable[..., None]) -> Callable[..., None]:
-    """Make the end of a rank, which comes right after its stack dump, wait for the launcher."""
-
-    def dump_and_pause(terminal: pytest.TerminalReporter) -> None:
-        dump(terminal)
-        terminal.flush()
-        time.sleep(LAUNCHER_SECONDS)
-
-    return dump_and_pause
+def dump_stacks(_: object) -> None:
+    """Show where this rank is when its time has run out; the others do when mpirun ends them."""
+    faulthandler.dump_traceback(stderr_stream or sys.stderr)
+    time.sleep(LAUNCHER_SECONDS)
 
 
 def pytest_runtest_setup(item: pytest.Item) -> None:
@@ -293,9 +256,8 @@ def mpirun() -> Callable[..., Any]:
     """
     if comm.size > 1:
         pytest.skip("starts mpirun itself")
-    beside = Path(sys.executable).with_name(
-        "mpiexec"
-    )  # PyPI's MPI cannot be started by another one
+    # PyPI's MPI cannot be started by another one
+    beside = Path(sys.executable).with_name("mpiexec")
     program = str(beside) if beside.exists() else shutil.which("mpirun.openmpi") or "mpirun"
     environment = outer_environment()
 

@@ -17,9 +17,9 @@ CYCLES = 25
 
 
 @cache
-def record(samples: int = 40) -> rf.Record:
+def record() -> rf.Record:
     system = models.block_system(40, 20, half=True)
-    return rf.evolve(system, cyclic(CYCLES), output=rf.OutputOptions(samples_per_leg=samples))
+    return rf.evolve(system, cyclic(CYCLES))
 
 
 def test_path_of_a_cycle_goes_from_turning_point_to_turning_point() -> None:

@@ -115,12 +115,6 @@ def test_tractions_are_over_the_pressure_that_acts(kinematics: str) -> None:
             x, y = curve(axes, n).T
             assert close(x, record.x * factor(axes.get_xlabel(), position))
             assert close(y, values * factor(label, symbol, part * LARGEST))
-        # the cone reaches from -f p to f p at every node
-        (cone,) = (np.asarray(c.get_paths()[0].vertices) for c in axes.collections)
-        limit = record.f * moment.p * factor(labels[0], "p", part * LARGEST)
-        for x, y in zip(record.x * factor(axes.get_xlabel(), position), limit, strict=True):
-            at = cone[np.abs(cone[:, 0] - x) < 1e-12, 1]
-            assert (at.min(), at.max()) == pytest.approx((-y, y), abs=1e-12)
 
 
 @pytest.mark.parametrize("kinematics", KINEMATICS)
@@ -157,11 +151,6 @@ def test_labels_of_all_figures_say_what_the_same_in_units_is_divided_by(kinemati
     assert min(np.abs(gained - drawn[:, None]).max(axis=0)) < 1e-12 * drawn.max()
 
 
-def telling(w: np.ndarray, p: np.ndarray) -> int:
-    """A node that touches for a time and opens for a time."""
-    return int(np.flatnonzero((w.max(axis=0) > 0.0) & (p.max(axis=0) > 0.0))[-1])
-
-
 UNITS = rf.Units("mm", "MPa", "N")
 
 
@@ -172,15 +161,23 @@ def test_axes_are_in_the_units_of_the_scene_and_nothing_is_converted(kinematics:
     symbol = {"plane strain": "x", "axisymmetric": "r"}[kinematics]
     moment = given.at(1, "minimum")
     figure = rf.figures.tractions(given, moment)
-    axes = figure.axes[1]
-    assert (axes.get_xlabel(), axes.get_ylabel()) == (f"${symbol}$ (mm)", "$p$,  $q$ (MPa)")
-    assert np.array_equal(curve(axes, -2), np.stack([record.x, moment.p], axis=1))
+    zones = rf.figures.zone_maps(given, [(1, 0)]).axes[0]
+    density = rf.figures.dissipation_density(given).axes[0]
+    loop = rf.loop_of(record, CYCLES)
+    # a node that touches for a time and opens for a time
+    node = int(np.flatnonzero((loop.w.max(axis=0) > 0.0) & (loop.p.max(axis=0) > 0.0))[-1])
+    forces, places = rf.figures.trajectories(given, node, CYCLES).axes
+    for axes, along, up in (
+        (figure.axes[1], f"${symbol}$ (mm)", "$p$,  $q$ (MPa)"),
+        (zones, f"${symbol}$ (mm)", "$p_{0}$ (MPa)"),
+        (density, f"${symbol}$ (mm)", "dissipation density\n$d$ (MPa mm)"),
+        (forces, "$q$ (MPa)", "$p$ (MPa)"),
+        (places, "$v$ (mm)", "$w$ (mm)"),
+    ):
+        assert (axes.get_xlabel(), axes.get_ylabel()) == (along, up)
+    assert np.array_equal(curve(figure.axes[1], -2), np.stack([record.x, moment.p], axis=1))
     least = f"${PRESSURE * LARGEST / 3.0:.3g}$ MPa"
     assert figure.axes[0].get_title() == f"first unloading, $p_{{0}}$ {least}"
-    last = rf.figures.tractions(given, given.at(1, "maximum")).axes[0].get_title()
-    assert last.startswith("reloading, cycle 1")
-    zones = rf.figures.zone_maps(given, [(1, 0)]).axes[0]
-    assert (zones.get_xlabel(), zones.get_ylabel()) == (f"${symbol}$ (mm)", "$p_{0}$ (MPa)")
     ends = PRESSURE * LARGEST / 3.0, PRESSURE * LARGEST
     assert zones.get_ylim() == pytest.approx(ends, rel=1e-14)
     assert zones.get_xlim() == pytest.approx((0.0, record.x[-1]), rel=1e-14)
@@ -189,13 +186,7 @@ def test_axes_are_in_the_units_of_the_scene_and_nothing_is_converted(kinematics:
     N, drawn = curve(slip, 0).T
     gained = np.abs(record.cycles.slip_increment)[N.astype(int) - 1]
     assert np.any(np.all(gained == drawn[:, None], axis=0))
-    density = rf.figures.dissipation_density(given).axes[0]
-    assert density.get_ylabel() == "dissipation density\n$d$ (MPa mm)"
     assert np.array_equal(curve(density, 0)[:, 1], record.cycles.dissipation_density[0])
-    node = telling(rf.loop_of(record, CYCLES).w, rf.loop_of(record, CYCLES).p)
-    forces, places = rf.figures.trajectories(given, node, CYCLES).axes
-    assert (forces.get_xlabel(), forces.get_ylabel()) == ("$q$ (MPa)", "$p$ (MPa)")
-    assert (places.get_xlabel(), places.get_ylabel()) == ("$v$ (mm)", "$w$ (mm)")
     assert re.fullmatch(rf"\${symbol} = [\d.]+\$ mm", forces.get_title())
     assert rf.summarise(given)["units"] == {"length": "mm", "stress": "MPa", "force": "N"}
     assert "contact half width (mm)" in rf.run_table(rf.summarise(given))

@@ -1,6 +1,5 @@
-"""Joints whose dissipation is known: a strip on a wall, two clamped beams, one node, a dovetail."""
+"""Joints whose dissipation is known: a strip on a wall, two clamped beams, one node."""
 
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -62,13 +61,6 @@ def test_two_clamped_beams_dissipate_as_goodman_and_klumpp_say(length: float) ->
     found = rf.evolve(system, scene).cycles.dissipation
     assert found[-1] == pytest.approx(D, rel=2e-4)
     assert np.ptp(found) < 1e-10 * D and len(found) == 100
-
-
-def dovetail(elements: int) -> rf.Scene:
-    """A pulled dovetail whose blade is shaken sideways."""
-    scene = rf.read_scene(ROOT / "demos" / "dovetail.toml", [f"mesh.contact_elements={elements}"])
-    shake = rf.Load("shake", "blade.pull", traction=(0.5, 0.0))
-    return replace(scene, loads=(*scene.loads, shake))
 
 
 @pytest.mark.parametrize("young", [1e4, 1e6])
