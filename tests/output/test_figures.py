@@ -345,13 +345,13 @@ def test_figures_without_anything_to_show_are_refused(name: str) -> None:
         name: replace(table, load_displacement=np.full_like(table.load_displacement, np.nan))
         for name, table in (("turning_points", found.turning_points), ("samples", found.samples))
     }
-    told: dict[str, Any] = {
+    changes: dict[str, Any] = {
         "slip_per_cycle": {"cycles": replace(cycles, slip_increment=nothing)},
         "hysteresis": unknown,
         "trajectories": {"samples": replace(found.samples, P=resting, p=resting, state=open_)},
-    }[name]
+    }
     with pytest.raises(rf.InputError, match=name.replace("_", " ")):
-        getattr(rf.figures, name)(replace(found, **told))
+        getattr(rf.figures, name)(replace(found, **changes[name]))
 
 
 @pytest.mark.parametrize("cycles", [20, 1000])

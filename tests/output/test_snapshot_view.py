@@ -230,7 +230,8 @@ def test_band_of_states_has_the_colours_of_the_legend_where_the_states_are() -> 
     assert len(named) == 4
     (boxes,) = [c for c in body.collections if isinstance(c, PolyCollection)]
     ends, expected = [], rf.zones(view.x, STATES)
-    for path, colour in zip(boxes.get_paths(), map(to_hex, boxes.get_facecolor()), strict=True):
+    fills: Any = boxes.get_facecolor()
+    for path, colour in zip(boxes.get_paths(), map(to_hex, fills), strict=True):
         x, y = np.asarray(path.vertices).T
         ends.append((named[colour], x.min(), x.max()))
         # below the plane

@@ -70,10 +70,6 @@ FULL = F * HERTZ.force
 MINDLIN = CattaneoMindlin(HERTZ, F, largest=0.7 * FULL)
 
 
-def integrated(Q: float, leg: str) -> float:
-    return integral_of_arcs(lambda x: MINDLIN.traction(x, Q, leg), HERTZ.a)
-
-
 @pytest.mark.parametrize(
     ("leg", "forces"),
     [
@@ -88,10 +84,11 @@ def test_shear_tractions_carry_the_force_within_the_friction_limit(
     x = np.linspace(-1.1 * HERTZ.a, 1.1 * HERTZ.a, 2001)
     limit = F * HERTZ.pressure(x)
     for part in forces:
-        assert integrated(part * FULL, leg) == pytest.approx(part * FULL, abs=1e-5 * FULL)
-        q = MINDLIN.traction(x, part * FULL, leg)
+        q, Q = MINDLIN.traction(x, part * FULL, leg), part * FULL
+        carried = integral_of_arcs(lambda x, Q=Q: MINDLIN.traction(x, Q, leg), HERTZ.a)
+        assert carried == pytest.approx(Q, abs=1e-5 * FULL)
         assert np.all(np.abs(q) <= limit + 1e-12)
-        slips = np.abs(x) > MINDLIN.stick_half_width(part * FULL, leg)
+        slips = np.abs(x) > MINDLIN.stick_half_width(Q, leg)
         sign = -1.0 if leg == "unloading" else 1.0
         np.testing.assert_allclose(q[slips], sign * limit[slips], atol=1e-12)
 

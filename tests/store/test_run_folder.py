@@ -40,9 +40,15 @@ def fill(folder: Path, text: str = "{}") -> None:
     (folder / "summary.json").write_text(text)
 
 
-def interrupt(out: Path, scene: rf.Scene = BLOCK, **how: bool) -> None:
+def refused(words: str, out: Path, **how: bool) -> None:
+    """Assert that a run is not let into a folder."""
+    with pytest.raises(rf.InputError, match=words), run_folder(out, BLOCK, **how):
+        pass
+
+
+def interrupt(out: Path, **how: bool) -> None:
     """Work in a run's folder until killed."""
-    with pytest.raises(Killed), run_folder(out, scene, **how) as folder:
+    with pytest.raises(Killed), run_folder(out, BLOCK, **how) as folder:
         fill(folder)
         raise Killed
 
@@ -67,8 +73,7 @@ def test_only_earlier_runs_are_replaced_and_only_when_asked(tmp_path: Path) -> N
     out.mkdir()
     with run_folder(out, BLOCK) as folder:  # an empty folder holds nothing to lose
         (folder / "summary.json").write_text("first")
-    with pytest.raises(rf.InputError, match=r"already exists.*--overwrite"), run_folder(out, BLOCK):
-        pass
+    refused(r"already exists.*--overwrite", out)
     with pytest.raises(RuntimeError), run_folder(out, BLOCK, overwrite=True) as folder:
         raise RuntimeError
     assert (out / "summary.json").read_text() == "first"
@@ -77,24 +82,10 @@ def test_only_earlier_runs_are_replaced_and_only_when_asked(tmp_path: Path) -> N
     assert (out / "summary.json").read_text() == "second"
     (tmp_path / "thesis").mkdir()
     (tmp_path / "thesis" / "chapter.tex").write_text("years of work")
-    with (
-        pytest.raises(rf.InputError, match="is not the folder of a run"),
-        run_folder(tmp_path / "thesis", BLOCK, overwrite=True),
-    ):
-        pass
+    refused("is not the folder of a run", tmp_path / "thesis", overwrite=True)
     assert (tmp_path / "thesis" / "chapter.tex").exists()
-    # the finished run has no journal
-    with (
-        pytest.raises(rf.InputError, match="no run that can be resumed"),
-        run_folder(out, BLOCK, resume=True),
-    ):
-        pass
-    (tmp_path / "file").write_text("")
-    with (
-        pytest.raises(rf.InputError, match="is a file"),
-        run_folder(tmp_path / "file", BLOCK, overwrite=True),
-    ):
-        pass
+    refused("no run that can be resumed", out, resume=True)  # it is finished, without a journal
+    refused("is a file", tmp_path / "thesis" / "chapter.tex", overwrite=True)
 
 
 def test_interrupted_run_is_neither_forgotten_nor_taken_for_finished(tmp_path: Path) -> None:
@@ -103,8 +94,7 @@ def test_interrupted_run_is_neither_forgotten_nor_taken_for_finished(tmp_path: P
     interrupt(out)
     assert os.listdir(tmp_path) == ["run.part"]
     assert has_run(out)
-    with pytest.raises(rf.InputError, match=r"interrupted run.*--resume.*--overwrite"):
-        interrupt(out)
+    refused(r"interrupted run.*--resume.*--overwrite", out)
     with run_folder(out, BLOCK, resume=True) as folder:
         assert folder == part_of(out) and (folder / SYSTEM).exists()
     assert os.listdir(tmp_path) == ["run"]
@@ -161,10 +151,9 @@ def test_folder_in_use_is_left_alone(tmp_path: Path) -> None:
     assert child.stdout is not None
     try:
         assert child.stdout.readline() == b"locked\n"
-        ways: tuple[dict[str, bool], ...] = ({"resume": True}, {"overwrite": True}, {})
-        for how in ways:
-            with pytest.raises(rf.InputError, match="another run is using this folder"):
-                interrupt(out, BLOCK, **how)
+        refused("another run is using this folder", out)
+        refused("another run is using this folder", out, resume=True)
+        refused("another run is using this folder", out, overwrite=True)
     finally:
         child.kill()
         child.communicate()
@@ -222,21 +211,16 @@ def test_a_folder_of_one_piece_appears_whole_or_not_at_all(tmp_path: Path) -> No
         assert (out / "nodes.csv").read_text() == str(number)
 
 
-def test_those_that_share_keep_others_out(tmp_path: Path) -> None:
-    with locked(tmp_path, shared=True), locked(tmp_path, shared=True):
-        with pytest.raises(InputError, match="another run is using"), locked(tmp_path):
-            pass
-
-
 @pytest.mark.parametrize("name", ["", "file.lock"])
-def test_one_at_a_time(name: str, tmp_path: Path) -> None:
-    for _ in range(2):
-        with locked(tmp_path / name):
-            with pytest.raises(InputError, match="another run is using"), locked(tmp_path / name):
-                pass
-            # the refusal has not taken the lock away
-            with pytest.raises(InputError, match="another run is using"), locked(tmp_path / name):
-                pass
+def test_one_at_a_time_or_those_that_share(name: str, tmp_path: Path) -> None:
+    for shared in (False, True, False):
+        with locked(tmp_path / name, shared=shared):
+            if shared:
+                with locked(tmp_path / name, shared=True):
+                    pass
+            for _ in range(2):  # a refusal has not taken the lock away
+                with pytest.raises(InputError, match="is using"), locked(tmp_path / name):
+                    pass
 
 
 @pytest.mark.parametrize(

@@ -12,8 +12,9 @@ from small import small_system
 
 import receding_fenicsx as rf
 from receding_fenicsx import cli
+from receding_fenicsx.output.report.run import limit_rows
 from receding_fenicsx.studies.shakedown.study import diagram_figure
-from receding_fenicsx.studies.starts import steady_states_figure
+from receding_fenicsx.studies.starts import starts_summary, steady_states_figure
 
 SCENE = """
 title = "sheared block"
@@ -175,6 +176,13 @@ def test_whether_it_slips_for_ever_depends_on_the_start_between_the_limits_only(
     safe = states.names.index("safe")
     assert states.dissipation[safe] == 0.0
     assert states.zones(safe) == [("stick", 0.0, 1.0)]
+    summary = starts_summary(states)
+    assert not summary["same"] and summary["kinds"] == states.counts
+    limit = {"reached": False, "cycle": 2, "reason": "", "starts": summary}
+    assert limit_rows({"limit": limit})[1][0] == "limits from 41 initial slips differ"
+    # a node that stays on its limit does not slip
+    slips = np.isin(states.state, (rf.State.FORWARD_SLIP, rf.State.BACKWARD_SLIP)).any(axis=1)
+    assert np.array_equal(slips, np.array(states.kind) != "shakedown")
     figure = steady_states_figure(states)
     assert figure.axes[0].get_xlabel().startswith("dissipation")
     kinds = np.array(states.kind)
@@ -195,8 +203,9 @@ def test_dissipation_of_uncoupled_systems_does_not_depend_on_the_start(seed: int
     }
     system = small_system(K, loads, rng.uniform(0.2, 0.6, n))
     limits = rf.shakedown_limits(system, {"mean": 1.0}, TO_AND_FRO)
-    low, high = from_starts(system, 1.3 * limits.upper, 12).interval
-    assert low > 0.0
+    found = from_starts(system, 1.3 * limits.upper, 12)
+    low, high = found.interval
+    assert low > 0.0 and starts_summary(found)["same"]
     assert high == pytest.approx(low, rel=1e-9)
 
 

@@ -2,19 +2,14 @@
 
 import json
 from pathlib import Path
-from typing import Any
 
 from mpi4py import MPI
 
-import numpy as np
 import pytest
-from shakedown_cases import TO_AND_FRO, UPPER, two_nodes
 
 import receding_fenicsx as rf
 from receding_fenicsx import cli
 from receding_fenicsx.mpi import on_root
-from receding_fenicsx.output.report.run import limit_rows
-from receding_fenicsx.studies.starts import starts_summary
 
 SCENE = """
 [body]
@@ -82,29 +77,6 @@ def test_bad_input_of_limits_ends_with_one_line_and_code_2(
     error = capsys.readouterr().err
     assert COMM.rank > 0 or (words in error and error.count("\n") == 1)
     assert not out.exists() and not out.with_name("out.part").exists()
-
-
-def spread_of(coupling: float) -> dict[str, Any]:
-    system = two_nodes(coupling)
-    # between the limits of shakedown with coupling; above both without
-    factor = 0.99 * UPPER if coupling else 0.9
-    history = rf.range_history(system, {"mean": 1.0}, TO_AND_FRO, factor)
-    found = rf.steady_states(system, history, 21)
-    slips = np.isin(found.state, (rf.State.FORWARD_SLIP, rf.State.BACKWARD_SLIP)).any(axis=1)
-    # a node that stays on its limit does not slip
-    assert np.array_equal(slips, np.array(found.kind) != "shakedown")
-    return starts_summary(found)
-
-
-@pytest.mark.one_rank
-def test_coupled_starts_differ_and_uncoupled_ones_do_not() -> None:
-    differ, same = spread_of(1.0), spread_of(0.0)
-    assert not differ["same"] and differ["kinds"].keys() == {"shakedown", "cyclic slip"}
-    assert same["same"] and same["dissipation"][0] > 0.0
-    (row,) = limit_rows({"limit": {"reached": False, "cycle": 2, "reason": "", "starts": differ}})[
-        1:
-    ]
-    assert row[0] == "limits from 21 initial slips differ"
 
 
 def test_a_run_that_its_limit_has_ended_is_not_played_again(

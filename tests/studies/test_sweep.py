@@ -27,6 +27,7 @@ from receding_fenicsx.studies.sweep import read_over
 
 BLOCK = str(Path(__file__).parents[2] / "demos" / "block.toml")
 SMALL = ["mesh.contact_elements=10", "history.cycles=2"]
+SETTINGS = [word for change in SMALL for word in ("--set", change)]
 OVER: dict[str, Any] = {"contact.friction": [0.2, 0.6], "history.minimum": [0.0, 0.25, 0.5]}
 comm = MPI.COMM_WORLD
 Run = Callable[..., Any]
@@ -43,9 +44,8 @@ def lines(folder: Path, name: str = "cases.jsonl") -> list[bytes]:
 def test_the_command_fails_where_all_cases_do(
     shared_tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    settings = [word for change in SMALL for word in ("--set", change)]
     for code, minima in ((0, "0.25,0.5"), (1, "0.5,0.45")):
-        command = ["sweep", BLOCK, *settings, "--out", str(shared_tmp_path / f"out{code}")]
+        command = ["sweep", BLOCK, *SETTINGS, "--out", str(shared_tmp_path / f"out{code}")]
         # the minimum has to be below the maximum
         command += ["--over", "history.maximum=0.4,1", "--over", f"history.minimum={minima}"]
         command += ["--set", "solver.method=gauss-seidel", "--set", "solver.max_sweeps=1"] * code
@@ -337,8 +337,7 @@ def test_values_of_the_command_line(texts: list[str], values: list[Any]) -> None
 def test_bad_input_is_refused_in_one_line_before_anything_runs(
     changes: list[str], words: list[str], shared_tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    settings = [word for change in SMALL for word in ("--set", change)]
-    command = ["sweep", BLOCK, *settings, "--out", str(shared_tmp_path / "out"), *changes]
+    command = ["sweep", BLOCK, *SETTINGS, "--out", str(shared_tmp_path / "out"), *changes]
     assert cli.main(command) == 2
     captured = capsys.readouterr()
     assert captured.out == ""
@@ -380,8 +379,7 @@ def test_the_command_prints_a_short_table_and_says_where_the_rest_is(
     shared_tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     out = shared_tmp_path / "out"
-    settings = [word for change in SMALL for word in ("--set", change)]
-    command = ["sweep", BLOCK, *settings, "--out", str(out)]
+    command = ["sweep", BLOCK, *SETTINGS, "--out", str(out)]
     command += ["--over", "contact.friction=0.1:0.5:5", "--over", "history.minimum=0:0.5:5"]
     assert cli.main(command) == 0
     captured = capsys.readouterr()

@@ -43,15 +43,12 @@ def worn(
     scene: rf.Scene, out: Path | None = None, options: StudyOptions = StudyOptions()
 ) -> rf.WearStudy:
     """Return the study of a scene on one rank."""
-    study = rf.wear(scene, out, options)
-    assert study is not None
-    return study
+    return rf.given(rf.wear(scene, out, options))
 
 
 def pairs_of(scene: rf.Scene) -> NodePairs:
     """Return the node pairs of a scene on one rank."""
-    system = rf.condense(scene)
-    assert system is not None
+    system = rf.given(rf.condense(scene))
     return NodePairs(problem_of_scene(system, scene), np.full(system.n, C))
 
 
@@ -271,9 +268,7 @@ def test_all_scenes_wear_off_what_the_limit_cycle_of_a_run_dissipates(
     scene = rf.read_scene(ROOT / "demos" / file, [*wear, *changes])
     study = worn(scene)
     limit = replace(scene.history, until="limit", cycles=60)
-    system = rf.condense(scene)
-    assert system is not None
-    record = rf.evolve(system, replace(scene, history=limit))
+    record = rf.evolve(rf.given(rf.condense(scene)), replace(scene, history=limit))
     assert study.volume[-1] == pytest.approx(2e-9 * record.cycles.dissipation[-1], rel=1e-8)
 
 
