@@ -41,9 +41,9 @@ def fill(folder: Path, text: str = "{}") -> None:
 
 
 def refused(words: str, out: Path, **how: bool) -> None:
-    """Assert that a run is not let into a folder."""
+    """Assert that a run is not let into a folder, rather than at its end."""
     with pytest.raises(rf.InputError, match=words), run_folder(out, BLOCK, **how):
-        pass
+        pytest.fail("was let in")
 
 
 def interrupt(out: Path, **how: bool) -> None:
