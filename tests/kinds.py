@@ -292,11 +292,9 @@ def mirrored(value: Any, key: str = "", level: bool = True) -> Any:
         return -value
     if key in FLIPPED and isinstance(value, tuple):
         first, second = (mirrored(part) for part in value)
-        return (
-            (f"-({first})" if isinstance(first, str) and first != "free" else first, second)
-            if (isinstance(first, str))
-            else (-first, second)
-        )
+        if isinstance(first, str):
+            return (first if first == "free" else f"-({first})", second)
+        return (-first, second)
     if isinstance(value, dict) and "x" in value:
         x = [-at for at in value["x"][::-1]] if level else value["x"]
         return {"x": x, "value": value["value"][::-1] if level else value["value"]}

@@ -180,20 +180,20 @@ def run_program(folder: Path, program: str) -> str:
     return run.stdout
 
 
-@pytest.mark.parametrize("engine", ["dask.distributed", "submitit"])
-def test_recipes_for_clusters_run_by_their_local_executors(beside_demos: Path, engine: str) -> None:
-    pytest.importorskip(engine)
+@pytest.mark.parametrize("engine", ["dask.distributed", "submitit", "MPIPoolExecutor"])
+def test_recipes_for_clusters_run_by_their_local_executors(
+    beside_demos: Path, mpirun: Callable[..., Any], engine: str
+) -> None:
     (program,) = (text for text in programs("docs/cluster.md") if engine in text)
-    printed = run_program(beside_demos, program)
+    if engine == "MPIPoolExecutor":
+        (beside_demos / "program.py").write_text(program, encoding="utf-8")
+        done = mpirun(2, "-m", "mpi4py.futures", beside_demos / "program.py")
+        assert done.returncode == 0, done.stderr
+        printed = done.stdout
+    else:
+        pytest.importorskip(engine)
+        printed = run_program(beside_demos, program)
     assert all(f"\n{friction}" in printed for friction in (0.2, 0.35, 0.5)), printed
-
-
-def test_recipe_for_an_mpi_pool_runs(beside_demos: Path, mpirun: Callable[..., Any]) -> None:
-    (program,) = (text for text in programs("docs/cluster.md") if "MPIPoolExecutor" in text)
-    (beside_demos / "program.py").write_text(program, encoding="utf-8")
-    done = mpirun(2, "-m", "mpi4py.futures", beside_demos / "program.py")
-    assert done.returncode == 0, done.stderr
-    assert all(f"\n{friction}" in done.stdout for friction in (0.2, 0.35, 0.5)), done.stdout
 
 
 def test_recipe_for_one_mpi_job_runs(beside_demos: Path, mpirun: Callable[..., Any]) -> None:

@@ -1,4 +1,3 @@
-import dataclasses
 import os
 from dataclasses import replace
 from pathlib import Path
@@ -176,9 +175,7 @@ def test_initial_slip_is_taken_over() -> None:
     The whole block is free to move along the plane, so v + c with the same reference is the same.
     """
     scene = small("history.kind=monotonic", "solver.symmetry=none")
-    moved = dataclasses.replace(
-        scene, history=dataclasses.replace(scene.history, initial_slip=0.125)
-    )
+    moved = replace(scene, history=replace(scene.history, initial_slip=0.125))
     a, b = study.run(scene, comm=comm), study.run(moved, comm=comm)
     if a is not None and b is not None:
         scale = np.abs(a.turning_points.P).max()
@@ -209,9 +206,7 @@ def test_instants_are_found_by_the_names_of_legs(finished: Finished) -> None:
         assert [(i.cycle, i.leg) for i in chosen] == [(0, 0), (1, 0), (1, 1), (2, 0), (2, 1)]
         (largest,) = default_instants(scene, system, record, everything=False)
         assert largest.cycle == 2 and largest.load == pytest.approx([scene.history.maximum])
-        slipped = dataclasses.replace(
-            scene, history=dataclasses.replace(scene.history, initial_slip="0.001*x")
-        )
+        slipped = replace(scene, history=replace(scene.history, initial_slip="0.001*x"))
         with pytest.raises(rf.InputError, match="one jump"):
             rf.instant_of(slipped, system, record, 0, "loading", 0.5)
 
@@ -225,7 +220,7 @@ def test_of_a_cycle_of_many_legs_few_turning_points_are_drawn() -> None:
     table = rf.HistoryOptions(
         "table", columns=(name,), rows=((1.0,),), cycle_rows=corners, cycles=2
     )
-    scene = dataclasses.replace(scene, history=table)
+    scene = replace(scene, history=table)
     record = rf.evolve(system, scene)
     chosen = [(found.cycle, found.leg) for found in default_instants(scene, system, record)]
     legs = [0, 6, 12, 17, 23, 29]
@@ -260,7 +255,7 @@ def test_interrupt_after_the_history_says_how_to_continue(
         assert isinstance(caught.value, rf.Interrupted) and caught.value.exit_code == 130
         assert str(caught.value).endswith("out.part holds the whole history; continue by --resume")
     assert not out.exists()
-    study.run(small(), out, dataclasses.replace(options, resume=True, pictures=False))
+    study.run(small(), out, replace(options, resume=True, pictures=False))
     assert (out / "summary.json").is_file()
 
 
@@ -269,7 +264,7 @@ def test_run_that_fails_on_the_way_keeps_what_it_found_and_says_why(shared_tmp_p
     table = rf.HistoryOptions(
         "table", columns=("p0",), rows=((1.0,),), cycle_rows=((0.5,), (-1.0,), (1.0,)), cycles=3
     )
-    scene = dataclasses.replace(small(), history=table)
+    scene = replace(small(), history=table)
     with pytest.raises(rf.NoEquilibrium, match=r"^cycle 1, leg 1: lift-off") as caught:
         study.run(scene, out, comm=comm)
     comm.Barrier()
@@ -280,10 +275,8 @@ def test_run_that_fails_on_the_way_keeps_what_it_found_and_says_why(shared_tmp_p
         assert f"The run ended early: {caught.value}" in (out / "report.html").read_text()
         assert not (out / "figures").exists() and not (out / "snapshots").exists()
         # up to the end of the last leg that has an answer, as in a run that goes no further
-        rows = dataclasses.replace(table, rows=((1.0,), (0.5,)), cycle_rows=(), cycles=0)
-        part = rf.evolve(
-            rf.read_system(out / "system.h5", scene), dataclasses.replace(scene, history=rows)
-        )
+        rows = replace(table, rows=((1.0,), (0.5,)), cycle_rows=(), cycles=0)
+        part = rf.evolve(rf.read_system(out / "system.h5", scene), replace(scene, history=rows))
         ends = rf.read_record(out / "record.h5").turning_points
         assert list(zip(ends.cycle.tolist(), ends.leg.tolist(), strict=True)) == [(0, 0), (1, 0)]
         assert np.array_equal(ends.state, part.turning_points.state)

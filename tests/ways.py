@@ -21,14 +21,8 @@ NEAR = 1e-9
 """Distance from a limit, over the largest force, that counts as being on it."""
 SLACK = 1e-9
 """Violation of a rate inequality, over the largest rate of its kind, that is let pass."""
-SAME = 1e-7
-"""Difference of rates, over the largest, below which two sets of states mean the same."""
-STANDING = 50
-"""Changes of state at one place after which a branch counts as ended."""
 TRIED = 4**6
 """Sets of states that are gone through at most at one place."""
-PIECES = 400
-"""Pieces that are followed at most, all branches together."""
 
 
 class TooMany(Exception):
@@ -120,7 +114,8 @@ def rates(
             du = du + _along(here.free, rows.astype(float), rows @ du + right)
         if np.any(rows @ du + right < -slack):
             continue
-        if all(np.abs(body.k * (du - other[1])).max() > SAME * scale for other in found):
+        # rates closer than this mean the same
+        if all(np.abs(body.k * (du - other[1])).max() > 1e-7 * scale for other in found):
             found.append((np.array(states), du, held + body.K @ du))
     return found
 
@@ -217,12 +212,12 @@ def follow(
         found = rates(body, b - a, choices(body, r, u, state, near))
         if counts is not None:
             counts.append(len(found))
-        if not found or still > STANDING:
+        if not found or still > 50:  # changes of state at one place
             ends.append(End(s, u.astype(float), state))
             continue
         for now, du, dr in found:
             pieces += 1
-            if pieces > PIECES:
+            if pieces > 400:
                 raise TooMany
             ds = _next(body, now, u, r, du, dr, near)
             if s + ds >= 1.0 - 1e-13:
@@ -290,10 +285,6 @@ def _laid(system: Any, body: Body, way: Array, u: Array) -> Array:
     return u + R @ answer.x
 
 
-LOOSE = 1e-12
-"""Resultant, over the sum of all forces, that is round-off."""
-
-
 def balanced(system: Any, load: Array) -> bool:
     """Return whether contact forces exist that balance the loads on the rigid motions: R^T r = 0.
 
@@ -324,6 +315,6 @@ def balanced(system: Any, load: Array) -> bool:
         )
         return bool(found.success)
     if not len(edges):
-        return bool(np.abs(held @ R).max() <= LOOSE * np.abs(held).sum())
+        return bool(np.abs(held @ R).max() <= 1e-12 * np.abs(held).sum())
     answer = scipy.optimize.linprog(np.zeros(len(edges)), A_eq=edges.T, b_eq=held @ R)
     return bool(answer.success)
