@@ -30,7 +30,9 @@ def cylinders(elements: int = 60) -> rf.Scene:
 def test_cylinders_dissipate_as_cattaneo_and_mindlin_say_within_the_estimate() -> None:
     U, f = np.array([0.3, 0.5, 0.7, 0.9]), 0.5
     curve, coarse = (rf.joint_curve(cylinders(n), "Q", f * U) for n in (60, 30))
-    if curve is None or coarse is None:
+    scene = rf.from_toml(rf.to_toml(cylinders(30)), ["contact.shear_limit=0.2"])
+    limited = rf.joint_curve(scene, "Q", f * U[1:3])
+    if curve is None or coarse is None or limited is None:
         assert comm.rank > 0
         return
     E_star = 200.0 / (2.0 * (1.0 - 0.3**2))
@@ -42,9 +44,7 @@ def test_cylinders_dissipate_as_cattaneo_and_mindlin_say_within_the_estimate() -
     assert curve.kind == ("cyclic slip",) * 4
     assert 3.0 < curve.exponent[0] < 4.0 and np.isinf(curve.backbone.macroslip)
     # nor does it with a shear limit, which lets more slip
-    scene = rf.from_toml(rf.to_toml(cylinders(30)), ["contact.shear_limit=0.2"])
-    limited = rf.joint_curve(scene, "Q", f * U[1:3])
-    assert limited is not None and limited.masing_defect.max() < 1e-9
+    assert limited.masing_defect.max() < 1e-9
     assert limited.dissipation[1] > 1.1 * coarse.dissipation[2]
     # a single change may be small by chance: the estimate covers those of the neighbours too
     change = np.abs(coarse.dissipation / curve.dissipation - 1.0)
