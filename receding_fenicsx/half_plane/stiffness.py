@@ -120,17 +120,12 @@ def _closed(a: Array, b: Array, c: Array, d: Array) -> Array:
 
 @dataclass(frozen=True)
 class HalfPlaneMaterial:
-    """Elastic constants of a half-plane.
+    """Elastic constants of a half-plane."""
 
-    Attributes:
-        mu: shear modulus, a stress.
-        kappa: Kolosov's constant: 3 - 4 nu in plane strain, (3 - nu) / (1 + nu) in plane stress.
-        nu_out: s_zz / (s_xx + s_yy): nu in plane strain, 0 in plane stress.
-    """
-
-    mu: float
+    mu: float  # shear modulus, a stress
+    # Kolosov's constant: 3 - 4 nu in plane strain, (3 - nu) / (1 + nu) in plane stress
     kappa: float
-    nu_out: float
+    nu_out: float  # s_zz / (s_xx + s_yy): nu in plane strain, 0 in plane stress
 
     @property
     def c1(self) -> float:
@@ -163,25 +158,16 @@ def plane_material(young: float, poisson: float, plane_stress: bool) -> HalfPlan
 
 @dataclass(frozen=True)
 class Surface:
-    """Nodes and elements on the surface of a half-plane.
+    """Nodes and elements on the surface of a half-plane."""
 
-    Attributes:
-        x: (N,) positions along t.
-        elements: (E, 2) nodes at the lower and the upper end of each element.
-        B: (N, N) work of the traction of one node on the displacement of another one.
-        logs, signs: (N, N) integrals of :func:`surface_integrals` for lengths in units of
-            ``length``.
-        weight: (N,) integral of each hat function.
-        length: length of the surface between its first and its last node.
-    """
-
-    x: Array
-    elements: Ints
-    B: Array
+    x: Array  # (N,) positions along t
+    elements: Ints  # (E, 2) nodes at the lower and the upper end of each element
+    B: Array  # (N, N) work of the traction of one node on the displacement of another one
+    # logs, signs: (N, N) integrals of :func:`surface_integrals` for lengths in units of ``length``
     logs: Array
     signs: Array
-    weight: Array
-    length: float
+    weight: Array  # (N,) integral of each hat function
+    length: float  # length of the surface between its first and its last node
 
 
 def surface_of(x: Array, elements: Ints, order: int = 1) -> Surface:
@@ -292,35 +278,23 @@ class FarField:
 
     The four motions are translations in x and y, the rotation about the contact's middle, and the
     uniform strain along the surface, which is never free.
-
-    Attributes:
-        free: (4,) motions that follow from the balance of forces; the others are given.
-        force: (n_loads, 4) forces of unit loads in the free motions.
-        moved: (n_loads, 4) given motions of unit loads.
-        sign: (n_loads,) -1 for forces, +1 for displacements, 0 where none acts.
     """
 
+    # (4,) motions that follow from the balance of forces; the others are given
     free: NDArray[np.bool_]
-    force: Array
-    moved: Array
-    sign: Array
+    force: Array  # (n_loads, 4) forces of unit loads in the free motions
+    moved: Array  # (n_loads, 4) given motions of unit loads
+    sign: Array  # (n_loads,) -1 for forces, +1 for displacements, 0 where none acts
 
 
 @dataclass(frozen=True)
 class CondensedHalfPlane:
-    """Contact stiffness of a half-plane, with r = r_star^T lambda + K u.
+    """Contact stiffness of a half-plane, with r = r_star^T lambda + K u."""
 
-    Attributes:
-        K: (2N, 2N) stiffness.
-        r_star: (n_loads, 2N) reactions to unit loads, contact nodes held.
-        compliance: (n_loads, n_loads) work-conjugate quantities, contact nodes held.
-        motion: (4, 2N) and (4, n_loads): the motion of the far field is their sum for u and the
-            load factors.
-    """
-
-    K: Array
-    r_star: Array
-    compliance: Array
+    K: Array  # (2N, 2N) stiffness
+    r_star: Array  # (n_loads, 2N) reactions to unit loads, contact nodes held
+    compliance: Array  # (n_loads, n_loads) work-conjugate quantities, contact nodes held
+    # (4, 2N) and (4, n_loads): the motion of the far field is their sum for u and the load factors
     motion: tuple[Array, Array]
 
 

@@ -154,21 +154,14 @@ CASES = "cases.jsonl"
 
 @dataclass(frozen=True)
 class Case:
-    """One case of a study.
+    """One case of a study."""
 
-    Attributes:
-        identity: digest of all that its outcome depends on, "" where it cannot be run.
-        work: arguments of the study's function ``measure``, which other processes can take.
-        labels: what the file says of it, for a reader.
-        body: digest of its condensed system: cases of one body follow each other.
-        error: why it cannot be run.
-    """
-
-    identity: str
+    identity: str  # digest of all that its outcome depends on, "" where it cannot be run
+    # arguments of the study's function ``measure``, which other processes can take
     work: tuple[Any, ...] = ()
-    labels: tuple[Any, ...] = ()
-    body: str = ""
-    error: str = ""
+    labels: tuple[Any, ...] = ()  # what the file says of it, for a reader
+    body: str = ""  # digest of its condensed system: cases of one body follow each other
+    error: str = ""  # why it cannot be run
 
 
 @dataclass(frozen=True)

@@ -93,25 +93,17 @@ class StudyOptions:
 
 @dataclass(frozen=True)
 class Study(Generic[T]):
-    """A study of a scene.
+    """A study of a scene."""
 
-    Attributes:
-        name: what its folder holds, such as "sweep".
-        file: name of the file that says what the study is of.
-        scene: the scene; None without one.
-        combine: runs cases by a :class:`Runner`, and makes the result of their outcomes.
-        same: what must be the same where the study is continued, by its name in messages.
-        content: what else the file says.
-        results: files that are removed while cases are not finished.
-    """
-
-    name: str
-    file: str
-    scene: Scene | None
+    name: str  # what its folder holds, such as "sweep"
+    file: str  # name of the file that says what the study is of
+    scene: Scene | None  # the scene; None without one
+    # runs cases by a :class:`Runner`, and makes the result of their outcomes
     combine: Callable[[Runner], T]
+    # what must be the same where the study is continued, by its name in messages
     same: Mapping[str, Any] = field(default_factory=dict)
-    content: Mapping[str, Any] = field(default_factory=dict)
-    results: tuple[str, ...] = ()
+    content: Mapping[str, Any] = field(default_factory=dict)  # what else the file says
+    results: tuple[str, ...] = ()  # files that are removed while cases are not finished
 
     @property
     def kind(self) -> FolderKind:

@@ -34,23 +34,17 @@ NO_DISSIPATION = 1e-10
 
 @dataclass(frozen=True)
 class Backbone:
-    """First loading of a joint.
+    """First loading of a joint."""
 
-    Attributes:
-        load: (n,) load factors of the drive, from 0.
-        displacement: (n,) their work-conjugate displacements, from 0; of a prescribed displacement
-            the force along it times the displacement at factor 1.
-        work: (n,) work of the drive.
-        macroslip: largest load factor with an equilibrium, to a relative 1e-6; infinite where the
-            path reaches the largest amplitude.
-        reason: why there is none beyond it.
-    """
-
-    load: Array
+    load: Array  # (n,) load factors of the drive, from 0
+    # (n,) their work-conjugate displacements, from 0; of a prescribed displacement the force along
+    # it times the displacement at factor 1
     displacement: Array
-    work: Array
+    work: Array  # (n,) work of the drive
+    # largest load factor with an equilibrium, to a relative 1e-6; infinite where the path reaches
+    # the largest amplitude
     macroslip: float
-    reason: str
+    reason: str  # why there is none beyond it
 
     def masing(self, amplitude: Sequence[float] | Array) -> Array:
         """Return the dissipation per cycle by Masing's rule; NaN beyond macroslip."""

@@ -260,9 +260,8 @@ def joint_curve(
     """Find the limit cycles of a joint over the amplitude; all ranks of an MPI job call this.
 
     Args:
-        scene: the joint; of its history only ``constant`` counts, the factors of the other loads,
-        or
-            1. Or a condensed system, whose other loads are kept with factor 1; without estimate.
+        scene: the joint; of its history only ``constant`` counts, the factors of the other loads
+            (default 1). Or a condensed system, whose other loads have factor 1; without estimate.
         drive: name of the driven load, or "mode:1", "mode:2", ...: a vibration mode of a scene.
         amplitudes: load factors, positive; the drive goes between plus and minus each.
         out: folder for the table, the figure and the finished cases. None writes nothing.
