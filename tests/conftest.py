@@ -251,8 +251,7 @@ def shared_tmp_path(tmp_path: Path) -> Path:
 def mpirun() -> Callable[..., Any]:
     """Run this interpreter under MPI: ``mpirun(2, "-m", "receding_fenicsx", "check", path)``.
 
-    Further keywords go to ``subprocess.run``; with ``start=True`` the started ``Popen`` comes back
-    at once. Skips the test where it runs under MPI itself.
+    Further keywords go to ``subprocess.run``. Skips the test where it runs under MPI itself.
     """
     if comm.size > 1:
         pytest.skip("starts mpirun itself")
@@ -262,18 +261,11 @@ def mpirun() -> Callable[..., Any]:
     environment = outer_environment()
 
     def run(
-        ranks: int,
-        *arguments: str | Path,
-        timeout: float = 300,
-        start: bool = False,
-        **options: object,
-    ) -> subprocess.CompletedProcess[str] | subprocess.Popen[str]:
+        ranks: int, *arguments: str | Path, timeout: float = 300, **options: Any
+    ) -> subprocess.CompletedProcess[str]:
         command = [program, "-n", str(ranks), sys.executable, *map(str, arguments)]
-        if start:
-            pipe = subprocess.PIPE
-            return subprocess.Popen(command, env=environment, stdout=pipe, stderr=pipe, text=True)
         options = {"env": environment, "capture_output": True, "text": True, **options}
-        return subprocess.run(command, check=False, timeout=timeout, **options)  # type: ignore[call-overload]
+        return subprocess.run(command, check=False, timeout=timeout, **options)
 
     return run
 

@@ -57,9 +57,10 @@ Writer = Callable[[Path, Block], str]
 
 
 def specification(
-    folder: Path, stiffness: str, block: Block, more: str = "", free: int = 3
+    folder: Path, block: Block, stiffness: str = "", more: str = "", free: int = 3
 ) -> Path:
-    """Write the files of an import beside its stiffness."""
+    """Write the files of an import, and its stiffness where it is not there."""
+    stiffness = stiffness or write_market(folder, block)
     rows = [f"{i},{x!r},{y!r}" for i, (x, y) in enumerate(block.points.tolist(), 1)]
     (folder / "nodes.csv").write_text("node,x,y\n" + "\n".join(rows))
     for name, f in block.forces.items():
@@ -126,7 +127,7 @@ def write_user_element(
 @pytest.mark.parametrize("write", [write_market, write_labelled, write_calculix])
 def test_a_block_of_own_elements_is_condensed(write: Writer, tmp_path: Path) -> None:
     block = Block()
-    system = rf.import_system(specification(tmp_path, write(tmp_path, block), block))
+    system = rf.import_system(specification(tmp_path, block, write(tmp_path, block)))
     K, r_star = block.condensed()
     digits = 1e-12 if write is write_calculix else 1e-14
     assert np.abs(system.K - K).max() < 100 * digits * np.abs(K).max()
@@ -166,7 +167,7 @@ def test_an_imported_system_has_the_path_of_the_arrays_bit_by_bit(
         if form == "lower case":  # Abaqus' keywords have any case
             (tmp_path / name).write_text((tmp_path / name).read_text().lower())
     block.freedoms, block.forces = freedoms, {k: -r[by_node] for k, r in r_star.items()}
-    path = specification(tmp_path, name, block)
+    path = specification(tmp_path, block, name)
     assert cli.main(["import", str(path), "--out", str(tmp_path / "system.h5")]) == 0
     assert (
         f"{n} contact nodes, 3 rigid motion(s), P (pressed by 0.06), Q (" in capsys.readouterr().out
@@ -200,12 +201,12 @@ def test_supports_hold_and_interior_nodes_can_be_fixed(tmp_path: Path) -> None:
     name = write_market(tmp_path, block)
     top = list(range(len(block.points) - COLUMNS, len(block.points) + 1))
     more = f'[[support]]\nnodes = {top}\nfix = "x"\n[[support]]\nnodes = [1]\nfix = "x"\n'
-    system = rf.import_system(specification(tmp_path, name, block, more, free=1))
+    system = rf.import_system(specification(tmp_path, block, name, more, free=1))
     assert system.held.nonzero()[0].tolist() == [0]
     # the block moves along y alone
     assert np.allclose(np.abs(system.rigid[:, 0]), np.repeat([0.0, 1.0], system.n))
     more = more.replace('nodes = [1]\nfix = "x"', 'nodes = [1]\nfix = "xy"')
-    system = rf.import_system(specification(tmp_path, name, block, more, free=0))
+    system = rf.import_system(specification(tmp_path, block, name, more, free=0))
     assert system.held.nonzero()[0].tolist() == [0, system.n]
     # the support carries the normal force
     assert system.f[0] == 0.0 and np.all(system.f[1:] == 0.32)
@@ -224,7 +225,7 @@ def test_a_turned_block_has_the_same_system_along_its_own_directions(
     turn = np.kron(np.eye(len(block.points)), R)
     block.points, block.A = block.points @ R.T, turn @ block.A @ turn.T
     block.forces = {name: turn @ f for name, f in block.forces.items()}
-    path = specification(tmp_path, write_market(tmp_path, block), block)
+    path = specification(tmp_path, block)
     turned(path, "[0.0, 2.0]", str((2.0 * R[:, 1]).tolist()))
     turned(path, "friction = 0.32", "friction = {forward = 0.4, backward = 0.1}")
     system = rf.import_system(path)
@@ -235,8 +236,7 @@ def test_a_turned_block_has_the_same_system_along_its_own_directions(
 
 
 def test_the_order_of_nodes_and_of_lines_of_force_is_free(tmp_path: Path) -> None:
-    block = Block()
-    path = specification(tmp_path, write_market(tmp_path, block), block)
+    path = specification(tmp_path, block := Block())
     text = path.read_text()
     named = text[text.index("nodes = [") : text.index("normal")]
     n, rng = len(block.contact), np.random.default_rng(1)
@@ -259,7 +259,7 @@ def test_the_order_of_nodes_and_of_lines_of_force_is_free(tmp_path: Path) -> Non
 
 
 def test_several_contacts_have_their_own_friction_and_names(tmp_path: Path) -> None:
-    path = specification(tmp_path, write_market(tmp_path, block := Block()), block)
+    path = specification(tmp_path, Block())
     turned(path, "[7, 6, 5, 4, 3, 2, 1]", "[1, 3, 2]")
     second = "[[contact]]\nnodes = [7, 6]\nnormal = [0, 1]\nfriction = 0.1\ninitial_gap = '0.1*x'\n"
     turned(path, "[[load]]", second.replace("0.1*x", "0.1 + 0.2*x") + "[[load]]")
@@ -296,8 +296,7 @@ def turned(path: Path, old: str, new: str) -> None:
 def test_bad_specifications_are_one_line(
     old: str, new: str, told: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    block = Block()
-    path = specification(tmp_path, write_market(tmp_path, block), block)
+    path = specification(tmp_path, Block())
     turned(path, old, new)
     (tmp_path / "none.txt").write_text("*CLOAD\n1,2,0.0\n")
     assert cli.main(["import", str(path), "--out", str(tmp_path / "system.h5")]) == 2
@@ -306,46 +305,33 @@ def test_bad_specifications_are_one_line(
     assert not (tmp_path / "system.h5").exists()
 
 
-def stretched(A: np.ndarray) -> None:
-    A[3, 4] += 0.1
+def at(A: np.ndarray, i: int, j: int, value: float) -> np.ndarray:
+    """Return a matrix like A that has one entry."""
+    one = np.zeros_like(A)
+    one[i, j] = value
+    return one
 
 
-def indefinite(A: np.ndarray) -> None:
+def indefinite(A: np.ndarray) -> np.ndarray:
     u = np.sin(np.arange(len(A)) ** 2)
-    A -= 5.0 * np.outer(A @ u, A @ u) / (u @ A @ u)
-
-
-def holed(A: np.ndarray) -> None:
-    A[-2:] = A[:, -2:] = 0.0
-
-
-def grounded(A: np.ndarray) -> None:
-    A[0, 0] += 1e-9
-
-
-def negated(A: np.ndarray) -> None:
-    A *= -1.0
-
-
-def penalised(A: np.ndarray) -> None:
-    A[-1, -1] = 1e36
+    return A - 5.0 * np.outer(A @ u, A @ u) / (u @ A @ u)
 
 
 @pytest.mark.parametrize(
     ("change", "told"),
     [
-        (penalised, "entries of 1e.36, which stand for supports"),
-        (stretched, "is not symmetric"),
+        (lambda A: A + at(A, -1, -1, 1e36), "entries of 1e.36, which stand for supports"),
+        (lambda A: A + at(A, 3, 4, 0.1), "is not symmetric"),
         (indefinite, "is indefinite"),
-        (holed, "singular with the contact held"),
-        (grounded, "too few digits"),
-        (negated, "is indefinite"),
+        (lambda A: np.pad(A[:-2, :-2], (0, 2)), "singular with the contact held"),
+        (lambda A: A + at(A, 0, 0, 1e-9), "too few digits"),
+        (np.negative, "is indefinite"),
     ],
 )
 def test_bad_matrices_are_refused(change: Any, told: str, tmp_path: Path) -> None:
     block = Block()
-    change(block.A)
-    path = specification(tmp_path, write_market(tmp_path, block), block)
+    block.A = change(block.A)
+    path = specification(tmp_path, block)
     with pytest.raises(rf.InputError, match=told):
         rf.import_system(path)
 
@@ -354,16 +340,16 @@ def test_a_triangle_of_the_wrong_length_is_refused(tmp_path: Path) -> None:
     block = Block()
     name = write_user_element(tmp_path, block.A[:5, :5], block.freedoms[:6], False)
     with pytest.raises(rf.InputError, match="15 entries for the triangle of 6 freedoms"):
-        rf.import_system(specification(tmp_path, name, block))
+        rf.import_system(specification(tmp_path, block, name))
     name = write_user_element(tmp_path, block.A[:6, :6], block.freedoms[:6], False)
     with pytest.raises(rf.InputError, match=r"node [4-7] has no freedom [12] in the stiffness"):
-        rf.import_system(specification(tmp_path, name, block))
+        rf.import_system(specification(tmp_path, block, name))
     io.mmwrite(tmp_path / "K.mtx", sparse.coo_matrix(block.A * 1j))
     with pytest.raises(rf.InputError, match="its numbers are complex"):
-        rf.import_system(specification(tmp_path, "K.mtx", block))
+        rf.import_system(specification(tmp_path, block, "K.mtx"))
     (tmp_path / name).write_text("1 1 2.0\n2 2")
     with pytest.raises(rf.InputError, match="is not a stiffness"):
-        rf.import_system(specification(tmp_path, name, block))
+        rf.import_system(specification(tmp_path, block, name))
 
 
 BANNER = "%%MatrixMarket matrix array real general\n"
@@ -382,7 +368,7 @@ BANNER = "%%MatrixMarket matrix array real general\n"
     ],
 )
 def test_loads_with_other_columns_or_text_are_refused(text: str, told: str, tmp_path: Path) -> None:
-    path = specification(tmp_path, write_market(tmp_path, block := Block()), block)
+    path = specification(tmp_path, Block())
     (tmp_path / "P.txt").write_text(text)
     with pytest.raises(rf.InputError, match=f"P.txt: is not a load .*{told}"):
         rf.import_system(path)
@@ -404,14 +390,14 @@ def test_stiffnesses_with_other_columns_or_text_are_refused(
 ) -> None:
     (tmp_path / "K.mtx").write_text(text)
     with pytest.raises(rf.InputError, match=f"K.mtx: is not a stiffness .*{told}"):
-        rf.import_system(specification(tmp_path, "K.mtx", Block()))
+        rf.import_system(specification(tmp_path, Block(), "K.mtx"))
 
 
 def test_exported_matrices_can_be_imported_again(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     block = Block()
-    first = rf.import_system(specification(tmp_path, write_market(tmp_path, block), block))
+    first = rf.import_system(specification(tmp_path, block))
     rf.write_system(tmp_path / "system.h5", first)
     out = tmp_path / "matrices"
     head = ["export", str(tmp_path / "system.h5"), "--matrices", "--out", str(out)]
