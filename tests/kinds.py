@@ -199,41 +199,15 @@ UNEVEN: dict[str, rf.Scene] = {
     ),
 }
 
-DIMENSIONS: dict[type, dict[str, tuple[int, int]]] = {
-    rf.Body: {"width": (1, 0), "height": (1, 0), "position": (1, 0)},
-    rf.Material: {"young": (0, 1), "young_2": (0, 1), "shear": (0, 1)},
-    rf.Contact: {"span": (1, 0), "initial_gap": (1, 0), "interference": (1, 0), "friction": (0, 0)},
-    rf.Load: {
-        "span": (1, 0),
-        "pressure": (0, 1),
-        "traction": (0, 1),
-        "displacement": (1, 0),
-        "force": (1, 1),
-        "tension": (0, 1),
-        "body_force": (-1, 1),
-        "thermal_strain": (0, 0),
-        "gap": (1, 0),
-    },
-    rf.Support: {"point": (1, 0)},
-    rf.Spring: {
-        "span": (1, 0),
-        "normal": (-1, 1),
-        "tangential": (-1, 1),
-        "point": (1, 0),
-        "x": (0, 1),
-        "y": (0, 1),
-    },
-    rf.Bolt: {
-        "shortening": (1, 0),
-        "head_span": (1, 0),
-        "nut_span": (1, 0),
-        "stiffness": (0, 1),
-        "preload": (1, 1),
-    },
-    rf.Refinement: {"size": (1, 0), "at": (1, 0)},
-    rf.HistoryOptions: {"initial_slip": (1, 0)},
-    rf.Probe: {"points": (1, 0)},
+DIMENSIONS = {
+    (1, 0): "width height position span head_span nut_span point points at size initial_gap "
+    "interference gap displacement initial_slip shortening",
+    (0, 1): "young young_2 shear pressure traction tension x y stiffness",
+    (1, 1): "force preload",
+    (-1, 1): "body_force normal tangential",
+    (0, 0): "friction thermal_strain refine",
 }
+POWERS = {key: powers for powers, keys in DIMENSIONS.items() for key in keys.split()}
 """Powers of a length and of a stress in the numbers of a scene, in the plane."""
 
 
@@ -241,14 +215,12 @@ def scaled(value: Any, length: float, stress: float, powers: tuple[int, int] = (
     """Return a scene, or what a key of it holds, in other units of length and stress."""
     factor = length ** powers[0] * stress ** powers[1]
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
-        known = DIMENSIONS.get(type(value), {})
         parts = {f.name: getattr(value, f.name) for f in dataclasses.fields(value)}
-        chosen = parts if isinstance(value, rf.Scene) else {k: parts[k] for k in known}
+        if not isinstance(value, rf.Scene):
+            parts = {k: part for k, part in parts.items() if k in POWERS}
         if getattr(value, "shape", "") == "half-plane":
-            chosen.pop("height")
-        changed = {k: scaled(v, length, stress, known.get(k, (0, 0))) for k, v in chosen.items()}
-        if isinstance(value, rf.MeshOptions) and value.refine:
-            changed["refine"] = tuple(scaled(place, length, stress) for place in value.refine)
+            parts.pop("height")
+        changed = {k: scaled(v, length, stress, POWERS.get(k, (0, 0))) for k, v in parts.items()}
         return replace(value, **changed)
     if isinstance(value, dict) and "x" in value:
         x, values = (np.array(value[name]) for name in ("x", "value"))

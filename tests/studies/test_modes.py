@@ -13,31 +13,16 @@ from receding_fenicsx import cli
 from receding_fenicsx.modal import mode_system
 from receding_fenicsx.studies.joint.curve import _driven
 
-BLOCK = """
-[body]
-width = {width}
-height = {height}
-[material]
-young = {young}
-poisson = {poisson}
-kinematics = "plane stress"
-density = 2.0
-[mesh]
-contact_elements = {elements}
-[contact]
-edge = "bottom"
-friction = {friction}
-[[load]]
-name = "N"
-edge = "top"
-pressure = 0.01
-"""
-
 
 def block(width: float, height: float, elements: int, friction: float = 0.4) -> rf.Scene:
     """A block pressed on a plane."""
-    given = {"width": width, "height": height, "elements": elements, "friction": friction}
-    return rf.from_toml(BLOCK.format(young=200.0, poisson=0.0, **given))
+    return rf.Scene(
+        body=rf.Body(width=width, height=height),
+        material=rf.Material(200.0, 0.0, "plane stress", density=2.0),
+        mesh=rf.MeshOptions(elements),
+        contacts=(rf.Contact(friction=friction),),
+        loads=(rf.Load("N", "top", pressure=0.01),),
+    )
 
 
 def driven(
