@@ -128,8 +128,13 @@ def dump_stacks(_: object) -> None:
 
 
 def pytest_runtest_setup(item: pytest.Item) -> None:
-    """Skip what one rank can show: its module is serial, or it carries the mark ``one_rank``."""
-    if comm.size > 1 and (is_serial(item.path) or item.get_closest_marker("one_rank")):
+    """Skip what one rank can show: its module is serial, or it or its module is ``one_rank``.
+
+    In such a module ``one_rank(False)`` marks what all ranks show.
+    """
+    mark = item.get_closest_marker("one_rank")
+    alone = mark is not None and mark.args != (False,)
+    if comm.size > 1 and (alone or is_serial(item.path)):
         pytest.skip("one process is enough")
 
 

@@ -8,29 +8,19 @@ from mpi4py import MPI
 
 import numpy as np
 import pytest
+from demo_runs import DEMOS, sheared_block
 
 import receding_fenicsx as rf
 from receding_fenicsx.bulk.mesh.meshing import contact_sizes_of
 from receding_fenicsx.studies import run as study
 
-DEMOS = Path(__file__).parents[2] / "demos"
 COMM = MPI.COMM_WORLD
 PLAIN = study.RunOptions(pictures=False)
 
 
-def sheared(*overrides: str) -> rf.Scene:
-    """The sheared block without samples, friction .8: its corners stick."""
-    scene = rf.read_scene(
-        DEMOS / "sheared_block.toml",
-        [
-            "history.cycles=1",
-            "contact.friction=0.8",
-            "load.Q.force=[1.6, 0.0]",
-            "output.samples_per_leg=1",
-            "output.cycles=[]",
-            *overrides,
-        ],
-    )
+def sheared(*changes: str) -> rf.Scene:
+    """The sheared block of friction .8, whose corners stick, for plain cycles."""
+    scene = sheared_block(0.8, *changes)
     return replace(scene, history=replace(scene.history, until=None))
 
 

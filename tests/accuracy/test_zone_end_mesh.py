@@ -1,18 +1,17 @@
 """Meshes graded by a coarser run: where they are fine, and what they gain."""
 
 from dataclasses import replace
-from pathlib import Path
 
 from mpi4py import MPI
 
 import numpy as np
 import pytest
+from demo_runs import DEMOS, sheared_block
 
 import receding_fenicsx as rf
 
 pytestmark = pytest.mark.one_rank
 
-DEMOS = Path(__file__).parents[2] / "demos"
 BARE = rf.OutputOptions(samples_per_leg=1, cycles=())
 
 
@@ -23,10 +22,7 @@ def played(scene: rf.Scene) -> rf.Record:
 
 
 def sheared(f: float, elements: int) -> rf.Scene:
-    """The sheared block with its load scaled to the friction."""
-    overrides = [f"contact.friction={f}", f"load.Q.force=[{2 * f}, 0.0]", "history.cycles=1"]
-    mesh = f"mesh.contact_elements={elements}"
-    return rf.read_scene(DEMOS / "sheared_block.toml", [*overrides, mesh])
+    return sheared_block(f, f"mesh.contact_elements={elements}")
 
 
 def graded_twice(scene: rf.Scene) -> rf.Record:

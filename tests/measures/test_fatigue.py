@@ -13,6 +13,8 @@ import receding_fenicsx as rf
 from receding_fenicsx.measures.fatigue import averaged, life, smallest_sphere
 from receding_fenicsx.mpi import given
 
+pytestmark = pytest.mark.one_rank
+
 CYLINDERS = Path(__file__).parents[2] / "demos" / "half_planes.toml"
 PROBES = """
 [[probe]]
@@ -65,7 +67,6 @@ def slip_amplitude(x: np.ndarray) -> np.ndarray:
     return np.where(np.abs(x) < A, F * P0 / (HERTZ.modulus * A) * area, 0.0)
 
 
-@pytest.mark.one_rank
 @pytest.mark.parametrize("bulk", [0.0, 0.05])
 def test_edge_stress_and_swt_meet_cattaneo_and_mindlin_with_order_one_half(bulk: float) -> None:
     # the bulk stress moves the stick zone by a bulk / (4 f p0) away from the worst edge
@@ -86,7 +87,6 @@ def test_edge_stress_and_swt_meet_cattaneo_and_mindlin_with_order_one_half(bulk:
     assert np.all(np.array(errors[:-1]) / errors[1:] > 1.5)
 
 
-@pytest.mark.one_rank
 def test_ruiz_and_slip_amplitude_meet_the_closed_form() -> None:
     errors = []
     for elements in (80, 160):
@@ -103,7 +103,6 @@ def test_ruiz_and_slip_amplitude_meet_the_closed_form() -> None:
     assert errors[1] < 0.06 and errors[1] < 0.7 * errors[0]
 
 
-@pytest.mark.one_rank
 def test_parameters_are_those_of_a_brute_force_search() -> None:
     rng = np.random.default_rng(7)
     options = rf.FatigueOptions(yield_stress=2.0, dang_van=0.4)
@@ -149,7 +148,6 @@ def test_parameters_are_those_of_a_brute_force_search() -> None:
         )
 
 
-@pytest.mark.one_rank
 def test_spheres_hold_all_points_and_touch_enough_of_them() -> None:
     rng = np.random.default_rng(3)
     for n in (1, 2, 5, 60):
@@ -163,7 +161,6 @@ def test_spheres_hold_all_points_and_touch_enough_of_them() -> None:
         assert n == 1 or np.all((on @ directions.T).min(axis=0) <= 1e-6)
 
 
-@pytest.mark.one_rank
 def test_means_and_lives_are_those_of_known_functions() -> None:
     x = np.linspace(0.0, 1.0, 21)
     points = np.column_stack([x, 0.0 * x])
@@ -177,7 +174,6 @@ def test_means_and_lives_are_those_of_known_functions() -> None:
     assert life(0.0, 2e5, options) == np.inf and life(swt, 2e5, rf.FatigueOptions()) is None
 
 
-@pytest.mark.one_rank
 def test_pylife_has_the_lives_of_the_same_line(record_with_a_crack: rf.Record) -> None:
     pytest.importorskip("pylife")
     record, b = record_with_a_crack, -0.09
@@ -191,7 +187,6 @@ def test_pylife_has_the_lives_of_the_same_line(record_with_a_crack: rf.Record) -
         assert np.all(found[name][~finite] >= 1e15)
 
 
-@pytest.mark.one_rank
 def test_the_figure_of_a_crack_shows_its_ranges_and_its_arrest(
     record_with_a_crack: rf.Record,
 ) -> None:
@@ -206,7 +201,6 @@ def test_the_figure_of_a_crack_shows_its_ranges_and_its_arrest(
     assert list(lines[5].get_xdata()) == [crack.arrest] * 2  # type: ignore[arg-type]
 
 
-@pytest.mark.one_rank
 def test_edge_cracks_have_the_tabulated_stress_intensities() -> None:
     # Tada, Paris and Irwin: 1.1215 in uniform stress, 0.683 in one that grows from 0 at the mouth
     x = np.linspace(0.0, 2.0, 31)
@@ -222,7 +216,6 @@ def test_edge_cracks_have_the_tabulated_stress_intensities() -> None:
             assert found == pytest.approx(known, rel=1e-3)
 
 
-@pytest.mark.one_rank
 def test_cracks_arrest_where_the_threshold_is_not_met() -> None:
     x = np.linspace(0.0, 1.6, 400)
     options = rf.FatigueOptions(threshold=1.0, fatigue_limit=1.0)
@@ -242,6 +235,7 @@ def test_cracks_arrest_where_the_threshold_is_not_met() -> None:
     assert arrest(1.5 * (1.0 - x)) == pytest.approx(brentq(lack, 0.8, 1.6), rel=2e-3)
 
 
+@pytest.mark.one_rank(False)
 @pytest.mark.parametrize(
     ("text", "changes", "message"),
     [
@@ -258,6 +252,7 @@ def test_what_has_no_fatigue_is_refused(text: str, changes: list[str], message: 
         rf.from_toml(f"{CYLINDERS.read_text()}\n{text}", changes)
 
 
+@pytest.mark.one_rank(False)
 def test_a_half_model_has_the_probe_of_the_whole_edge() -> None:
     block = (Path(__file__).parents[2] / "demos" / "block.toml").read_text()
     text = f'{block}\n[[probe]]\nname = "edge"\nedge = "bottom"\n[fatigue]\n'

@@ -43,17 +43,11 @@ def record(
     return replace(found, scene_toml=rf.to_toml(BLOCK)) if known else found
 
 
-LEGS = [
-    ("cyclic", 1, 0),
-    ("cyclic", 1, 1),
-    ("cyclic", 9, 0),
-    ("cyclic", 10, 1),
-    ("unloading", 0, 1),
-]
-
-
 @pytest.mark.parametrize("half", [True, False])
-@pytest.mark.parametrize(("kind", "cycle", "leg"), LEGS)
+@pytest.mark.parametrize(
+    ("kind", "cycle", "leg"),
+    [("cyclic", 1, 0), ("cyclic", 1, 1), ("cyclic", 9, 0), ("cyclic", 10, 1), ("unloading", 0, 1)],
+)
 def test_zone_map_from_events_agrees_with_every_sample(
     kind: str, cycle: int, leg: int, half: bool
 ) -> None:

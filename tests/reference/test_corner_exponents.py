@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from demo_runs import sheared_block
 from nodal import nodal_forces, with_middles
 
 import receding_fenicsx as rf
@@ -17,8 +17,6 @@ from receding_fenicsx.interface.measures.zone_ends import corner_exponent_fit, k
 from receding_fenicsx.measures.ends import corners_of
 from receding_fenicsx.output.report.contact import corner_rows
 from receding_fenicsx.reference.corners import corner_exponent
-
-DEMOS = Path(__file__).parents[2] / "demos"
 
 
 @pytest.mark.parametrize(("nu", "kinematics"), [(0.3, "plane strain"), (0.2, "plane stress")])
@@ -78,7 +76,6 @@ def test_wrong_corners_are_refused() -> None:
             corner_exponent(angle, kappa)
 
 
-@pytest.mark.one_rank
 @pytest.mark.parametrize("side", [-1, 1])
 @pytest.mark.parametrize("m", [-0.4, -0.1, 0.2, 0.5, 0.8])
 def test_fit_takes_no_power_for_the_second_term_of_that_below_it(m: float, side: int) -> None:
@@ -95,19 +92,12 @@ def test_fit_takes_no_power_for_the_second_term_of_that_below_it(m: float, side:
             assert corner_exponent_fit(at, side) == pytest.approx(m, abs=0.01)
 
 
-def sheared(f: float) -> rf.Record:
-    """The record of a block with graded corners, pressed and sheared in proportion to friction."""
-    overrides = [f"contact.friction={f}", f"load.Q.force=[{2 * f}, 0.0]", "history.cycles=1"]
-    scene = rf.read_scene(DEMOS / "sheared_block.toml", [*overrides, "mesh.contact_elements=40"])
-    mesh = replace(scene.mesh, refine=(rf.Refinement(3e-6, growth=1.2),))
-    output = rf.OutputOptions(samples_per_leg=1, cycles=())
-    return rf.given(rf.run(replace(scene, mesh=mesh, output=output)))
-
-
 @pytest.mark.parametrize("f", [0.5, 0.8])
 def test_fit_on_graded_edges_finds_the_exponent(f: float) -> None:
     """Within 1 % on about 120 elements; the largest pressure is called singular."""
-    record = sheared(f)
+    scene = sheared_block(f, "mesh.contact_elements=40")
+    mesh = replace(scene.mesh, refine=(rf.Refinement(3e-6, growth=1.2),))
+    record = rf.given(rf.run(replace(scene, mesh=mesh)))
     assert len(record.x) < 2 * 160
     exact = corner_exponent(90.0, kolosov(0.3)).real
     fits = 0
@@ -130,26 +120,16 @@ def test_fit_on_graded_edges_finds_the_exponent(f: float) -> None:
 @pytest.mark.parametrize("surface", ["bottom", "top"])
 def test_ends_of_a_punch_on_a_half_plane_are_straight_angles(surface: str, f: float) -> None:
     """Under a flat punch tractions are d^m, m = -1/2 without friction; Spence's slip else."""
-    text = f"""[body]
-shape = "half-plane"
-width = 2.0
-[material]
-poisson = 0.0
-[mesh]
-contact_elements = 40
-refine = [{{size = 1e-5, growth = 1.2}}]
-[contact]
-edge = "{surface}"
-friction = {f}
-[[load]]
-name = "P"
-edge = "far"
-platen = true
-force = [0.0, {-1.0 if surface == "bottom" else 1.0}]
-[history]
-kind = "monotonic"
-"""
-    record = rf.given(rf.run(rf.from_toml(text)))
+    force = -1.0 if surface == "bottom" else 1.0
+    scene = rf.Scene(
+        body=rf.Body(shape="half-plane", width=2.0),
+        material=rf.Material(poisson=0.0),
+        mesh=rf.MeshOptions(40, refine=(rf.Refinement(1e-5, growth=1.2),)),
+        contacts=(rf.Contact(surface, friction=f),),
+        loads=(rf.Load("P", "far", platen=True, force=(0.0, force)),),
+        history=rf.HistoryOptions("monotonic"),
+    )
+    record = rf.given(rf.run(scene))
     found = corners_of(record, -1)
     # the surface moves inwards under the punch; beta' = (1 - 2 nu) / (2 (1 - nu)) = 1/2
     exact = -0.5 + np.arctan(0.5 * f) / np.pi

@@ -17,6 +17,8 @@ from receding_fenicsx.studies.runner import StudyOptions
 from receding_fenicsx.studies.wear.result import fatigue_figure
 from receding_fenicsx.studies.wear.steps import Convected, NodePairs, advance
 
+pytestmark = pytest.mark.one_rank
+
 ROOT = Path(__file__).parents[2]
 comm = MPI.COMM_WORLD
 CYLINDERS = ROOT / "demos" / "half_planes.toml"
@@ -62,7 +64,6 @@ def sliding(elements: int, slip: float, *changes: str) -> rf.Scene:
     return rf.from_toml(rf.to_toml(scene), changes)
 
 
-@pytest.mark.one_rank
 def test_partial_slip_wears_to_the_closed_limit_with_its_stick_zone_kept() -> None:
     b = A * np.sqrt(1.0 - U)
     rest = P - np.pi * E_STAR * b**2 / (4.0 * R)
@@ -85,7 +86,6 @@ def test_partial_slip_wears_to_the_closed_limit_with_its_stick_zone_kept() -> No
     assert errors[-1] < 0.012 and errors[-1] < 0.5 * errors[0]
 
 
-@pytest.mark.one_rank
 def test_a_shear_limit_beyond_all_shear_wears_like_friction_alone() -> None:
     scenes = [
         cylinders(30, "wear.cycles=2000", "history.cycles=40", *more)
@@ -105,7 +105,6 @@ def test_a_shear_limit_beyond_all_shear_wears_like_friction_alone() -> None:
     assert study.volume[-1] == pytest.approx(C * study.dissipation[-1], rel=1e-14)
 
 
-@pytest.mark.one_rank
 def test_the_first_cycles_wear_off_what_cattaneo_and_mindlin_dissipate() -> None:
     study = worn(cylinders(80, "wear.cycles=10"))
     known = rf.reference.closed_forms.CattaneoMindlin(
@@ -118,7 +117,6 @@ def test_the_first_cycles_wear_off_what_cattaneo_and_mindlin_dissipate() -> None
     }
 
 
-@pytest.mark.one_rank
 def test_estimates_hold_against_smaller_steps() -> None:
     coarse, fine = (
         worn(cylinders(60, "wear.cycles=8000", f"wear.tolerance={t}")) for t in (0.2, 0.02)
@@ -129,7 +127,6 @@ def test_estimates_hold_against_smaller_steps() -> None:
     assert abs(coarse.volume[-1] - fine.volume[-1]) <= 2.0 * coarse.volume_estimate[-1]
 
 
-@pytest.mark.one_rank
 def test_estimates_hold_against_smaller_elements_and_know_corners() -> None:
     coarse, fine = (worn(partial(n, 0.1, "wear.cycles=500")) for n in (30, 120))
     off = abs(coarse.volume[-1] - fine.volume[-1])
@@ -143,7 +140,6 @@ def test_estimates_hold_against_smaller_elements_and_know_corners() -> None:
     assert punch.depth_estimate[-1] == np.inf and np.isfinite(punch.volume_estimate[-1])
 
 
-@pytest.mark.one_rank
 def test_the_stick_zone_is_worn_through_where_wear_takes_the_normal_force() -> None:
     # pressed by a displacement: all nodes slide when f P has fallen to Q
     Q = 0.54
@@ -156,7 +152,6 @@ def test_the_stick_zone_is_worn_through_where_wear_takes_the_normal_force() -> N
     assert np.all(np.diff(force) < 0.0) and Q < F * force[-1] < Q * (1.0 + 1e-3)
 
 
-@pytest.mark.one_rank
 def test_nothing_wears_where_the_limit_cycle_has_no_slip() -> None:
     # shear in proportion to the pressing force
     rows = ["history.rows=[[1.0, 0.3]]", "history.cycle_rows=[[0.5, 0.15], [1.0, 0.3]]"]
@@ -165,7 +160,6 @@ def test_nothing_wears_where_the_limit_cycle_has_no_slip() -> None:
     assert study.dissipation_per_cycle[0] == 0.0
 
 
-@pytest.mark.one_rank
 def test_gross_slip_wears_as_archard_says_explicitly_and_implicitly() -> None:
     # a stroke of one per cent of the contact, far beyond the slip before all nodes slide
     scene = sliding(30, 0.05, "contact.friction=0.002", "wear.cycles=1600")
@@ -184,7 +178,6 @@ def test_gross_slip_wears_as_archard_says_explicitly_and_implicitly() -> None:
     assert study.volume[-1] == pytest.approx(1600 * C * 0.002 * P * path, rel=2e-3)
 
 
-@pytest.mark.one_rank
 def test_nodes_that_open_where_the_pressure_is_read_wear_by_their_dissipation() -> None:
     pairs = pairs_of(cylinders(30))
     row = pairs.begin()
@@ -195,7 +188,6 @@ def test_nodes_that_open_where_the_pressure_is_read_wear_by_their_dissipation() 
         assert depth == pytest.approx(10.0 * pairs.rate[node] * row["energy"][node], rel=1e-12)
 
 
-@pytest.mark.one_rank
 def test_carried_profiles_become_node_pairs_for_small_strokes() -> None:
     scene = sliding(60, 0.1)
     pairs = pairs_of(scene)
@@ -217,7 +209,6 @@ def test_carried_profiles_become_node_pairs_for_small_strokes() -> None:
     assert worn[0] / worn.sum() == pytest.approx(0.3, rel=1e-9)
 
 
-@pytest.mark.one_rank
 def test_a_kill_and_resume_repeat_an_undisturbed_study_bit_by_bit(tmp_path: Path) -> None:
     scene = cylinders(40, "wear.cycles=5000")
     whole = worn(scene, tmp_path / "whole")
@@ -240,7 +231,6 @@ def test_a_kill_and_resume_repeat_an_undisturbed_study_bit_by_bit(tmp_path: Path
     assert longer.cycles[-1] == 6000.0 and longer.cycles[-2] >= 5000.0
 
 
-@pytest.mark.one_rank
 @pytest.mark.parametrize(
     ("file", "changes"),
     [
@@ -272,7 +262,6 @@ def test_all_scenes_wear_off_what_the_limit_cycle_of_a_run_dissipates(
     assert study.volume[-1] == pytest.approx(2e-9 * record.cycles.dissipation[-1], rel=1e-8)
 
 
-@pytest.mark.one_rank
 def test_a_sweep_has_the_wear_life_of_its_cases() -> None:
     table = rf.sweep(
         cylinders(40, "wear.cycles=1000000", "wear.depth=6e-4"),
@@ -293,7 +282,6 @@ def test_a_sweep_has_the_wear_life_of_its_cases() -> None:
     assert rows[1]["wear_cycles"] < rows[0]["wear_cycles"]
 
 
-@pytest.mark.one_rank
 def test_a_worn_contact_has_the_record_and_the_fatigue_of_a_run() -> None:
     probes = '[[probe]]\nname = "edge"\nedge = "lower.top"\n[fatigue]\n'
     scene = rf.from_toml(rf.to_toml(cylinders(40, "wear.cycles=8000")) + probes)
@@ -319,6 +307,7 @@ def test_a_worn_contact_has_the_record_and_the_fatigue_of_a_run() -> None:
     assert places[0] > 0.95 * A and places[-1] < study.stick_half_width[-1] + 0.1
 
 
+@pytest.mark.one_rank(False)
 def test_half_and_whole_bodies_wear_alike_and_end_at_the_edge_of_the_mesh() -> None:
     block = ROOT / "demos" / "block.toml"
     changes = ["mesh.contact_elements=40", "wear.coefficient=1e-3"]
@@ -335,6 +324,7 @@ def test_half_and_whole_bodies_wear_alike_and_end_at_the_edge_of_the_mesh() -> N
     assert half.volume[-1] == pytest.approx(whole.volume[-1], rel=1e-6)
 
 
+@pytest.mark.one_rank(False)
 @pytest.mark.parametrize(
     ("changes", "code", "text"),
     [
@@ -359,6 +349,7 @@ def test_what_cannot_wear_is_refused_in_one_line(
         assert (out / "wear.csv").exists() == (code == 1)
 
 
+@pytest.mark.one_rank(False)
 def test_wear_needs_a_coefficient_and_a_small_stroke_or_known_profiles() -> None:
     with pytest.raises(rf.InputError, match="coefficient: is missing"):
         rf.wear(rf.read_scene(CYLINDERS))
