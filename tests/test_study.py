@@ -1,7 +1,7 @@
 import os
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 from mpi4py import MPI
 
@@ -29,12 +29,8 @@ def small(*overrides: str) -> rf.Scene:
     return rf.read_scene(DEMOS / "block.toml", [*SMALL, *overrides])
 
 
-class Finished(NamedTuple):
-    """A finished run: its folder, record and what it has told."""
-
-    out: Path
-    record: rf.Record | None
-    heard: list[str]
+Finished = tuple[Path, rf.Record | None, list[str]]
+"""Folder and record of a finished run, and what it has told."""
 
 
 @pytest.fixture(scope="module")
@@ -45,7 +41,7 @@ def finished(tmp_path_factory: pytest.TempPathFactory) -> Finished:
     options = study.RunOptions(pictures=False, progress=heard.append)
     record = study.run(small(), out, options, comm)
     comm.Barrier()
-    return Finished(out, record, heard)
+    return out, record, heard
 
 
 PAIR = replace(
@@ -161,11 +157,12 @@ def test_run_leaves_all_files_and_returns_their_record(finished: Finished) -> No
 
 
 def test_saved_system_gives_the_same_record_without_meshing(finished: Finished) -> None:
-    if finished.record is not None:
-        again = rf.evolve(rf.read_system(finished.out / "system.h5", small()), small())
+    out, record, _ = finished
+    if record is not None:
+        again = rf.evolve(rf.read_system(out / "system.h5", small()), small())
         for name in ("v", "w", "P", "Q", "state"):
             np.testing.assert_array_equal(
-                getattr(again.turning_points, name), getattr(finished.record.turning_points, name)
+                getattr(again.turning_points, name), getattr(record.turning_points, name)
             )
 
 
@@ -195,9 +192,9 @@ def test_failing_run_leaves_nothing_behind(shared_tmp_path: Path) -> None:
 
 
 def test_instants_are_found_by_the_names_of_legs(finished: Finished) -> None:
-    scene, record = small(), finished.record
+    scene, (out, record, _) = small(), finished
     if record is not None:
-        system = rf.read_system(finished.out / "system.h5", scene)
+        system = rf.read_system(out / "system.h5", scene)
         low = rf.instant_of(scene, system, record, 2, "unloading")
         np.testing.assert_array_equal(low.load, [scene.history.minimum])
         middle = rf.instant_of(scene, system, record, 2, "loading", 0.25)

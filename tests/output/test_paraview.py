@@ -11,20 +11,15 @@ from mpi4py import MPI
 import meshio
 import numpy as np
 import pytest
-from pictured import small_block
+from pictured import instant_of_row, small_block
 
 from receding_fenicsx import environment
-from receding_fenicsx.bulk.fields import gather_fields, solve_fields
-from receding_fenicsx.evolution.evolve import evolve
-from receding_fenicsx.evolution.instants import Instant
+from receding_fenicsx.bulk.fields import fields_at
 from receding_fenicsx.evolution.moment import Moment
-from receding_fenicsx.evolution.replay import instant_of
-from receding_fenicsx.mpi import on_root
 from receding_fenicsx.output.snapshots.paraview import Grid, grid_of, write_instant
 from receding_fenicsx.output.snapshots.view import merge_axis, whole_contact
 from receding_fenicsx.pictures import picture_body
 from receding_fenicsx.scene.model import Body, Contact, HistoryOptions, Material, Scene, Support
-from receding_fenicsx.studies import run as study
 
 COMM = MPI.COMM_WORLD
 LEGS = {0.5: (0, "0"), 1.5: (1, "0"), 2.0: (1, "1")}
@@ -62,31 +57,23 @@ def two_blocks() -> Scene:
     )
 
 
-def grids(scene: Scene, places: dict[float, tuple[int, str]]) -> dict[float, tuple[Grid, Moment]]:
-    """Return grid and record of a scene's instants, alike on every rank."""
-    system = study.condense(scene, COMM)
-
-    def evolved() -> tuple[list[Instant], list[Moment]]:
-        assert system is not None
-        record = evolve(system, scene)
-        ends = [record.at(cycle=c, leg=int(leg)) for c, leg in places.values()]
-        return [instant_of(scene, system, record, c, leg) for c, leg in places.values()], ends
-
-    instants, ends = COMM.bcast(on_root(COMM, evolved))
+def grids(scene: Scene, *times: float) -> dict[float, tuple[Grid, Moment]]:
+    """Return grid and record of the ends of a scene's first legs, alike on every rank."""
     found = {}
-    with picture_body(scene, COMM) as bulk:
-        for time, now, end in zip(places, instants, ends, strict=True):
-            parts = solve_fields(bulk, now.load, np.concatenate([now.v, now.state.w]))
-            fields = gather_fields(parts)
+    for row, time in enumerate(times):
+        record, now = instant_of_row(scene, row)
+        with picture_body(scene, COMM) as bulk:
+            fields = fields_at(bulk, now.load, np.concatenate([now.v, now.state.w]))
             if fields is not None:
                 merged = merge_axis(fields) if bulk.body.half else fields
+                end = record.at(cycle=now.cycle, leg=now.leg)
                 found[time] = grid_of(merged, whole_contact(bulk, now)), end
     return COMM.bcast(found)
 
 
 @pytest.fixture(scope="module")
 def half() -> dict[float, tuple[Grid, Moment]]:
-    return grids(small_block(), LEGS)
+    return grids(small_block(), *LEGS)
 
 
 def cells_of(grid: Grid) -> np.ndarray[Any, Any]:
@@ -123,7 +110,7 @@ def test_contact_has_the_values_of_the_record(half: dict[float, tuple[Grid, Mome
 
 
 def test_both_bodies_and_their_contact_are_one_grid() -> None:
-    found = grids(two_blocks(), {1.0: (0, "0")})
+    found = grids(two_blocks(), 1.0)
     for grid, end in found.values():
         part = grid.in_cells["part"]
         corners = grid.points[cells_of(grid)]
