@@ -39,21 +39,17 @@ Check = Callable[[rf.Record], bool]
 
 @dataclass(frozen=True)
 class Case:
-    """One hard case.
-
-    Attributes:
-        name: what it is.
-        expected: "solved", or words of the refusals that are right; several are joined by " or ".
-        make: returns the contact, of kind "frictional", and its history.
-        fast: takes about a second.
-        check: what the record of the modelled part has to show besides the laws.
-    """
+    """One hard case."""
 
     name: str
     expected: str
+    """"solved", or words of the refusals that are right, joined by " or "."""
     make: Callable[[], Played]
+    """Returns the contact, of kind "frictional", and its history."""
     fast: bool = True
+    """It takes about a second."""
     check: Check = lambda _: True
+    """What the record of the modelled part has to show besides the laws."""
 
 
 def judge(case: Case) -> tuple[str, str, bool]:

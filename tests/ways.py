@@ -180,17 +180,11 @@ def follow(
     close: float = NEAR,
     counts: list[int] | None = None,
 ) -> list[End]:
-    """Return the ends of all branches along a leg from u and states at load factors a to b.
+    """Return the ends of all branches along a leg from u (2N,) and states (N,).
 
-    Args:
-        system: condensed body of a few nodes.
-        a: (n_loads,) load factors at the start.
-        b: (n_loads,) load factors at the end.
-        u: (2N,) displacements at the start.
-        state: (N,) states at the start.
-        force: largest nodal force so far.
-        close: distance from a limit, over the largest force, that counts as being on it.
-        counts: takes the number of continuations at each instant.
+    Load factors go from ``a`` to ``b``; ``force`` is the largest nodal force so far, ``close`` the
+    distance from a limit over it that counts as being on it. ``counts`` takes the number of
+    continuations at each instant.
     """
     body = Body(system)
     a, b = np.array(a, np.longdouble), np.array(b, np.longdouble)

@@ -24,13 +24,6 @@ COMM = MPI.COMM_WORLD
 FRAMES = 5
 
 
-def film(folder: Path, heard: list[str]) -> list[Path] | None:
-    """Run the block on a coarse mesh for one cycle and make a film of it."""
-    scene = rf.read_scene(BLOCK, ["mesh.contact_elements=16", "history.cycles=1"])
-    study.run(scene, folder, study.RunOptions(pictures=False), COMM)
-    return rf.animate(folder, 1, frames=FRAMES, comm=COMM, progress=heard.append)
-
-
 def test_film_shows_all_frames_with_the_states_and_the_loads(
     shared_tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -42,7 +35,9 @@ def test_film_shows_all_frames_with_the_states_and_the_loads(
 
     monkeypatch.setattr(draw, "compose", note)
     heard: list[str] = []
-    made = film(shared_tmp_path / "run", heard)
+    scene = rf.read_scene(BLOCK, ["mesh.contact_elements=16", "history.cycles=1"])
+    study.run(scene, shared_tmp_path / "run", study.RunOptions(pictures=False), COMM)
+    made = rf.animate(shared_tmp_path / "run", 1, frames=FRAMES, comm=COMM, progress=heard.append)
     if COMM.rank != 0:
         assert made is None and heard == []
         return
