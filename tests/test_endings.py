@@ -101,7 +101,7 @@ def test_run_cannot_take_the_place_of_a_root(
     ("name", "content", "words"),
     [
         ("scene.toml", b"\xff", "scene.toml: is damaged ('utf-8' codec"),
-        ("scene.toml", b"", "scene.toml: is damaged ([[load]]: the scene has none"),
+        ("scene.toml", b"", "scene.toml: is damaged (the scene is empty)"),
         ("journal/0.npz", bytes(500), "0.npz: is damaged"),
         ("journal", None, "holds no run that can be resumed"),
         ("system.h5", b"", "system.h5: is damaged"),

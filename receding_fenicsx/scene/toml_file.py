@@ -64,6 +64,8 @@ def known_scene(text: str) -> Scene:
     It was valid when it was written: one of an older version is not judged by newer rules.
     """
     raw = toml_reader.parse_toml(text)
+    if not raw:
+        raise InputError("the scene is empty")
     for table, key in toml_reader.MOVED:
         part = raw.get(table.strip("[]"))
         if isinstance(part, dict):
