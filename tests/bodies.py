@@ -133,3 +133,10 @@ def played(scene: rf.Scene) -> rf.Record:
     system = study.condense(scene, MPI.COMM_WORLD)
     record = rf.evolve(system, scene) if system is not None else None
     return rf.given(MPI.COMM_WORLD.bcast(record))
+
+
+def last(scene: rf.Scene) -> tuple[rf.ContactSystem, rf.Record]:
+    """Return the system and the record of a scene."""
+    rf.validate(scene)
+    system = rf.given(study.condense(scene, MPI.COMM_WORLD))
+    return system, rf.evolve(system, scene)

@@ -17,7 +17,8 @@ states of all nodes on limits: a refusal is right if no state continues the path
 Families follow from the same numbers: "plain"; "directed" with other friction forward than
 backward; "oblique" with bodies that are guided or hinged, on two edges oblique to each other;
 "limit" until the limit of infinitely many cycles; "sprung" on ground springs of 1e-4 to 1e-9 of K;
-"stack" of two to four blocks whose nodes do not match, touching or tied.
+"stack" of two to four blocks whose nodes do not match, touching or tied; "capped" with a
+shear limit and a cohesion.
 
 **What to look for.** How many problems were accepted, refused for which reason, and wrong (0).
 

@@ -176,13 +176,21 @@ def unpacked(path: Path, system: ContactSystem) -> list[FinishedCycle]:
     """Read the cycles of a file.
 
     Raises:
-        InputError: it is damaged, or of another system or program.
+        InputError: it is damaged, cannot be read, or is of another system or program.
     """
     layout = _layout(system)
     try:
-        with np.load(path, allow_pickle=False) as file:
+        data = io.BytesIO(path.read_bytes())
+    except OSError as error:
+        raise InputError(
+            f"{path}: cannot be read ({error.strerror or error}); check its rights"
+        ) from None
+    try:
+        with np.load(data, allow_pickle=False) as file:
             tables = {name: file[name] for name in layout}
-    except Exception as error:  # of many kinds: whatever the file's text makes of itself
+    except MemoryError:
+        raise
+    except Exception as error:  # of many kinds: whatever damaged bytes make of themselves
         raise InputError(
             f"{path}: is damaged ({error}); remove it to resume from the checkpoint before"
         ) from None

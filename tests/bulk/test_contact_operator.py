@@ -7,7 +7,7 @@ from mpi4py import MPI
 
 import numpy as np
 import pytest
-from bodies import ONCE
+from bodies import ONCE, last
 from msh import grid, ring
 from numpy.typing import NDArray
 from scipy.optimize import brentq
@@ -16,7 +16,6 @@ import receding_fenicsx as rf
 from receding_fenicsx.bulk.from_scene import bulk_of
 from receding_fenicsx.modal import _modes
 from receding_fenicsx.output.report.run import slip_warnings
-from receding_fenicsx.studies.run import condense
 from receding_fenicsx.timing import Timer
 
 pytestmark = pytest.mark.one_rank  # small bodies are condensed by one rank
@@ -52,13 +51,6 @@ def blocks(folder: Path, degree: int, counts: tuple[int, int], **parts: object) 
         history=ONCE,
     )
     return replace(scene, **parts)  # type: ignore[arg-type]
-
-
-def last(scene: rf.Scene) -> tuple[rf.ContactSystem, rf.Record]:
-    """The system and record of a scene."""
-    rf.validate(scene)
-    system = rf.given(condense(scene, comm))
-    return system, rf.evolve(system, scene)
 
 
 @pytest.mark.parametrize("slave", [None, "edge", "against"])

@@ -8,14 +8,13 @@ from mpi4py import MPI
 
 import numpy as np
 import pytest
-from bodies import ONCE, block, cylinder, played
+from bodies import ONCE, block, cylinder, last, played
 
 import receding_fenicsx as rf
 from receding_fenicsx.bulk.closures import _across
 from receding_fenicsx.bulk.material import stiffness_of
 from receding_fenicsx.mpi import on_root
 from receding_fenicsx.scene.symmetry import is_half_meshed
-from receding_fenicsx.studies.run import condense
 
 pytestmark = pytest.mark.one_rank  # small bodies are condensed by one rank
 
@@ -202,13 +201,6 @@ def two(folder: Path, **parts: object) -> rf.Scene:
         history=ONCE,
     )
     return replace(scene, **parts)  # type: ignore[arg-type]
-
-
-def last(scene: rf.Scene) -> tuple[rf.ContactSystem, rf.Record]:
-    """The system and record of a scene."""
-    rf.validate(scene)
-    system = rf.given(condense(scene, comm))
-    return system, rf.evolve(system, scene)
 
 
 @pytest.mark.parametrize("kinematics", ["plane strain", "plane stress", "axisymmetric"])

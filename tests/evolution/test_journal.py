@@ -158,3 +158,6 @@ def test_folder_of_another_system_or_program_is_refused(tmp_path: Path) -> None:
     (tmp_path / "file").touch()
     with pytest.raises(InputError, match="cannot be written"):
         JournalFolder(tmp_path / "file" / "journal", BLOCK, 5)
+    (tmp_path / "rights" / "0.npz").mkdir(parents=True)
+    with pytest.raises(InputError, match="cannot be read"):
+        JournalFolder(tmp_path / "rights", BLOCK, 5)
