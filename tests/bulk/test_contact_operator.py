@@ -236,6 +236,35 @@ def test_slips_beyond_half_an_element_of_a_curved_edge_are_a_warning(
 # -- edges that meet -----------------------------------------------------------------------------
 
 
+@pytest.mark.parametrize("degree", [1, 2])
+def test_block_pushed_into_a_corner_is_symmetric_about_the_diagonal(
+    degree: int, shared_tmp_path: Path
+) -> None:
+    found = last(
+        rf.Scene(
+            body=rf.Body(mesh=grid(shared_tmp_path / "c.msh", lambda s, t: (s, t), 10, 10)),
+            material=rf.Material(100.0),
+            mesh=rf.MeshOptions(degree=degree, cell="quadrilateral"),
+            contacts=(rf.Contact("bottom", friction=0.3), rf.Contact("left", friction=0.3)),
+            loads=(
+                rf.Load("P", "top", pressure="1 + x"),
+                rf.Load("P", "right", pressure="1 + y"),
+            ),
+            history=ONCE,
+        )
+    )
+    system, record = found
+    P, Q = record.turning_points.P[-1], record.turning_points.Q[-1]
+    floor, wall = np.split(np.arange(system.n), 2)
+    assert P[floor] == pytest.approx(P[wall][::-1], abs=1e-13)
+    assert Q[floor] == pytest.approx(-Q[wall][::-1], abs=1e-13)
+    assert np.abs(Q).max() > 0.02
+    # the corner's weight is that of its neighbours
+    assert system.weight[floor].sum() == pytest.approx(1.0, rel=1e-14)
+    # t is x on the floor and -y on the wall
+    assert P[floor].sum() - Q[wall].sum() == pytest.approx(1.5, rel=1e-12)
+
+
 @pytest.mark.parametrize("joint", [0.0, 0.3, "tied"])
 @pytest.mark.parametrize("degree", [1, 2])
 @pytest.mark.parametrize("counts", [(4, 4, 4, 4), (4, 5, 6, 7)])
@@ -280,6 +309,60 @@ def test_four_blocks_around_a_point_are_in_uniform_stress(
     P, Q = record.turning_points.P[-1], record.turning_points.Q[-1]
     assert P / system.weight == pytest.approx(expected, abs=1e-12)
     assert np.abs(Q).max() < 1e-13
+
+
+QUARTERS = """
+DefineConstant[ n = 8, m = 8 ];
+Point(1) = {0, 0, 0};
+For k In {0:3}
+  For j In {1:4}
+    r = j < 3 ? j : j - 1;
+    Point(10 * j + k) = {r * Cos(k * Pi / 2), r * Sin(k * Pi / 2), 0};
+  EndFor
+EndFor
+For k In {0:3}
+  For j In {1:4}
+    Circle(10 * j + k) = {10 * j + k, 1, 10 * j + (k + 1) % 4};
+  EndFor
+EndFor
+Transfinite Curve{10:13, 20:23} = n + 1; Transfinite Curve{30:33, 40:43} = m + 1;
+Curve Loop(1) = {20:23}; Curve Loop(2) = {10:13}; Plane Surface(1) = {1, 2};
+Curve Loop(3) = {40:43}; Curve Loop(4) = {30:33}; Plane Surface(2) = {3, 4};
+Physical Surface("i") = {1}; Physical Surface("o") = {2};
+Physical Curve("i0") = {20}; Physical Curve("i1") = {21}; Physical Curve("i2") = {22};
+Physical Curve("i3") = {23}; Physical Curve("o0") = {30}; Physical Curve("o1") = {31};
+Physical Curve("o2") = {32}; Physical Curve("o3") = {33};
+"""
+"""A ring in a ring whose common circle is split into four edges."""
+
+
+@pytest.mark.parametrize("other", [1.0, 0.75])
+def test_ring_split_into_four_edges_that_meet_converges_to_lames_pressure(
+    other: float, shared_tmp_path: Path
+) -> None:
+    """Beside the four nodes of two edges with the first power of the element length."""
+    path, errors = shared_tmp_path / "ring.geo", []
+    path.write_text(QUARTERS)
+    for n in (12, 24):
+        numbers = {"n": float(n), "m": other * n}
+        both = [rf.Body(k, mesh=str(path), surface=k, parameters=numbers) for k in "io"]
+        found = last(
+            rf.Scene(
+                body=both[0],
+                others=(both[1],),
+                material=rf.Material(200.0, 0.3, "plane stress"),
+                contacts=tuple(
+                    rf.Contact(f"i.i{k}", against=f"o.o{k}", friction=0.3, interference=0.01)
+                    for k in range(4)
+                ),
+                history=ONCE,
+            )
+        )
+        system, record = found
+        assert system.n == 4 * (n - 1)
+        p = record.turning_points.P[-1] / system.weight
+        errors.append(np.abs(p / LAME - 1.0).max())
+    assert errors[1] < 0.55 * errors[0] < 0.03
 
 
 # -- ties ----------------------------------------------------------------------------------------

@@ -250,6 +250,45 @@ def test_two_materials_in_one_mesh_are_two_tied_bodies(
         assert getattr(whole, name) == pytest.approx(found, abs=1e-11), name
 
 
+def test_bar_of_two_materials_shortens_by_both(shared_tmp_path: Path) -> None:
+    """Under p by p h (1 / E_1 + 1 / E_2), without lateral strain."""
+    materials = tuple(replace(m, poisson=0.0) for m in (COAT, CORE))
+    load = rf.Load("P", "top", pressure=0.1)
+    found = last(two(shared_tmp_path, materials=materials, loads=(load,)))
+    system, record = found
+    assert record.turning_points.P[-1] == pytest.approx(0.1 * system.weight, rel=1e-10)
+    # the integral of 0.1 times the displacement over 4
+    moved = record.turning_points.load_displacement[-1, 0]
+    assert moved == pytest.approx(0.1 * 4.0 * 0.1 * (1.0 / 10.0 + 1.0 / 1.0), rel=1e-10)
+
+
+def test_beam_of_two_materials_bends_as_timoshenko_says(shared_tmp_path: Path) -> None:
+    """Under its own stress E_i (y - c) k at the end, tied to a wall; c is the weighted middle.
+
+    Without Poisson's effect u_y = -k x^2 / 2 is exact, also in elements of order 2.
+    """
+    young, height, k = np.array([10.0, 1.0]), np.array([0.5, 1.5]), 0.001
+    c = float(young @ height / young.sum())
+    stress = f"where(y < 1, 10, 1)*(y - {c!r})*{k}"
+    found = last(
+        two(
+            shared_tmp_path,
+            materials=tuple(replace(m, poisson=0.0) for m in (COAT, CORE)),
+            ties=(rf.Tie("wall"),),
+            loads=(rf.Load("M", "end", traction=(stress, 0.0)),),
+            probes=(rf.Probe("s", points=((4.0, 2.0), (2.0, 0.5), (2.0, 1.5))),),
+            contacts=(rf.Contact("foot", initial_gap=1.0),),
+        )
+    )
+    probe = found[1].probe("s")
+    # E_i k in each layer by its own modulus; sum E_i I_i k^2 L of work
+    bend = float(young @ (1.0 / 12.0 + (height - c) ** 2))
+    assert probe.displacement[-1, 0, 1] == pytest.approx(-0.5 * k * 4.0**2, rel=1e-8)
+    assert probe.stress[-1, 1:, 0] == pytest.approx(young * (height - c) * k, rel=1e-8)
+    work = found[1].turning_points.load_displacement[-1, 0]
+    assert work == pytest.approx(bend * k**2 * 4.0, rel=1e-8)
+
+
 @pytest.mark.parametrize(
     ("change", "words"),
     [
