@@ -18,8 +18,6 @@ pytestmark = pytest.mark.one_rank
 
 ROOT = Path(__file__).parent.parent
 PACKAGE = "receding_fenicsx"
-INNER_PARTS = ("benchmark_condensation", "benchmark_interface")
-"""Benchmarks that measure parts of the package which have no public name."""
 CHECKERS = {
     "hard_cases": {"hard"},
     "random_problems": {"problems", "stack_problems"},
@@ -59,8 +57,7 @@ def test_type_checkers_and_programs_see_the_same_names() -> None:
 @pytest.mark.parametrize("demo", DEMOS, ids=lambda path: path.stem)
 def test_demos_use_public_names_only(demo: Path) -> None:
     found = imports(demo.read_text(encoding="utf-8"))
-    if demo.stem not in INNER_PARTS:
-        assert [name for name in found if is_inside(name)] == []
+    assert [name for name in found if is_inside(name)] == []
     others = {name.split(".")[0] for name in found} - NEEDED - {PACKAGE}
     beside = {path.stem for path in DEMOS} | CHECKERS.get(demo.stem, set())
     assert others - beside <= sys.stdlib_module_names

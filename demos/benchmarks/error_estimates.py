@@ -23,12 +23,15 @@ import os
 os.environ["OMP_NUM_THREADS"] = os.environ["OPENBLAS_NUM_THREADS"] = "1"
 
 import argparse
+import csv
 import json
 import subprocess
 import sys
+import tempfile
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass, replace
+from functools import cache
 from pathlib import Path
 
 from mpi4py import MPI
@@ -36,9 +39,6 @@ from petsc4py import PETSc  # noqa: F401 - starts on all ranks together
 
 import error_report
 import numpy as np
-from searches import own_mesh
-from speed_against_error import LESS, PAIR, PUNCH, SHEARED
-from speed_report import write_csv
 
 import receding_fenicsx as rf
 
@@ -110,6 +110,71 @@ class Case:
         return rf.scaled_mesh(scene, elements)
 
 
+PAIR = """
+[[body]]
+name = "a"
+position = [0.0, 2.0]
+[[body]]
+name = "b"
+width = 8.0
+height = 2.0
+[material.a]
+[material.b]
+young = 2.0
+[contact]
+edge = "a.bottom"
+against = "b.top"
+friction = 0.35
+[[load]]
+name = "p0"
+edge = "a.top"
+span = [-1.0, 1.0]
+pressure = 1.0
+[[support]]
+edge = "b.bottom"
+fix = "xy"
+[history]
+cycles = 2
+"""
+"""The paper's block on a wider elastic one."""
+OWN_MESH = """
+Point(1) = {-2, 0, 0}; Point(2) = {2, 0, 0}; Point(3) = {2, 1, 0};
+Point(4) = {1, 1, 0}; Point(5) = {-1, 1, 0}; Point(6) = {-2, 1, 0};
+For i In {1 : 6}
+  Line(i) = {i, i % 6 + 1};
+EndFor
+Curve Loop(1) = {1 : 6};
+Plane Surface(1) = {1};
+Physical Curve("bottom") = {1};
+Physical Curve("loaded") = {4};
+Physical Surface("body") = {1};
+Field[1] = MathEval;
+Field[1].F = "0.125 + 0.25 * y";
+Background Field = 1;
+Mesh.MeshSizeExtendFromBoundary = 0;
+Mesh.MeshSizeFromPoints = 0;
+"""
+"""The paper's block for gmsh: sizes grow by a quarter of the distance from the contact."""
+
+
+@cache
+def own_mesh() -> rf.Scene:
+    """Return the paper's block on a mesh file of gmsh."""
+    folder = Path(tempfile.mkdtemp())
+    (folder / "block.geo").write_text(OWN_MESH)
+    program = (
+        "import gmsh; gmsh.initialize(); gmsh.open('block.geo'); "
+        "gmsh.model.mesh.generate(2); gmsh.write('block.msh')"
+    )
+    command = [sys.executable, "-c", program]
+    environment = rf.child_environment()
+    subprocess.run(command, cwd=folder, env=environment, check=True, stdout=subprocess.DEVNULL)
+    scene = rf.read_scene(DEMOS / "block.toml", ["mesh.contact_elements=32"])
+    load = replace(scene.loads[0], edge="loaded", span=None)
+    body = rf.Body(mesh=str(folder / "block.msh"))
+    return replace(scene, body=body, loads=(load,), mesh=replace(scene.mesh, refinements=0))
+
+
 def platen() -> rf.Scene:
     """Return the block as a body of revolution under a platen."""
     scene = rf.read_scene(DEMOS / "block.toml", [*ROUND, "contact.friction=0.3"])
@@ -128,6 +193,9 @@ def sharp(file: str, *overrides: str) -> Case:
     return Case(file, overrides, BOTH[:1], (60, 100, 150), CORNERS, (100, 150, 200))
 
 
+SHEARED = ("history.cycles=2", "contact.friction=0.8", "load.Q.force=[1.6, 0.0]")
+LESS = ("history.cycles=2", "contact.friction=0.5", "load.Q.force=[1.0, 0.0]")
+PUNCH = ("history.rows=[[1.0]]", "history.cycle_rows=[[0.4], [1.0]]", "history.cycles=2")
 BLOCK, EXACT = "frictionless, narrow load", rf.reference.closed_forms.BLOCK
 COMPUTED = {"centre_pressure": EXACT.p[0], "contact_half_width": EXACT.half_width}
 """Scene, and its limits that are known without finite elements."""
@@ -183,8 +251,7 @@ SCENES = {name: Case(overrides=overrides) for name, overrides in BLOCKS.items()}
         edge=0.85, left_out=LARGEST,
     ),
     "a mesh file": Case(
-        *(lambda: own_mesh(0.125), (), BOTH[:1], (64, 128, 256)),
-        doubled=32, like="the paper's block",
+        own_mesh, (), BOTH[:1], (64, 128, 256), doubled=32, like="the paper's block"
     ),
 }  # fmt: skip
 
@@ -281,7 +348,10 @@ def compare(out: Path, scenes: list[str], workers: int) -> bool:
         raise SystemExit("a process has failed")
     rows = [row for name in scenes for row in pairs(name, out)]
     if workers:
-        write_csv(out / "error_estimates.csv", rows)
+        with (out / "error_estimates.csv").open("w") as file:
+            writer = csv.DictWriter(file, list(rows[0]))
+            writer.writeheader()
+            writer.writerows(rows)
     return not workers or error_report.report(rows, out)
 
 

@@ -1,4 +1,4 @@
-"""Tables and figure of ``error_estimates.py`` from its CSV file.
+"""Tables and figure of ``error_estimates.py``.
 
 **What to look for.** In the folder given by --out: ``error_estimates.md`` with the share of numbers
 whose true error is within twice the estimate and the median of estimate over true error, by family
@@ -7,16 +7,12 @@ PDF): estimates over true errors. Bold: below 95 %, or a median outside 1 to 10;
 where a figure over all families is.
 """
 
-import argparse
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from mpi4py import MPI
-
 import matplotlib as mpl
 import numpy as np
-from speed_report import read_csv
 
 import receding_fenicsx as rf
 
@@ -120,15 +116,3 @@ def report(rows: list[Row], folder: Path) -> bool:
     (folder / "error_estimates.md").write_text("\n".join(lines) + "\n")
     print("\n".join(lines), flush=True)
     return holds
-
-
-def main() -> None:
-    """Make tables and figure anew."""
-    parser = argparse.ArgumentParser(description="Tables and figure of error_estimates.")
-    parser.add_argument("--out", type=Path, default=Path("results/error_estimates"))
-    folder = parser.parse_args().out
-    rf.on_root(MPI.COMM_WORLD, lambda: report(read_csv(folder / "error_estimates.csv"), folder))
-
-
-if __name__ == "__main__":
-    main()
