@@ -17,6 +17,7 @@ from receding_fenicsx.scene.validate import scene_warnings
 pytestmark = pytest.mark.one_rank
 
 BLOCK = (Path(__file__).parents[2] / "demos" / "block.toml").read_text()
+GAP = '[[load]]\nname = "g"\nedge = "bottom"\ngap = 0.1\n[history.constant]\ng = 1.0\n'
 
 
 @pytest.mark.parametrize(
@@ -28,17 +29,20 @@ BLOCK = (Path(__file__).parents[2] / "demos" / "block.toml").read_text()
         "\ufeffposition\tgap\n-2\t0\n0\t.1\n2\t0",
     ],
 )
-@pytest.mark.parametrize("key", ["contact.initial_gap", "contact.friction", "history.initial_slip"])
+@pytest.mark.parametrize(
+    "key", ["contact.initial_gap", "contact.friction", "history.initial_slip", "load.g.gap"]
+)
 def test_a_profile_is_read_from_a_file_beside_the_scene(
     text: str, key: str, shared_tmp_path: Path
 ) -> None:
     folder = shared_tmp_path / str(MPI.COMM_WORLD.rank)
     folder.mkdir()
-    (folder / "scene.toml").write_text(BLOCK)
+    (folder / "scene.toml").write_text(BLOCK + GAP)
     (folder / "profile.csv").write_text(text)
     scene = read_scene(folder / "scene.toml", [f'{key}={{file = "profile.csv"}}'])
-    owner = scene.history if key.startswith("history") else scene.contacts[0]
-    profile = getattr(owner, key.split(".")[1])
+    owner = {"contact": scene.contacts[0], "history": scene.history, "load": scene.loads[-1]}
+    table, *_, name = key.split(".")
+    profile = getattr(owner[table], name)
     assert np.allclose(evaluate(profile, np.array([-2.0, -1.0, 0.0, 2.0])), [0.0, 0.05, 0.1, 0.0])
     # the scene stands by itself from then on
     assert from_toml(to_toml(scene)) == scene
@@ -52,7 +56,7 @@ def test_a_profile_is_read_from_a_file_beside_the_scene(
         ("0 0\n1\n", ["line 2", "1 column(s)"]),
         ("x,value\n0,0.1\n1,abc\n", ["line 3", '"abc"']),
         ("# gap\n0 0.1\n1 nan\n", ["line 3", "not a finite number"]),
-        ("0;0,1\n1;0,2\n", ["line 1", "decimal comma"]),
+        ("0;0,1\n1;0,2\n", ["line 1", "decimal point"]),
         ("x,gap,time\n0,0.1,1\n1,0.2,1\n", ["one x and one value", "x, gap, time"]),
         ("x,x\n0,0.1\n1,0.2\n", ["'x' occurs twice"]),
         ("1 0.1\n\n0 0.2\n", ["line 3", "x = 0 follows 1"]),

@@ -100,7 +100,7 @@ def test_scene_holds_the_rows_and_notices_another_file(shared_tmp_path: Path) ->
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("time,P,Q\n0,1,0\n2,1,1\n1,1,0\n", ["line 4", "time 1 follows 2", "sort"]),
+        ("time,P,Q\n0,1,0\n2,1,1\n1,1,0\n", ["line 4", "time = 1 follows 2", "sort"]),
         ("P,R\n1,2\n", ["the column 'R' is no load"]),
         ("P,Q\n0,0\n0,0\n", ["all load factors are zero"]),
     ],
@@ -129,6 +129,7 @@ def test_bad_file_is_refused_in_one_line_with_code_2_and_nothing_written(
     [
         (FILE + "cycle_rows = [[1, 0]]", ["[history] columns", "missing"]),
         (FILE + 'columns = ["P", "R"]', ["no column 'R'", "P, Q"]),
+        (FILE + "columns = 3", ["[history] columns", "list of strings"]),
         ('kind = "cyclic"\n' + FILE, ["rows", 'kind = "table" only']),
     ],
 )
