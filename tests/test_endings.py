@@ -15,7 +15,6 @@ from mpi4py import MPI
 
 import numpy as np
 import pytest
-from bodies import block
 from matplotlib.mathtext import MathTextParser
 from models import block_system
 from small import cyclic
@@ -67,15 +66,6 @@ def test_system_whose_energies_leave_the_range_of_the_numbers_is_refused(factor:
     system = block_system(8, 2)
     with pytest.raises(rf.InputError, match=r"energies of about .* beyond the range"):
         rf.evolve(replace(system, r_star=factor * system.r_star), cyclic(1))
-
-
-@pytest.mark.parametrize("fix", ["y", "xy"])
-def test_contact_that_supports_hold_wholly_is_refused(fix: str) -> None:
-    feet = (rf.Contact(span=(-1.0, 1.0)),)
-    held = (rf.Support(fix, edge="bottom"),)
-    scene = block(load=rf.Load("p", "top", pressure=1.0), contacts=feet, supports=held)
-    with pytest.raises(rf.InputError, match="holds every node of the contact"):
-        study.condense(scene)
 
 
 def test_marks_of_utf_8_at_the_start_of_files_are_passed_over(shared_tmp_path: Path) -> None:

@@ -44,63 +44,6 @@ def finished(tmp_path_factory: pytest.TempPathFactory) -> Finished:
     return out, record, heard
 
 
-PAIR = replace(
-    small(),
-    body=rf.Body("a", position=(0.0, 1.0)),
-    others=(rf.Body("b"),),
-    contacts=(rf.Contact("a.bottom", against="b.top"),),
-    loads=(rf.Load("p0", "a.top", pressure=1.0),),
-    supports=(rf.Support("xy", "b.bottom"),),
-)
-PUSH = rf.Load("d", "a.left", displacement=(0.1, "free"))
-ALONG_A_PLANE: dict[str, Any] = {
-    "others": (),
-    "contacts": (rf.Contact("bottom"),),
-    "loads": (replace(PUSH, edge="left"),),
-    "supports": (),
-}
-HELD = (rf.Support("x", "a.left"),)
-
-
-@pytest.mark.parametrize(
-    ("parts", "words"),
-    [
-        (ALONG_A_PLANE, "load 'd': prescribes how"),
-        ({"loads": (replace(PUSH, edge="a.top"),), "supports": HELD}, "load 'd': its displ"),
-        ({"mesh": replace(PAIR.mesh, contact_elements=640)}, ""),
-        (
-            {"contacts": (replace(PAIR.contacts[0], interference=0.1),), "loads": ()},
-            "the body is free to move off the contact",
-        ),
-        (
-            {"contacts": (replace(PAIR.contacts[0], interference=0.0),), "loads": ()},
-            "interference: is zero everywhere",
-        ),
-        (
-            {
-                "contacts": (replace(PAIR.contacts[0], friction=0.0),),
-                "loads": (rf.Load("q", "a.left", pressure=1.0),),
-            },
-            "pushes the frictionless body along",
-        ),
-    ],
-)
-def test_check_refuses_what_a_run_refuses(parts: dict[str, Any], words: str) -> None:
-    name = parts.get("loads", PAIR.loads)[0].name if parts.get("loads", True) else "interference"
-    history = rf.HistoryOptions(kind="monotonic", load=name, maximum=0.1)
-    scene = replace(PAIR, history=history, **parts)
-    if not words:
-        # a fine mesh is checked on a coarser one
-        assert study.check(scene, comm) == 1281
-        return
-    told = []
-    for act in (study.check, lambda scene, comm: study.run(scene, comm=comm)):
-        with pytest.raises(rf.InputError, match=words) as error:
-            act(scene, comm)
-        told.append(str(error.value))
-    assert told[0] == told[1]
-
-
 def test_arguments_of_wrong_types_are_refused_by_name() -> None:
     api: Any = rf
     scene, number = small(), 3

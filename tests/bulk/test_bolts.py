@@ -175,38 +175,3 @@ def lap(**parts: Any) -> rf.Scene:
         probes=(rf.Probe("s", points=((-0.5, 0.6), (0.3, 0.7)), body="a"),),
     )
     return replace(scene, **parts)
-
-
-TIE = rf.Bolt("a", "left", "right", 0.1, axis=(1.0, 0.0))
-
-
-@pytest.mark.parametrize(
-    ("parts", "words"),
-    [
-        (
-            {"bolts": (TIE, replace(TIE, name="b"))},
-            "bolt 'a', bolt 'b': their forces are not determined",
-        ),
-        (
-            {
-                "bolts": (
-                    replace(TIE, head_span=(-0.5, 0.0)),
-                    replace(TIE, name="b", head_span=(0.0, 0.5)),
-                    replace(TIE, name="c"),
-                    rf.Bolt("d", "top", "right", 0.1),
-                )
-            },
-            "bolt 'a', bolt 'b', bolt 'c': their .* not determined",
-        ),
-        (
-            {"bolts": (TIE,), "supports": (rf.Support("x", "left"), rf.Support("x", "right"))},
-            "bolt 'a': their forces are not determined",
-        ),
-    ],
-)
-def test_bolts_whose_forces_are_not_determined_are_refused(
-    parts: dict[str, Any], words: str
-) -> None:
-    with pytest.raises(rf.InputError, match=words) as error:
-        rf.condense(block(**parts), comm)
-    assert "\n" not in str(error.value)

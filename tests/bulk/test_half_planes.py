@@ -140,21 +140,6 @@ def test_block_on_a_half_plane(degree: int) -> None:
     )
 
 
-@pytest.mark.parametrize(
-    ("change", "told"),
-    [
-        ("body.upper.width=3.0", "width: the contact nodes are those of"),
-        ("load.P.edge=upper.left", "load 'P' edge"),
-        ("contact.against=lower.bottom", "one has to be"),
-        ("load.Q.edge=lower.far", "is held in its direction|has no effect"),
-    ],
-)
-def test_what_a_half_plane_cannot_be_is_told_in_one_line(change: str, told: str) -> None:
-    with pytest.raises(rf.InputError, match=told) as caught:
-        rf.condense(rf.from_toml(PAIR, [change]))
-    assert "\n" not in str(caught.value)
-
-
 @pytest.mark.parametrize("way", [1.0, -1.0])
 def test_rolling_creeps_as_carter_says(way: float) -> None:
     """Half of the contact sticks, in front; the body creeps by f (a - a') / R of the way."""

@@ -106,16 +106,3 @@ def test_conjugate_of_a_pressure_is_its_integral_over_the_true_displacement() ->
     found = table.load_displacement[:, record.load_names.index("P")]
     assert found == pytest.approx(known, abs=1e-3 * np.abs(known).max())
     assert abs(found[0]) > 0.1 * np.abs(found).max()  # interference alone
-
-
-@pytest.mark.parametrize(
-    ("parts", "words"),
-    [
-        ({"loads": (rf.Load("P", "bottom", gap=0.0),)}, "load 'P' gap: is zero everywhere"),
-        ({"loads": (rf.Load("P", "bottom", gap="1/x"),)}, "load 'P' gap: .* not a finite number"),
-    ],
-)
-def test_bad_interference_is_refused(parts: dict[str, Any], words: str) -> None:
-    with pytest.raises(rf.InputError, match=words) as error:
-        rf.condense(wedged(**parts), comm)
-    assert "\n" not in str(error.value)

@@ -165,33 +165,6 @@ def test_platen_may_be_pressed_by_a_force_and_moved_along() -> None:
     bulk.destroy()
 
 
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        ({"loads": (PRESS, replace(SHEAR, span=(0.0, 1.0)))}, "meets that of load 'P'"),
-        (
-            {
-                "loads": (replace(PRESS, edge="right"),),
-                "contacts": (rf.Contact(), rf.Contact("top", span=(1.0, 2.0))),
-            },
-            r"load 'P': its platen on 'right' joins contact nodes, .* at \(2, 0\) and \(2, 1\)",
-        ),
-        (
-            {"loads": (rf.Load("d", "right", displacement=(1.0, "free")),)},
-            r"load 'd': prescribes how the contact node at \(2, 0\) moves relative to what it",
-        ),
-        ({"loads": (replace(SINK, platen=True, displacement=("x", 0.0)),)}, "has two values at"),
-        (
-            {"loads": (SINK,), "supports": (rf.Support("y", point=(0.0, 1.0)),)},
-            r"load 'w': its displacement moves the node at \(0, 1\), which a support",
-        ),
-    ],
-)
-def test_what_cannot_move_so_is_refused_on_all_ranks(change: dict, message: str) -> None:
-    with pytest.raises(rf.InputError, match=message):
-        condense(built(block(**change)))
-
-
 def bars(*loads: rf.Load, f: float = 0.35) -> rf.Scene:
     """A bar pressed by 1 on one that is held, its end face over the last contact node."""
     return block(

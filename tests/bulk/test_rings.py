@@ -118,11 +118,3 @@ def test_profiles_spans_and_tables_of_a_ring_know_its_radii() -> None:
         assert (system.x[0], system.x[-1]) == (3.5, 6.0)
         assert system.f == pytest.approx(0.05 * system.x)
         assert system.g0 == pytest.approx(0.1 * (system.x - 3.0))
-
-
-@pytest.mark.parametrize("x", [1.0, 2.0, -5.0, 2.0 + 1e-9])
-def test_a_ring_that_reaches_the_axis_is_refused(x: float) -> None:
-    with pytest.raises(
-        rf.InputError, match=r"\[body\] position: x = .* move it off the axis r = 0"
-    ):
-        rf.validate(washer(body=rf.Body(width=4.0, position=(x, 0.0))))

@@ -149,22 +149,6 @@ def test_springs_between_bodies_balance_whichever_edge_names_them() -> None:
     np.testing.assert_allclose(force[0], table.Q[-1].sum() + 0.4, rtol=1e-9)
 
 
-@pytest.mark.parametrize(
-    ("parts", "words"),
-    [
-        ({"against": "a.top"}, "against: must be an edge of another body"),
-        ({"against": "c.top"}, "names none of the bodies a, b"),
-        ({"against": "b.bottom", "edge": "a.top"}, "no node straight across"),
-        ({"point": (0.0, 0.0)}, "has edge and point of"),
-    ],
-)
-def test_bad_springs_between_bodies_are_refused(parts: dict[str, Any], words: str) -> None:
-    springs = (replace(rf.Spring("a.bottom", (1.0, 1.5), 1.0, 1.0, against="b.top"), **parts),)
-    with pytest.raises(rf.InputError, match=words) as error:
-        rf.condense(tied(E, springs=springs), comm)
-    assert "\n" not in str(error.value)
-
-
 def test_tangential_springs_across_a_gap_are_refused() -> None:
     """Opposite forces along two edges that are apart would turn the pair."""
     spring = rf.Spring("a.bottom", normal=1.0, against="b.top")
@@ -287,26 +271,6 @@ def test_beam_of_two_materials_bends_as_timoshenko_says(shared_tmp_path: Path) -
     assert probe.stress[-1, 1:, 0] == pytest.approx(young * (height - c) * k, rel=1e-8)
     work = found[1].turning_points.load_displacement[-1, 0]
     assert work == pytest.approx(bend * k**2 * 4.0, rel=1e-8)
-
-
-@pytest.mark.parametrize(
-    ("change", "words"),
-    [
-        (
-            {"materials": (COAT,)},
-            "the physical surface 'core' has no material; add [material.core]",
-        ),
-        ({"materials": (COAT, replace(CORE, kinematics="plane stress"))}, "kinematics: differs"),
-        ({"materials": (COAT, replace(CORE, young_2=1.0))}, "has both young_2 and shear; give"),
-        ({"materials": (COAT, replace(CORE, young_2=1.0, shear=1.0))}, "are for plane stress"),
-    ],
-)
-def test_materials_that_cannot_serve_are_refused_in_one_line(
-    change: dict, words: str, shared_tmp_path: Path
-) -> None:
-    with pytest.raises(rf.InputError) as caught:
-        last(two(shared_tmp_path, **change))
-    assert words in str(caught.value) and "\n" not in str(caught.value)
 
 
 FIBRES = rf.Material(8.0, 0.25, "plane stress", young_2=2.0, shear=0.7)

@@ -231,32 +231,3 @@ def test_two_surfaces_of_one_file_balance_the_pull_on_their_oblique_pads() -> No
         states = pad.turning_points
         total += states.P.sum(axis=1)[:, None] * n + states.Q.sum(axis=1)[:, None] * t
     assert total == pytest.approx(np.outer(table.load[:, 0], [0.0, -1.0]), abs=1e-9)
-
-
-@pytest.mark.parametrize(
-    ("change", "words"),
-    [
-        ({"supports": ()}, "load 'p0' moves both bodies together, and nothing holds them"),
-        ({"contacts": (rf.Contact("upper.bottom"),)}, "body 'lower': touches nothing; name one of"),
-        (
-            {"body": rf.Body("upper", position=(0.0, 2.5))},
-            "do not lie on each other, but 0.5 apart",
-        ),
-        ({"body": rf.Body("upper", position=(6.0, 2.0))}, "do not overlap"),
-        (
-            {"body": rf.Body("upper", position=(2.1, 2.0)), "mesh": rf.MeshOptions(11 * 2)},
-            "ends inside a facet of the other one at",
-        ),
-        (
-            {"supports": (rf.Support("xy", edge="lower.top"),)},
-            "'lower.top' lies on the contact edge",
-        ),
-    ],
-)
-def test_pairs_that_cannot_be_modelled_are_refused(change: dict, words: str) -> None:
-    with pytest.raises(rf.InputError) as caught:
-        scene = pair_scene(**change)
-        rf.validate(scene)
-        played(scene)
-    assert words in str(caught.value)
-    assert len(set(comm.allgather(str(caught.value)))) == 1

@@ -28,20 +28,6 @@ def test_values_of_a_direction_may_come_from_a_file(tmp_path: Path) -> None:
     assert friction == {"forward": {"x": [-2.0, 2.0], "value": [0.1, 0.3]}, "backward": 1.0}
 
 
-@pytest.mark.parametrize(
-    ("friction", "message"),
-    [
-        ("{forward = 0.2}", "[contact] friction: needs both directions of slip"),
-        ("{forward = 0.2, backwards = 0.1}", "unknown key 'backwards'; did you mean 'backward'"),
-        ("{forward = 0.2, backward = -0.1}", "[contact] friction backward: is -0.1 at x = -2"),
-    ],
-)
-def test_an_incomplete_or_negative_friction_is_refused(friction: str, message: str) -> None:
-    with pytest.raises(rf.InputError) as caught:
-        block(friction)
-    assert message in str(caught.value)
-
-
 def test_one_direction_is_set_and_the_other_one_kept() -> None:
     def friction(*changes: str) -> object:
         return rf.read_scene(BLOCK, changes).contacts[0].friction

@@ -75,30 +75,6 @@ def test_a_file_that_is_no_profile_is_refused_in_one_line_with_its_place(
     assert all(word in text for word in words), text
 
 
-OWN_MESH = """
-[body]
-mesh = "own.msh"
-[contact]
-edge = "foot"
-[[load]]
-name = "p"
-edge = "head"
-pressure = 1.0
-[history]
-cycles = 1
-"""
-UNSORTED = "={x = [1.0, 0.0], value = [0.0, 1.0]}"
-
-
-@pytest.mark.parametrize("key", ["contact.initial_gap", "load.p.pressure", "history.initial_slip"])
-@pytest.mark.parametrize("text", [BLOCK.replace("p0", "p"), OWN_MESH])
-def test_an_unsorted_table_is_refused_on_rectangles_and_on_meshes_of_ones_own(
-    text: str, key: str
-) -> None:
-    with pytest.raises(InputError, match=rf"{key.split('.')[-1]}: x of the table must increase"):
-        from_toml(text, [key + UNSORTED])
-
-
 def test_a_table_beside_the_contact_is_refused_unless_it_is_constant() -> None:
     beside = "contact.initial_gap={{x = [1000.0, 2000.0], value = [0.0, {}]}}"
     with pytest.raises(InputError, match=r"from x = 1000 to 2000, beside the edge.* unit"):
@@ -157,19 +133,9 @@ def test_expression_has_pythons_value(text: str, expected: Callable[[float, floa
 @pytest.mark.parametrize(
     ("text", "word"),
     [
-        ("__import__('os').system('true')", "not allowed"),
-        ("x.__class__", "not allowed"),
         ("'a'", "not allowed"),
         ("True", "not allowed"),
-        ("x^2", "write ** for a power"),
-        ("open(x)", "unknown name 'open'"),
-        ("sqr(x)", "did you mean 'sqrt'?"),
-        ("sin(x, x)", "takes 1 argument"),
-        ("y", "only x"),
         ("", "not an expression"),
-        ("x = 1", "not an expression"),
-        ("9**9**9**9", "finite"),
-        ("sqrt(x)", "finite"),
         ("1" + 400 * "0", "too large"),
         (1001 * "1", "characters"),
         ("\0", "not an expression"),

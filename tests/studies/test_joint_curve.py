@@ -159,23 +159,3 @@ def test_command_writes_a_curve_and_goes_on_with_it(
     ]
     assert told["macroslip"] is None and told["first_loading"]["load"][0] == 0.0
     assert (out / "joint.png").stat().st_size > 10_000
-
-
-@pytest.mark.parametrize(
-    ("change", "text"),
-    [
-        ({"--drive": "mode:0"}, "is no mode; modes are mode:1"),
-        ({"--drive": "mode:1"}, "half-planes have no vibration modes"),
-        ({"--from": "0"}, "needs 0 < --from <= --to"),
-    ],
-)
-def test_bad_input_is_one_line(
-    change: dict[str, str], text: str, shared_tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    out = shared_tmp_path / "curve"
-    options = {"--drive": "Q", "--from": "0.1", "--to": "0.4", "--out": str(out)} | change
-    assert cli.main(["joint", str(CYLINDERS), *sum(options.items(), ())]) == 2
-    told = capsys.readouterr().err
-    if comm.rank == 0:
-        assert text in told and len(told.strip().splitlines()) == 1
-    assert not out.exists()

@@ -59,26 +59,6 @@ def test_a_run_reports_the_limits_from_many_starts(
     assert cli.main(["run", str(scene), "--out", str(out), "--resume", "--starts=1"]) == 2
 
 
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        (["--starts=1"], "give at least 2"),
-        (["--starts=5", "--set", 'history.until="steady"'], 'needs [history] until = "limit"'),
-        (["--starts=3", "--set", 'contact.initial_gap="0.01*x**2"'], "has an initial gap"),
-        (["--set", 'history.kind="monotonic"'], "needs cycles"),
-        (["--set", "solver.steady_tolerance=1e-15"], "below the round-off"),
-    ],
-)
-def test_bad_input_of_limits_ends_with_one_line_and_code_2(
-    scene: Path, capsys: pytest.CaptureFixture[str], arguments: list[str], words: str
-) -> None:
-    out = scene.parent / "out"
-    assert cli.main(["run", str(scene), "--out", str(out), *arguments]) == 2
-    error = capsys.readouterr().err
-    assert COMM.rank > 0 or (words in error and error.count("\n") == 1)
-    assert not out.exists() and not out.with_name("out.part").exists()
-
-
 def test_a_run_that_its_limit_has_ended_is_not_played_again(
     scene: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -312,42 +312,6 @@ def test_values_of_the_command_line(texts: list[str], values: list[Any]) -> None
 
 
 @pytest.mark.parametrize(
-    ("changes", "words"),
-    [
-        (["--over", "contact.frictoin=0.1,0.2"], ["contact.frictoin", "did you mean 'friction'"]),
-        (["--over", "contact.friction=0.1,,0.2"], ["missing between commas"]),
-        (["--over", "contact.friction=0.1,0.1"], ["0.1 occurs twice"]),
-        (["--over", "history.minimum=0.5,1.0"], ["history.minimum = 1.0", "not below maximum"]),
-        (
-            ["--over", "contact.friction=0.1", "--over", "contact.friction=0.2"],
-            ["=0.2: contact.friction occurs twice"],
-        ),
-        (
-            ["--over", "contact.friction=0:1:1000", "--over", "history.minimum=0:0.9:2000"],
-            ["cases"],
-        ),
-        (["--over", "contact.friction=0.1", "--shard", "1/2", "--overwrite"], ["--shard and"]),
-        *(
-            (["--over", "contact.friction=0.1", "--shard", share], [f"shard {share}: needs 1 <="])
-            for share in ("0/2", "3/2")
-        ),
-        ([], ["--over"]),
-    ],
-)
-def test_bad_input_is_refused_in_one_line_before_anything_runs(
-    changes: list[str], words: list[str], shared_tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    command = ["sweep", BLOCK, *SETTINGS, "--out", str(shared_tmp_path / "out"), *changes]
-    assert cli.main(command) == 2
-    captured = capsys.readouterr()
-    assert captured.out == ""
-    assert captured.err.count("\n") == (comm.rank == 0)
-    for word in words if comm.rank == 0 else ():
-        assert word in captured.err
-    assert os.listdir(shared_tmp_path) == []
-
-
-@pytest.mark.parametrize(
     ("over", "options", "words"),
     [
         ({}, {}, "keys and values"),

@@ -14,7 +14,7 @@ from bodies import block, everything, make_mesh
 import receding_fenicsx as rf
 from receding_fenicsx.bulk.mesh.user_mesh import read_user_meshes
 from receding_fenicsx.errors import InputError
-from receding_fenicsx.scene.model import Body, Contact, Load, MeshOptions, Scene, Support
+from receding_fenicsx.scene.model import Contact, Load, MeshOptions, Support
 
 comm = MPI.COMM_WORLD
 
@@ -88,26 +88,6 @@ def test_misfit_names_the_key_and_its_advice_serves() -> None:
     better = replace(scene, mesh=MeshOptions(contact_elements=20, degree=1))
     points, _ = everything(make_mesh(comm, better, False))
     assert np.hypot(points[:, 0] - 1.2, points[:, 1]).min() < 1e-15
-
-
-def test_misfit_without_a_near_count_advises_to_move() -> None:
-    scene = block(contacts=(Contact(span=(-np.sqrt(2.0), np.sqrt(2.0))),), elements=16)
-    with pytest.raises(InputError, match=r"contact\.span .* multiple of 0\.25"):
-        make_mesh(comm, scene, False)
-
-
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        ({"body": Body(mesh="my.msh")}, "no such file"),
-        ({"supports": (Support("x", point=(3.0, 0.5)),)}, "support.point.*outside"),
-        ({"supports": (Support("x", point=(0.33, 0.0)),)}, "support.point needs one"),
-    ],
-)
-def test_what_cannot_be_meshed_is_said_on_all_ranks(change: dict, message: str) -> None:
-    scene: Scene = replace(block(), **change)
-    with pytest.raises(InputError, match=message):
-        make_mesh(comm, scene, False)
 
 
 def test_side_contact_has_no_half() -> None:

@@ -1,0 +1,241 @@
+"""Every message of a refusal, whole, as the command line prints it: the rows of refusals.txt.
+
+A row is the name of a scene and changes of it, then the message, then perhaps its nearest neighbour
+that is accepted. Changes are parted by " & ": values as of --set, tables whose lines are parted by
+"; ", or "$" and the command, which is check if none is named.
+"""
+
+import shlex
+from dataclasses import replace
+from pathlib import Path
+from typing import Literal
+
+from mpi4py import MPI
+
+import pytest
+from bodies import ONCE, block
+
+import receding_fenicsx as rf
+from receding_fenicsx import cli
+
+comm = MPI.COMM_WORLD
+DEMOS = Path(__file__).parents[1] / "demos"
+BLOCK = (DEMOS / "block.toml").read_text()
+TWO = (
+    BLOCK.replace("[body]", '[[body]]\nname = "a"\nposition = [0.0, 1.0]')
+    .replace('edge = "bottom"', 'edge = "a.bottom"\nagainst = "b.top"')
+    .replace('edge = "top"', 'edge = "a.top"')
+    + '[[body]]\nname = "b"\n[[support]]\nedge = "b.bottom"\nfix = "xy"\n'
+)
+"""The block on a second one."""
+FAR = rf.Scene(
+    body=rf.Body(shape="half-plane", width=3.0),
+    contacts=(rf.Contact(initial_gap="x**2 / 100"),),
+    loads=(rf.Load("p0", "far", platen=True, force=(0.0, -1.0)),),
+    history=rf.HistoryOptions(cycles=1),
+)
+BARE = BLOCK[: BLOCK.index("[history]")]
+SHEARED = BARE + '[[load]]\nname = "Q 1"\nedge = "top"\ntraction = [1.0, 0.0]\n'
+HARMONIC = """
+[history]
+kind = "harmonic"
+[history.harmonic.p0]
+mean = 1.0
+amplitude = 0.5
+[history.harmonic."Q 1"]
+amplitude = 0.25
+phase = 110
+"""
+LAYERS = replace(
+    block(loads=(rf.Load("p", "b.top", pressure="1 + 0.2*x"),), history=ONCE),
+    body=rf.Body("a", height=0.5),
+    others=(rf.Body("b", height=0.5, position=(0.0, 0.5)),),
+    contacts=(rf.Contact("a.bottom", friction=0.4),),
+)
+SPRUNG = replace(
+    LAYERS,
+    contacts=(rf.Contact("b.bottom", (-0.5, 0.5), 0.3, initial_gap=0.2, against="a.top"),),
+    supports=(rf.Support("xy", edge="a.bottom"),),
+    springs=(rf.Spring("b.bottom", (1.0, 1.5), 1.0, 1.0, against="a.top"),),
+)
+PAIR = replace(
+    LAYERS,
+    body=rf.Body("upper", width=4.0, position=(0.0, 2.0)),
+    others=(rf.Body("lower", width=8.0, height=2.0),),
+    contacts=(rf.Contact("upper.bottom", against="lower.top"),),
+    loads=(rf.Load("p0", "upper.top", (-1.0, 1.0), pressure=1.0),),
+)
+PLATEN = rf.Load("P", "top", platen=True, force=(0.0, -1.0))
+SINK = rf.Load("w", "top", displacement=("free", -1.0))
+HELD = (rf.Support("xy", edge="lower.bottom"),)
+WHEEL = (
+    rf.Load("weight", body_force=(0.0, -0.05)),
+    rf.Load("wheel", "top", (-0.5, 0.5), pressure=1.0, travel=(-1.0, 1.0), steps=4),
+)
+COATED = """
+[body]
+mesh = "two.geo"
+[contact]
+edge = "foot"
+[[load]]
+name = "P"
+edge = "top"
+pressure = 1.0
+[history]
+kind = "monotonic"
+[material.coat]
+young = 10.0
+"""
+FILES = {
+    "two.geo": """
+Point(1) = {0, 0, 0, 0.5}; Point(2) = {4, 0, 0, 0.5}; Point(3) = {4, 1, 0, 0.5};
+Point(4) = {0, 1, 0, 0.5}; Point(5) = {4, 2, 0, 0.5}; Point(6) = {0, 2, 0, 0.5};
+Line(1) = {1, 2}; Line(2) = {2, 3}; Line(3) = {3, 4}; Line(4) = {4, 1};
+Line(5) = {3, 5}; Line(6) = {5, 6}; Line(7) = {6, 4};
+Curve Loop(1) = {1, 2, 3, 4}; Plane Surface(1) = {1};
+Curve Loop(2) = {-3, 5, 6, 7}; Plane Surface(2) = {2};
+Physical Surface("coat") = {1}; Physical Surface("core") = {2};
+Physical Curve("foot") = {1}; Physical Curve("top") = {6};
+"""
+}
+SCENES: dict[str, str | rf.Scene] = {
+    "block": BLOCK,
+    "two": TWO,
+    "far": FAR,
+    "round": BLOCK.replace("[-1.0, 1.0]", "[0.0, 1.0]").replace("plane strain", "axisymmetric"),
+    "bare": BARE,
+    "sheared": SHEARED,
+    "harmonic": SHEARED + HARMONIC,
+    "bolt": TWO + '[[bolt]]\nname = "b"\nhead = "a.left"\nnut = "b.left"\npreload = 1.0\n',
+    "small": block(),
+    "platen": block(load=PLATEN),
+    "feet": block(
+        load=replace(PLATEN, edge="right"),
+        contacts=(rf.Contact(), rf.Contact("top", (1.0, 2.0))),
+    ),
+    "driven": block(load=rf.Load("d", "right", displacement=(1.0, "free"))),
+    "sink": block(load=SINK),
+    "sides": block(
+        loads=tuple(rf.Load("L", edge, (-0.25, 0.25), pressure=1.0) for edge in ("left", "right"))
+    ),
+    "gap": block(
+        load=rf.Load("P", "bottom", gap=0.01),
+        supports=(rf.Support("y", "top"),),
+        history=ONCE,
+    ),
+    "wheel": block(
+        contacts=(rf.Contact(friction=0.2),),
+        loads=WHEEL,
+        history=rf.HistoryOptions(kind="travel", cycles=2, constant={"weight": 1.0}),
+    ),
+    "layers": LAYERS,
+    "tied": replace(LAYERS, ties=(rf.Tie("b.bottom", against="a.top"),)),
+    "sprung": SPRUNG,
+    "pair": PAIR,
+    "held pair": replace(PAIR, supports=HELD),
+    "fit": replace(
+        PAIR,
+        contacts=(replace(PAIR.contacts[0], interference=0.1),),
+        supports=HELD,
+        loads=(),
+    ),
+    "pushed": replace(
+        PAIR,
+        contacts=(replace(PAIR.contacts[0], friction=0.0),),
+        supports=HELD,
+        loads=(rf.Load("q", "upper.left", pressure=1.0),),
+    ),
+    "coated": COATED,
+    "planes": (DEMOS / "half_planes.toml").read_text(),
+}
+
+
+def text_of(base: str) -> str:
+    scene = SCENES[base]
+    return scene if isinstance(scene, str) else rf.to_toml(scene)
+
+
+def changed(base: str, changes: str) -> tuple[str, list[str], list[str]]:
+    """Return a scene with tables added, the values to be set, and the words of the command."""
+    text, values, command = text_of(base), list[str](), ["check"]
+    for change in changes.split(" & "):
+        if change.startswith("$ "):
+            command = shlex.split(change[2:])
+        elif change.startswith("["):
+            text += "\n" + change.replace("; ", "\n") + "\n"
+        elif change:
+            values.append(change)
+    return text, values, command
+
+
+def rows() -> list[tuple[str, str, str, str]]:
+    """Return scene, changes, message and neighbour of all rows."""
+    lines = Path(__file__).with_name("refusals.txt").read_text(encoding="utf-8").splitlines()
+    found: list[tuple[str, str, str, str]] = []
+    for line in lines:
+        if line.startswith("    ok: "):
+            found[-1] = (*found[-1][:3], line[8:])
+        elif line.startswith("    "):
+            found[-1] = (*found[-1][:2], line[4:], "")
+        elif line and not line.startswith("#"):
+            base, _, changes = line.partition(": ")
+            found.append((base, changes, "", ""))
+    return found
+
+
+ROWS = rows()
+
+
+@pytest.mark.parametrize(("base", "changes", "message"), [row[:3] for row in ROWS])
+def test_what_breaks_a_rule_is_refused_by_its_whole_message(
+    base: str,
+    changes: str,
+    message: str,
+    shared_tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    text, values, (command, *options) = changed(base, changes)
+    monkeypatch.chdir(shared_tmp_path)
+    files = FILES | {"scene.toml": text}
+    rf.on_root(comm, lambda: [Path(name).write_text(part) for name, part in files.items()])
+    commands = [command]
+    if command == "check" and not message.startswith("scene.toml"):
+        commands.append("run")  # what is wrong with a body is said by both
+    for each in commands:
+        out = [] if each == "check" else ["--out", "out"]
+        sets = [f"--set={value}" for value in values]
+        assert cli.main([each, "scene.toml", *sets, *options, *out]) == 2
+        told = capsys.readouterr().err
+        assert told == (f"receding-fenicsx: error: {message}\n" if comm.rank == 0 else "")
+        comm.barrier()
+        assert {path.name for path in shared_tmp_path.iterdir()} == {*files}
+
+
+@pytest.mark.one_rank
+@pytest.mark.parametrize(("base", "changes"), [(row[0], row[3]) for row in ROWS if row[3]])
+def test_its_nearest_neighbour_is_accepted(base: str, changes: str) -> None:
+    text, values, _ = changed(base, changes)
+    scene = rf.from_toml(text, values)
+    assert rf.from_toml(rf.to_toml(scene)) == scene
+
+
+@pytest.mark.one_rank
+@pytest.mark.parametrize(
+    ("legs", "cycles", "sampled", "accepted"),
+    [(2, 5, "all", True), (400, 5, "all", False), (2, 900, "all", False), (2, 900, None, True)],
+)
+def test_samples_of_all_legs_are_counted_in_the_size_of_a_record(
+    legs: int, cycles: int, sampled: Literal["all"] | None, accepted: bool
+) -> None:
+    """A million samples a leg of 5 cycles of 321 nodes: of two legs the record is not too large."""
+    rows = ((0.5,), (1.0,)) * (legs // 2)
+    options = rf.HistoryOptions(
+        "table", columns=("p0",), rows=((1.0,),), cycle_rows=rows, cycles=cycles
+    )
+    scene = replace(rf.from_toml(BLOCK), history=options, output=rf.OutputOptions(10**6, sampled))
+    if accepted:
+        assert rf.from_toml(rf.to_toml(scene)) == scene
+    else:
+        with pytest.raises(rf.InputError, match="samples_per_leg: requires a record of"):
+            rf.from_toml(rf.to_toml(scene))
