@@ -1,5 +1,6 @@
 """The pages of the documentation: keys of scenes, API, gallery; formulas survive Markdown."""
 
+import ast
 import re
 from pathlib import Path
 
@@ -26,6 +27,28 @@ def test_formulas_in_docstrings_survive_markdown() -> None:
                 found += 1
                 assert not re.search(r"\\[\\{}]", "".join(formula)), f"{path}: {formula}"
     assert found > 20
+
+
+def test_docstrings_name_modules_functions_and_classes_that_exist() -> None:
+    package = Path(receding_fenicsx.__file__).parent
+    trees = {p: ast.parse(p.read_text(encoding="utf-8")) for p in package.rglob("*.py")}
+    known = set()  # module.name and Class.method, as docstrings write them
+    for path, tree in trees.items():
+        module = path.parent.name if path.stem == "__init__" else path.stem
+        known |= {(path.parent.name, path.stem), (path.parent.parent.name, path.parent.name)}
+        for node in ast.walk(tree):
+            known.add((module, getattr(node, "name", getattr(node, "id", ""))))
+            if isinstance(node, ast.ClassDef):
+                known |= {(node.name, getattr(member, "name", "")) for member in node.body}
+    found = {
+        tuple(name.split(".")[-2:])
+        for tree in trees.values()
+        for name in re.findall(r"`~?((?:\w+\.)+\w+)`", ast.get_docstring(tree) or "")
+    }
+    # all other names are files and keys of scenes
+    files = {("record", "h5"), ("instants", "xdmf"), ("summary", "json"), ("mesh", "refine")}
+    names = {name for name in found if name[0] in {first for first, _ in known}} - files
+    assert len(names) > 100 and names - known == set()
 
 
 def test_api_describes_every_module_and_public_name(tmp_path: Path) -> None:

@@ -27,7 +27,7 @@ The steps, of which `from_scene.condensed` and `from_scene.bulk_of` do the first
    bodies (`join_bodies.join`), and closes what acts between them: bolts, springs, interference
    (`closures`).
 4. The result is an `interface.system.ContactSystem` on rank 0, whose friction and gap
-   `evolution.prepare.with_profiles` sets.
+   `evolution.problem.with_profiles` sets.
 5. For pictures, `fields.solve_fields` returns to the bodies,
    $u_I = A_{II}^{-1} ( \sum_k \lambda_k f_{k,I} - A_{IC} u_C )$
    (`body.back_substitute`), and evaluates the stresses (`stress.stresses`);

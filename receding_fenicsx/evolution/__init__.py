@@ -12,7 +12,7 @@
    :meth:`~receding_fenicsx.evolution.run_state.RunState.trace_cycle` follows each leg by the solver
    and checks its energy identity (:func:`~receding_fenicsx.evolution.checks.energy_error`). The
    finished cycle goes to the journal and to the watch for the steady state
-   (:func:`~receding_fenicsx.evolution.instants.add_to_watch`). At checkpoints the solver is
+   (:func:`~receding_fenicsx.evolution.instants.steady_watch`). At checkpoints the solver is
    replaced by a new one, so that a resumed run repeats an undisturbed one bit by bit.
 4. **Record**: :func:`~receding_fenicsx.evolution.collect.record_of` mirrors the modelled nodes to
    the whole contact and returns the :class:`~receding_fenicsx.evolution.record.Record`.

@@ -20,7 +20,7 @@ Mechanics (1985), sections 2.2 to 2.4 and eq. (5.57).
 2. `stiffness.compliance` makes $D$, symmetric and positive definite, of these and the material.
    Two half-planes have $D = D_a + D_b$, in which the coupling by $c_2$ has opposite signs: it
    vanishes exactly for equal materials (Dundurs' $\beta = 0$).
-3. `stiffness.surface_stiffness` returns $A = B^T D^{-1} B$: tractions $\tau$ with
+3. `stiffness.SurfaceStiffness` holds $A = B^T D^{-1} B$: tractions $\tau$ with
    $D \tau + B R a = B u$ carry the nodal forces $r = B^T \tau$. With $B_{ij} = \int \varphi_i N_j$
    (the work of $\tau$ on the displacement interpolated by shape functions $N_j$) this is a
    Galerkin method: symmetric on any nodes, which collocation is not. The error of its compliance of

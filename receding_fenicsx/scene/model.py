@@ -1,4 +1,4 @@
-"""Dataclasses of a scene: bodies, materials, contacts, loads, history and options.
+"""Dataclasses of a scene: bodies, materials, mesh, contacts, ties; all else is in ``options``.
 
 Any consistent set of units can be used. The types say what each key may be, the docstrings what it
 means: ``docs/scene.md`` and the JSON Schema of scene files are written from them.

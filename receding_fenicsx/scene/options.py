@@ -1,4 +1,4 @@
-"""Dataclasses of a scene's options: history, solver, output, probes and studies."""
+"""Dataclasses of a scene: loads, supports, springs, bolts, history, solver, output, studies."""
 
 from __future__ import annotations
 
