@@ -3,8 +3,11 @@
 Workflows, containers and the recipe do not run here: they are parsed, and what they call is there.
 """
 
+import itertools
 import json
+import os
 import re
+import subprocess
 import tomllib
 from collections.abc import Iterator
 from pathlib import Path
@@ -39,11 +42,21 @@ def test_the_version_is_the_same_everywhere_and_the_address_in_one_place() -> No
     assert zenodo["creators"] == citation["authors"] == PROJECT["authors"]
     assert zenodo["license"] == citation["license"] == PROJECT["license"]
     assert zenodo["keywords"] == PROJECT["keywords"] and zenodo["upload_type"] == "software"
-    address = "/".join(PROJECT["urls"]["Repository"].split("/")[-2:])
-    folders = ("", ".github", ".devcontainer", ".conda", "docs")
-    files = [path for name in folders for path in (ROOT / name).glob("*.*") if path.is_file()]
-    holding = [path.name for path in files if address in path.read_text(encoding="utf-8")]
-    assert holding == ["pyproject.toml"]
+    # OWNER until the owner puts the name there
+    owner = re.escape(PROJECT["urls"]["Repository"].split("/")[-2])
+    here = rf"{owner}/{re.escape(PROJECT['urls']['Repository'].split('/')[-1])}|\bOWNER\b"
+    hidden = (".github", ".devcontainer", ".conda", ".ci", ".changes")
+    folders = (
+        ROOT.glob("*"),
+        *((ROOT / n).rglob("*") for n in ("docs", "demos", "meshes", *hidden)),
+    )
+    named = [
+        path.relative_to(ROOT).as_posix()
+        for path in itertools.chain((ROOT / "receding_fenicsx").rglob("*.py*"), *folders)
+        if path.suffix in {".cff", ".json", ".md", ".py", ".pyi", ".sh", ".toml", ".yaml", ".yml"}
+        and re.search(here, path.read_text(encoding="utf-8"))
+    ]
+    assert named == ["pyproject.toml"]
 
 
 def test_fragments_of_the_next_release_go_below_the_preamble_of_the_changelog() -> None:
@@ -79,6 +92,22 @@ def check_commands(lines: Iterator[str] | list[str]) -> None:
             assert (ROOT / script).is_file(), line
         for extras in re.findall(r"\.\[([\w,]+)\]", line):
             assert set(extras.split(",")) <= set(EXTRAS), line
+
+
+def test_links_of_the_readme_that_pypi_shows_are_addresses(tmp_path: Path) -> None:
+    steps = loaded(ROOT / ".github/workflows/publish.yml")["jobs"]["pypi"]["steps"]
+    (step,) = (step for step in steps if "README.md" in step.get("run", ""))
+    (tmp_path / "README.md").write_text(text_of("README.md"), encoding="utf-8")
+    address = {name: name.lower() for name in step["env"]} | {"AT": "https://host/owner/name"}
+    subprocess.run(["bash", "-ec", step["run"]], cwd=tmp_path, env=os.environ | address, check=True)
+    links = re.findall(r'(?:\]\(|src=")([^)"]+)', (tmp_path / "README.md").read_text("utf-8"))
+    assert len(links) > 20 and all(link.startswith("https://") for link in links)
+    for link in links:
+        kind, _, path = link.removeprefix("https://host/owner/name/").partition("/tag/")
+        assert link.startswith("https://fenicsproject.org") or (
+            kind == ("raw" if path.endswith(".gif") else "blob")
+            and (ROOT / path.partition("#")[0]).is_file()
+        )
 
 
 def test_workflows_run_what_ci_runs() -> None:
