@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Iterable, Iterator, Sequence
+from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal, NoReturn
 
+import numpy as np
 from annotated_types import Ge, Le, Lt
 
 from receding_fenicsx.arrays import call_of
@@ -51,9 +53,25 @@ class Table:
         "allow_inf_nan": False,
     }
 
+    def __post_init__(self) -> None:
+        """Store lists and arrays as tuples, in profiles as lists, NumPy's numbers as Python's."""
+        for name, value in list(vars(self).items()):
+            object.__setattr__(self, name, _stored(value, tuple))
+
     def __repr__(self) -> str:
         """Return the values, long ones cut; empty ones are left out."""
         return call_of(self)
+
+
+def _stored(value: Any, rows: type) -> Any:
+    """Return a value as Pydantic reads it from a file."""
+    if isinstance(value, np.ndarray | np.generic):
+        value = value.tolist()
+    if isinstance(value, dict):
+        return {str(key): _stored(item, list) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return rows(_stored(item, rows) for item in value)
+    return str(value) if isinstance(value, Path) else value
 
 
 def nearest(name: str, known: Iterable[str]) -> str | None:
@@ -107,7 +125,7 @@ def refuse(errors: list[InputError]) -> None:
         raise InputErrors(*dict.fromkeys(str(error) for error in errors))
 
 
-def is_given(part: Table, key: str) -> bool:
+def is_given(part: Any, key: str) -> bool:
     """Return whether a key has another value than its default, which is a dictionary or fixed."""
     return bool(getattr(part, key) != getattr(type(part), key, {}))
 

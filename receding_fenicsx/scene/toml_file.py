@@ -66,10 +66,9 @@ def known_scene(text: str) -> Scene:
     raw = toml_reader.parse_toml(text)
     if not raw:
         raise InputError("the scene is empty")
-    for table, key in toml_reader.MOVED:
-        part = raw.get(table.strip("[]"))
-        if isinstance(part, dict):
-            part.pop(key, None)
+    # keys of older versions that do not change the results
+    for table, key in (("accuracy", "grading"), ("solver", "overshoot")):
+        raw.get(table, {}).pop(key, None)
     return toml_reader.scene_of(raw)
 
 
@@ -197,7 +196,8 @@ def _table_to_set(
     named = ".".join(names[:-1])
     if kind == "material" and named in toml_reader.named_materials(raw):
         return toml_reader.named_materials(raw)[named], names[-1:]
-    if kind not in toml_reader.ARRAYS and not isinstance(raw.get(kind), list):
+    single = kind in ("body", "material") or kind not in TABLE_OF.values()
+    if single and not isinstance(raw.get(kind), list):
         table = raw.setdefault(kind, {})
         if not isinstance(table, dict):
             raise InputError(f"'{kind}' must be a table; write [{kind}]")

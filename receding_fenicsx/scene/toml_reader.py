@@ -7,46 +7,23 @@ import inspect
 import json
 import re
 import tomllib
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from functools import lru_cache
-from pathlib import Path
 from typing import Any, TypeVar, get_args, get_type_hints
-
-import numpy as np
 
 from receding_fenicsx.arrays import shortened
 from receding_fenicsx.errors import InputError, InputErrors
-from receding_fenicsx.scene.checks import LARGEST, SMALLEST, Table, suggestion
+from receding_fenicsx.scene.checks import LARGEST, SMALLEST, Table, is_given, suggestion
 from receding_fenicsx.scene.model import RECTANGLE_KEYS, TABLE_OF, Material, Scene
 
 T = TypeVar("T")
 Place = tuple[str | int, ...]
 """Keys and numbers of list entries that lead to a value."""
 
-ARRAYS = tuple(table for table in TABLE_OF.values() if table not in ("body", "material"))
-"""Tables that may occur several times, besides the bodies."""
 KNOWN = tuple(dict.fromkeys(TABLE_OF.get(f.name, f.name) for f in dataclasses.fields(Scene)))
 """Keys at the top of a scene file."""
 NAMED = ("body", "load", "probe", "bolt")
 """Tables that are identified by their names where there are several."""
-
-MOVED = {
-    ("[accuracy]", "grading"): "is now [mesh] refine; give places for true, refine = [] for false",
-    ("[solver]", "overshoot"): "was removed; limits are found without it, leave it out",
-}
-"""Table and key of what has another name now, or none, and what to write instead."""
-WANTED = {
-    "float_type": "a number",
-    "int_type": "a whole number",
-    "int_from_float": "a whole number",
-    "string_type": "a string in quotes",
-    "bool_type": "true or false",
-    "tuple_type": "a list in brackets",
-    "list_type": "a list in brackets",
-    "dict_type": "a table",
-    "dataclass_type": "a table",
-}
-"""What a value should be, for Pydantic's errors of wrong types."""
 
 
 def parse_toml(text: str) -> dict[str, Any]:
@@ -112,28 +89,22 @@ def as_list(value: object, name: str) -> list[dict[str, Any]]:
 def plain(value: Any, sparse: bool = False) -> Any:
     """Return a value as parsed TOML has it: dataclasses as tables, tuples as lists.
 
-    ``sparse`` leaves out None, empty names and edges, empty values where they are the default, and
-    the sides of a rectangle where there is a mesh file.
+    ``sparse`` leaves out empty values that are the default, and the sides of a rectangle where
+    there is a mesh file.
     """
-    if isinstance(value, list | tuple | np.ndarray):
+    if isinstance(value, list | tuple):
         return [plain(item, sparse) for item in value]
     if isinstance(value, dict):
-        return {str(key): plain(item, sparse) for key, item in value.items()}
+        return {key: plain(item, sparse) for key, item in value.items()}
     if not dataclasses.is_dataclass(value):
-        value = value.item() if isinstance(value, np.generic) else value
-        return str(value) if isinstance(value, Path) else value
+        return value
     omitted = RECTANGLE_KEYS if sparse and getattr(value, "mesh", None) is not None else ()
-    fields = [(f.name, getattr(value, f.name), f.default) for f in dataclasses.fields(value)]
+    fields = [(f.name, getattr(value, f.name)) for f in dataclasses.fields(value)]
     return {
         name: plain(item, sparse)
-        for name, item, default in fields
+        for name, item in fields
         if not sparse
-        or (
-            name not in omitted
-            and item not in (None, {})
-            and (item != () or default is None)
-            and (name, item) not in (("name", ""), ("edge", ""))
-        )
+        or (name not in omitted and (is_given(value, name) or item not in (None, "", (), {})))
     }
 
 
@@ -151,18 +122,17 @@ def _label(values: dict[str, Any], place: Place) -> tuple[str, Place]:
     value = values.get(str(attribute))
     if table == "title" or (not rest and not isinstance(value, dict)):
         return table, tuple(rest)
-    index = 0
+    index, several = 0, table == "body" and bool(values.get("others"))
     if isinstance(value, list):
         index, *rest = rest  # type: ignore[assignment]
-        value, count = value[index], len(value) + (table == "body")
-    else:
-        count = 1 + len(values.get("others", ())) if table == "body" else 1
+        several |= len(value) > 1 or table != "contact"
+        value = value[index]
     name = value.get("name") if isinstance(value, dict) else None
     if table == "material":
         label = f"[material.{name}]" if name and attribute == "materials" else "[material]"
-    elif table in NAMED and isinstance(name, str) and (table != "body" or count > 1):
+    elif table in NAMED and isinstance(name, str) and several:
         label = f"{table} '{name}'"
-    elif (table in ARRAYS and (count > 1 or table != "contact")) or (table == "body" and count > 1):
+    elif several:
         label = f"[[{table}]] number {index + 1 + (attribute == 'others')}"
     else:
         label = f"[{table}]"
@@ -186,8 +156,8 @@ def convert(kind: type[T], raw: Any, label: Callable[[Place], tuple[str, Place]]
 
     # in JSON lists may become tuples; dates, which it lacks, become what no key may be
     text = json.dumps(raw, default=lambda value: {str(value): None})
-    for place in _with_nul(raw) if r"\u0000" in text else ():
-        raise InputError(f"{_where(label, place)}: holds a NUL character; remove it")
+    if re.search(r"(?<!\\)(\\\\)*\\u0000", text):  # which no file or name can have
+        raise InputError(f"{_where(label, ())}: a text holds a NUL character; remove it")
     try:
         found: T = type_adapter(kind).validate_json(text)  # type: ignore[arg-type]
         return found
@@ -198,16 +168,6 @@ def convert(kind: type[T], raw: Any, label: Callable[[Place], tuple[str, Place]]
     lines = [*dict.fromkeys(_message(kind, place, item, label) for place, item in wrong)]
     more = [f"{_where(label, ())}: {len(lines) - 20} more errors"] if len(lines) > 20 else []
     raise InputErrors(*lines[:20], *more)
-
-
-def _with_nul(value: Any, place: Place = ()) -> Iterator[Place]:
-    """Yield the places of strings and keys with a NUL character, which no file or name can have."""
-    if isinstance(value, str) and "\0" in value:
-        yield place
-    elif isinstance(value, dict | list):
-        for key, item in value.items() if isinstance(value, dict) else enumerate(value):
-            yield from _with_nul(key, place)
-            yield from _with_nul(item, (*place, key))
 
 
 def _steps(raw: Any, item: dict[str, Any]) -> list[tuple[str | int, bool]]:
@@ -242,8 +202,10 @@ def _resolved(errors: list[Any]) -> list[tuple[Place, dict[str, Any]]]:
         fitting = [
             inner
             for inner in branches.values()
-            if not any(not steps and item["type"] in WANTED for steps, item in inner)
-            and not any(not steps and item["type"] == "literal_error" for steps, item in inner)
+            if not any(
+                not steps and (_wanted(item) or item["type"] == "literal_error")
+                for steps, item in inner
+            )
         ]
         choice = next((item for item in own if item["type"] == "literal_error"), None)
         if fitting:
@@ -251,11 +213,20 @@ def _resolved(errors: list[Any]) -> list[tuple[Place, dict[str, Any]]]:
             found += [(place + inner, item) for inner, item in _resolved(best)]
         else:
             choices = re.findall("'[^']*'", choice["ctx"]["expected"]) if choice else []
-            types = [WANTED[item["type"]] for item in own if item["type"] in WANTED]
+            types = [*filter(None, map(_wanted, own))]
             text = isinstance(own[0]["input"], str)
             wanted = dict.fromkeys([*choices, *types] if text else [*types, *choices])
             found.append((place, {**own[0], "type": "union", "wanted": [*wanted]}))
     return found
+
+
+def _wanted(item: dict[str, Any]) -> str:
+    """Return what a value should be, for an error of a wrong type; "" for others."""
+    kind, _, reason = item["type"].partition("_")
+    names = {"float": "a number", "int": "a whole number", "string": "a string in quotes"}
+    names |= {"bool": "true or false", "dict": "a table", "dataclass": "a table"}
+    names |= dict.fromkeys(("tuple", "list"), "a list in brackets")
+    return names.get(kind, "") if reason in ("type", "from_float") else ""
 
 
 def _message(
@@ -270,8 +241,6 @@ def _message(
     if keyed:
         if error == "missing":
             return f"{where}: the key '{place[-1]}' is missing; add it"
-        if (where, place[-1]) in MOVED:
-            return f"{where} {place[-1]}: {MOVED[where, str(place[-1])]}"
         known = re.findall(r"'([^']*)'", bounds.get("expected", ""))
         known = known or [field.name for field in dataclasses.fields(_table_at(kind, inside))]
         return f"{where}: unknown key '{place[-1]}'; {suggestion(str(place[-1]), known)}"
@@ -282,7 +251,7 @@ def _message(
     if error == "string_too_long":
         most = bounds["max_length"]
         return f"{where}: must have at most {most} characters, not {len(value)}"
-    words = {**WANTED, "finite_number": "a finite number"}.get(error, item["msg"])
+    words = "a finite number" if error == "finite_number" else _wanted(item) or item["msg"]
     wanted = ["a pair [a, b]"] if pair else item.get("wanted", [words])
     for key, words in (("gt", "above"), ("ge", "at least"), ("lt", "below"), ("le", "at most")):
         if key in bounds and not pair:
@@ -311,14 +280,12 @@ def _where(label: Callable[[Place], tuple[str, Place]], place: Place) -> str:
 def _table_at(kind: type, place: Place) -> type:
     """Return the dataclass of the table at a place."""
 
-    def inner(annotation: Any) -> Any:
-        if dataclasses.is_dataclass(annotation):
-            return annotation
-        return next(filter(None, map(inner, get_args(annotation))), None)
+    def tables(hint: Any) -> list[Any]:
+        inner = [table for part in get_args(hint) for table in tables(part)]
+        return [hint] if dataclasses.is_dataclass(hint) else inner
 
     for part in place:
-        hints = get_type_hints(kind)
-        kind = inner(hints[part]) or kind if part in hints else kind
+        kind = next(iter(tables(get_type_hints(kind).get(str(part)))), kind)
     return kind
 
 
