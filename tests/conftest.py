@@ -1,7 +1,7 @@
 """Pytest on one rank or many: all ranks see the same outcomes, rank 0 reports, nobody hangs.
 
 After each phase of each test the ranks exchange their outcomes by a non-blocking collective on a
-communicator of their own. The worst outcome becomes that of every rank, so that they stay in step.
+communicator of their own. What fails on one rank fails on every rank, so that they stay in step.
 A rank that has failed waits for the others for ``rank_wait`` seconds only: if they do not come they
 are held in a collective that will never be complete, so it prints its traceback and ends the job.
 """
@@ -22,7 +22,7 @@ import time
 import zlib
 from collections.abc import Callable, Generator
 from pathlib import Path
-from typing import Any, Literal, NoReturn
+from typing import Any, NoReturn
 
 # Before NumPy loads, for those who call pytest themselves.
 os.environ.setdefault("OMP_NUM_THREADS", "1")
@@ -45,8 +45,7 @@ LAUNCHER_SECONDS = 0.5
 COLLECTION_WAIT_SECONDS = 60.0
 """A failing rank's wait for ranks that are still collecting: they may be importing DOLFINx."""
 
-PASSED, SKIPPED, FAILED = range(3)
-OUTCOMES: tuple[Literal["passed", "skipped", "failed"], ...] = ("passed", "skipped", "failed")
+PASSED, FAILED = range(2)
 
 SERIAL_FOLDERS = [Path(__file__).parent / name for name in ("half_plane", "interface", "reference")]
 """Folders whose tests work on arrays, or compare whole runs with closed forms: on one rank only."""
@@ -179,47 +178,21 @@ def pytest_runtest_makereport(
 
 
 def agree(report: pytest.TestReport, patience: float) -> None:
-    """Exchange the outcome of a phase of a test, change the report to the worst of all ranks."""
-    own = OUTCOMES.index(report.outcome)
+    """Exchange the outcome of a phase of a test: what fails on any rank fails on all of them."""
+    failed = report.outcome == "failed"
     step = f"the {report.when} of {report.nodeid}"
-    outcomes = exchange(step, own, patience)
-    if outcomes is None:
+    outcomes = exchange(step, FAILED if failed else PASSED, patience)
+    if failed:
         failures.append(f"{report.nodeid} failed on rank {comm.rank}:\n{failure_text(report)}")
+    if outcomes is None:
         abort(f"{step} failed here, and the other ranks did not come within {patience:g} s")
-    worst = max(outcomes)
-    if worst == PASSED:
-        return
-    xfail = getattr(report, "wasxfail", None)
-    reason = report.longrepr if own == SKIPPED and xfail is None else failure_text(report)
-    crash = getattr(report.longrepr, "reprcrash", None)
-    headline = str(crash.message).partition("\n")[0] if crash else ""
-    everyone = comm.allgather((reason, xfail, headline))
-    others = {
-        rank: everyone[rank]
-        for rank in range(comm.size)
-        if outcomes[rank] == worst and rank != comm.rank
-    }
-    if own == worst:
-        if worst == FAILED:
-            # Every rank's failure is shown once, also where all fail for the same reason.
-            texts = {str(text): rank for rank, (text, *_) in reversed(others.items())}
-            texts.pop(failure_text(report), None)
-            report.sections.extend((f"on rank {rank}", text) for text, rank in texts.items())
-    else:
-        report.outcome = OUTCOMES[worst]
-        if worst == FAILED:
-            report.longrepr = "\n".join(
-                f"on rank {rank}: {headline}\n{text}"
-                for rank, (text, _, headline) in others.items()
-            )
-            if hasattr(report, "wasxfail"):
-                del report.wasxfail
-        else:
-            report.longrepr, xfail, _ = others[min(others)]
-            if xfail is not None:
-                report.wasxfail = xfail
-    if worst == FAILED:
-        failures.append(f"{report.nodeid} failed:\n{failure_text(report)}")
+    if failed and comm.rank > 0:
+        say(f"\n{failures[-1]}\n")
+    elif FAILED in outcomes and not failed:
+        report.outcome = "failed"
+        report.longrepr = f"failed on rank {outcomes.index(FAILED)}, which says why above"
+        if hasattr(report, "wasxfail"):
+            del report.wasxfail
 
 
 def failure_text(report: pytest.TestReport) -> str:

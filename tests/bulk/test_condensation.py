@@ -7,7 +7,7 @@ from mpi4py import MPI
 
 import numpy as np
 import pytest
-from bodies import CELLS, block, built, condense
+from bodies import block, built, condense
 from models import block_system
 from numpy.typing import NDArray
 
@@ -15,7 +15,7 @@ from receding_fenicsx.bulk import schur
 from receding_fenicsx.bulk.schur import norm
 from receding_fenicsx.errors import SolveError
 from receding_fenicsx.interface.system import ContactSystem
-from receding_fenicsx.scene.model import Body, Contact, Scene
+from receding_fenicsx.scene.model import Scene
 
 comm = MPI.COMM_WORLD
 Array = NDArray[np.float64]
@@ -29,11 +29,6 @@ def system_of(scene: Scene, half: bool = False, on: MPI.Comm = comm) -> ContactS
     return system
 
 
-def off(a: Array, b: Array) -> float:
-    """Largest difference over the largest entry."""
-    return float(np.abs(a - b).max() / np.abs(b).max())
-
-
 @pytest.mark.parametrize("half", [False, True])
 def test_system_is_that_of_an_own_dense_assembly(half: bool) -> None:
     """Of bilinear squares; the other elements pass patch tests and converge to closed forms."""
@@ -44,45 +39,6 @@ def test_system_is_that_of_an_own_dense_assembly(half: bool) -> None:
             found, known = getattr(system, name), getattr(own, name)
             assert np.abs(found - known).max() < 1e-11 * np.abs(known).max(), name
         assert np.array_equal(system.held, own.held) and system.rigid.shape == own.rigid.shape
-
-
-@pytest.mark.parametrize("cell", CELLS)
-@pytest.mark.parametrize("half", [False, True])
-def test_any_number_of_ranks_gives_the_same_system(cell: str, half: bool) -> None:
-    scene = block(cell, 2, elements=32)
-    together = system_of(scene, half)
-    alone = system_of(scene, half, MPI.COMM_SELF)
-    assert (together is None) == (comm.rank > 0)
-    if together is not None and alone is not None:
-        assert np.array_equal(together.x, alone.x)
-        assert np.array_equal(together.points, alone.points)
-        assert np.array_equal(together.weight, alone.weight)
-        assert np.array_equal(together.held, alone.held)
-        assert np.array_equal(together.rigid, alone.rigid)
-        assert off(together.K, alone.K) < 1e-12
-        assert off(together.r_star, alone.r_star) < 1e-12
-
-
-@pytest.mark.parametrize("degree", [1, 2])
-def test_a_turned_body_has_the_same_system(degree: int) -> None:
-    """A block on its side, with contact on that side, is the block; left and top are mirrored."""
-    upright = system_of(block(degree=degree, loads=()))
-    lying, standing = Body(width=4.0, height=1.0), Body(width=1.0, height=4.0)
-    bodies = {"top": lying, "left": standing, "right": standing}
-    systems = {}
-    for edge, body in bodies.items():
-        scene = block(degree=degree, loads=(), contacts=(Contact(edge=edge),), body=body)
-        systems[edge] = system_of(scene)
-    for edge, system in systems.items():
-        if upright is None or system is None:
-            continue
-        n = upright.n
-        # v runs against x where t does
-        sign = np.ones(2 * n)
-        if edge != "right":
-            sign[:n] = -1.0
-        assert system.x == pytest.approx(upright.x, abs=1e-15)
-        assert off(sign[:, None] * system.K * sign, upright.K) < 1e-12
 
 
 def test_a_wrong_triangle_would_be_noticed(monkeypatch: pytest.MonkeyPatch) -> None:

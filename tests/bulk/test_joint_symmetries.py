@@ -19,7 +19,6 @@ from receding_fenicsx.bulk.from_scene import bulk_of
 from receding_fenicsx.bulk.mesh.meshing import raw_meshes
 from receding_fenicsx.bulk.stack import Stack
 from receding_fenicsx.mpi import on_root
-from receding_fenicsx.studies.shakedown.exact_cycles import limit_by_cycles
 from receding_fenicsx.timing import Timer
 
 comm = MPI.COMM_WORLD
@@ -296,37 +295,3 @@ def test_stiffness_of_a_curved_joint_couples_tangent_and_normal_as_kolosov_has_i
         errors.append(np.abs(found - exact).max() / np.abs(exact).max())
     assert abs(exact[0, 1]) > 0.1 * abs(exact[0, 0])
     assert errors[1] < 0.4 * errors[0] < 0.02
-
-
-@pytest.mark.one_rank
-@pytest.mark.parametrize("name", ["bush", "coat"])
-def test_limit_cycles_curves_and_shakedown_of_joints_are_those_of_long_histories(
-    name: str, tmp_path: Path
-) -> None:
-    scene, constant, drive = coat(tmp_path), "p", "q"
-    if name == "bush":
-        scene, constant, drive = bush(tmp_path), "F", "T"
-        scene = replace(scene, loads=(*scene.loads, rf.Load("T", "i.bottom", traction=(0.7, 0.0))))
-    scene = replace(
-        scene,
-        history=rf.HistoryOptions(
-            "cyclic", drive, minimum=-1.0, cycles=25, constant={constant: 1.0}
-        ),
-        shakedown=rf.ShakedownOptions(
-            mean={constant: 1.0}, range=({drive: 1.0}, {drive: -1.0}), separated="stay"
-        ),
-    )
-    system, long = played(scene)
-    limit = rf.evolve(system, replace(scene, history=replace(scene.history, until="limit")))
-    curve, study = rf.joint_curve(scene, drive, [1.0]), rf.shakedown(scene)
-    assert curve is not None and study is not None
-    # the history approaches the limit
-    first, known = long.cycles.dissipation[[0, -1]]
-    assert limit.cycles.dissipation[-1] == pytest.approx(known, abs=5e-5 * first)
-    assert curve.dissipation[0] == pytest.approx(limit.cycles.dissipation[-1], abs=1e-9 * first)
-    # exact cycles from the safe slip and from rest
-    limits, options = study.limits, scene.shakedown
-    low, high = limit_by_cycles(
-        study.system, options.mean, options.range, limits.upper, limits.safe_slip_modelled
-    )
-    assert low <= limits.upper * (1.0 + 1e-9) and limits.upper <= high < 1.01 * limits.upper

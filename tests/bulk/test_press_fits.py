@@ -180,19 +180,6 @@ def rectangles(inner: float = A, **parts: object) -> rf.Scene:
     return replace(scene, **parts)  # type: ignore[arg-type]
 
 
-def test_rings_as_rectangles_are_those_of_a_mesh_file(shared_tmp_path: Path) -> None:
-    rim = (rf.Support("y", edge="hub.right"),)
-    mesh, history = rf.MeshOptions(contact_elements=16), rf.HistoryOptions(cycles=1)
-    drawn = played(from_file(shared_tmp_path, 0.0, mesh=mesh, history=history))
-    record = played(rectangles(mesh=mesh, history=history, supports=rim))
-    a, b = record.turning_points, drawn.turning_points
-    assert np.allclose(record.points, drawn.points) and np.allclose(record.weight, drawn.weight)
-    assert a.P.sum(axis=1) == pytest.approx(b.P.sum(axis=1), rel=2e-3)
-    assert a.Q.sum(axis=1) == pytest.approx(b.Q.sum(axis=1), abs=1e-9 * b.P.sum())
-    inner = slice(2, -2)
-    assert a.p[:, inner] == pytest.approx(b.p[:, inner], rel=0.02)
-
-
 @pytest.mark.parametrize("degree", [1, 2])
 @pytest.mark.parametrize("inner", [A, 0.0])
 def test_fit_has_lames_pressure_and_zones_symmetric_about_its_middle(

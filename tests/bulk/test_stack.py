@@ -54,43 +54,6 @@ def layers(
 # -- against one body, closed forms and integral equations -----------------------------------------
 
 
-def stuck_and_single(**parts: object) -> tuple[rf.Scene, rf.Scene]:
-    """Two layers that stick, and one of double height, on the same mesh."""
-    two = layers(
-        friction=50.0,
-        young=(1.0, 1.0),
-        mesh=rf.MeshOptions(contact_elements=16, cell="quadrilateral", growth=1.0),
-        loads=(rf.Load("p", "b1.top", pressure="1 + 0.3*sin(x)"),),
-    )
-    two = replace(two, **{"history": ONCE, **parts})  # type: ignore[arg-type]
-    one = replace(
-        two,
-        body=rf.Body("b0", width=4.0, height=2.0),
-        others=(),
-        materials=two.materials[:1],
-        contacts=two.contacts[:1],
-        loads=tuple(replace(load, edge=load.edge and "b0.top") for load in two.loads),
-        probes=tuple(replace(probe, body=None) for probe in two.probes),
-    )
-    return one, two
-
-
-@pytest.mark.one_rank
-def test_two_stuck_layers_are_one_of_double_height() -> None:
-    places = ((0.3, 0.5), (-0.7, 1.4))
-    probes = tuple(rf.Probe(f"s{k}", point=at, body=f"b{k}") for k, at in enumerate(places))
-    a, b = map(played, stuck_and_single(probes=probes))
-    n, scale = len(a.x), np.abs(a.turning_points.P).max()
-    for key in ("P", "Q"):
-        difference = getattr(b.turning_points, key)[:, :n] - getattr(a.turning_points, key)
-        assert np.abs(difference).max() < 1e-11 * scale
-    known = a.turning_points.load_displacement
-    assert b.turning_points.load_displacement == pytest.approx(known, rel=1e-11)
-    for k in range(2):
-        of_one, of_two = (record.probe(f"s{k}").stress for record in (a, b))
-        assert of_two == pytest.approx(of_one, rel=1e-10, abs=1e-10)
-
-
 @pytest.mark.one_rank
 @pytest.mark.parametrize(("ratio", "height"), [(1.0, 1.0), (4.0, 1.0), (0.5, 2.0)])
 def test_double_receding_contact_is_that_of_the_integral_equations(

@@ -8,10 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 from equations import BACKWARD, FORWARD, OPEN
-from models import block_system
 from problems import FAMILIES, Problem, play, problem
 from replay import objections
-from small import cyclic
 
 import receding_fenicsx as rf
 from receding_fenicsx.interface.system import ProbeMatrix, eliminate_tangential
@@ -273,24 +271,6 @@ def _check_events(one: rf.Record, whole: rf.Record, index: np.ndarray, sign: np.
     for key in ("cycle", "leg", "s", "load"):
         assert np.array_equal(getattr(e, key), getattr(one.events, key)[[row[0] for row in rows]])
     assert whole.n_events == len(e.s)
-
-
-def test_half_and_whole_models_of_a_block_have_the_same_record() -> None:
-    half, whole = (
-        rf.evolve(block, cyclic(3), output=rf.OutputOptions(10, "all"))
-        for block in (block_system(20, 10), block_system(40, 10, half=False))
-    )
-    for name in ("turning_points", "samples", "cycles"):
-        for f in fields(getattr(half, name)):
-            assert near(*(getattr(getattr(one, name), f.name) for one in (half, whole))), f.name
-    for key in ("x", "points", "f", "g0", "weight", "dissipation_first_loading"):
-        assert near(getattr(half, key), getattr(whole, key)), key
-    assert (half.modelled_nodes, whole.modelled_nodes) == (21, 41)
-    rows = []
-    for e in (half.events, whole.events):
-        listed = np.column_stack([e.cycle, e.leg, e.s.round(9), e.node, e.old, e.new])
-        rows.append(listed[np.lexsort(listed.T[::-1])])
-    assert len(rows[0]) > 100 and np.array_equal(*rows)
 
 
 def test_the_record_of_an_edge_is_that_of_its_nodes() -> None:
