@@ -30,7 +30,7 @@ from receding_fenicsx.interface.exact.pivot_matrix import SingularExchange
 from receding_fenicsx.interface.exact.segments import EPSILON, Segment, Segments, States
 from receding_fenicsx.interface.exact.tableau import A, B, V
 from receding_fenicsx.interface.law import BACKWARD, FORWARD, SEPARATION, STICK
-from receding_fenicsx.interface.lcp.contact import Undecided, is_exhaustible, solve_states
+from receding_fenicsx.interface.lcp.contact import EXHAUSTED, Undecided, solve_states
 from receding_fenicsx.interface.tolerances import (
     ACCEPTED_RESIDUAL,
     END_TOLERANCE,
@@ -166,7 +166,7 @@ class ConsistentStates:
         except np.linalg.LinAlgError:
             return None, False
         if found is None:
-            return None, is_exhaustible(undecided)
+            return None, 1 < undecided.sets <= EXHAUSTED
         self.point.state[:] = np.where(found > 0, found, before)
         try:
             segment = segments.at(self.point.state, self.direction)

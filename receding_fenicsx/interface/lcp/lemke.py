@@ -48,6 +48,12 @@ def solve(M: Array, q: Array, cover: Array) -> Array | None:
     return None
 
 
+def covers(size: int) -> Array:
+    """Return (8, size) positive numbers for covering vectors, equal ones first, then random."""
+    random = np.random.default_rng(0).uniform(0.1, 1.0, (7, size))
+    return np.vstack([np.ones(size), random])
+
+
 def is_solution(M: Array, q: Array, z: Array) -> bool:
     """Return whether z solves the (scaled) problem within 1e-9.
 

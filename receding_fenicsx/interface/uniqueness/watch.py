@@ -22,12 +22,7 @@ from receding_fenicsx.interface.exact.segments import Segments, ties_at
 from receding_fenicsx.interface.exact.static import end_in_states, states_by_newton
 from receding_fenicsx.interface.law import BACKWARD, FORWARD, SEPARATION, STICK
 from receding_fenicsx.interface.lcp.all_solutions import all_solutions
-from receding_fenicsx.interface.lcp.contact import (
-    Undecided,
-    choices,
-    number_of_sets,
-    states_by_covers,
-)
+from receding_fenicsx.interface.lcp.contact import Problem, Undecided
 from receding_fenicsx.interface.residual import (
     largest_force,
 )
@@ -425,14 +420,16 @@ def solutions_from_rest(
     others = np.where(near, STICK, SEPARATION)
     try:
         # six nodes with friction
-        if number_of_sets(list(choices(undecided).values())) <= 4**6:
+        if undecided.sets <= 4**6:
             found = all_solutions(*problem)
             return np.where(found.states > 0, found.states, others), found.complete
         ends = [known]
         for first in (FORWARD, BACKWARD) if near.all() else ():
             end = states_by_newton(system, start, load, first)
             ends += [] if end is None else [end.state]
-        ends += states_by_covers(*problem) if rubbing.sum() <= 40 else ()
+        if rubbing.sum() <= 40:
+            of_nodes = Problem.of(*problem)
+            ends += map(of_nodes.whole, of_nodes.by_covers())
     except np.linalg.LinAlgError:
         return np.zeros((0, n), dtype=np.int8), False
     kept, forces = list[States](), list[Array]()

@@ -54,7 +54,7 @@ def random_system(seed: int, n: int, f: float) -> tuple[ContactSystem, Undecided
 def test_it_finds_what_all_sets_of_states_of_another_code_find(
     monkeypatch: pytest.MonkeyPatch, tried_at_once: int
 ) -> None:
-    monkeypatch.setattr(module, "TRIED_AT_ONCE", tried_at_once)
+    monkeypatch.setattr(module, "BATCH", tried_at_once)
     counts = []
     for seed in range(60):
         system, undecided = random_system(seed, 1 + seed % 5, 3.0)
