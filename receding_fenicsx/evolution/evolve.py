@@ -22,7 +22,7 @@ from receding_fenicsx.evolution.limit.search import LimitSearch, Progress
 from receding_fenicsx.evolution.problem import Problem, problem_of_history, problem_of_scene
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.evolution.run_state import RunState
-from receding_fenicsx.interface.branches.choice import NO_CHOICE, Choice, Chooser
+from receding_fenicsx.interface.branches.choice import Choice, Chooser
 from receding_fenicsx.interface.system import ContactSystem, softest_motion
 from receding_fenicsx.scene.history import History, ended_by
 from receding_fenicsx.scene.model import OutputOptions, Scene, SolverOptions
@@ -142,7 +142,7 @@ def continue_history(
         chosen = problem.solver.method == "events" and not problem.system.has_branches
         if isinstance(error, NoQuasiStaticContinuation) and chosen:
             found = error.record.uniqueness
-            text = NO_CHOICE if found and found.certified else _choices_before(problem)
+            text = Chooser().text() if found and found.certified else _choices_before(problem)
             error.args = (f"{error}; {text}",)
         body = problem.system
         soft = softest_motion(body.K, body.held, body.rigid)

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.interface.exact.consistency import ConsistentStates
@@ -23,10 +25,7 @@ from receding_fenicsx.interface.uniqueness.certificate import Certificate, defin
 from receding_fenicsx.interface.uniqueness.instants import Sides, bits_of
 
 FIRST, LEAST, MOST = "first", "least dissipation", "most dissipation"
-RULES = (FIRST, LEAST, MOST)
 """Rules by name; a number n takes the n-th continuation, or the last where there are fewer."""
-
-NO_CHOICE = "no choice between several continuations was made on the way"
 
 Key = tuple[int, int, int]
 """Cycle, leg, and number of a choice on the leg."""
@@ -57,8 +56,12 @@ class Choice:
 
 @dataclass
 class _Option:
-    """A continuation: states, change of [v, w] as forces, first and second rate of dissipation."""
+    """A continuation: states, change of [v, w] as forces, first and second rate of dissipation.
 
+    ``end`` is what follows: rates of the segment, or the end of a leg from rest.
+    """
+
+    end: Any
     state: States
     change: Array
     dissipation: tuple[float, float]
@@ -72,18 +75,12 @@ class Chooser:
     """Finds all continuations at each event and turning point, takes one, notes the choice.
 
     Attributes:
-        rule: one of ``RULES``, or a number from 1.
         log: the choices made, in their order.
         unsure: places at which not all continuations could be searched.
     """
 
     def __init__(self, rule: str | int = FIRST, taken: Mapping[Key, int] | None = None) -> None:
-        """Prepare.
-
-        Args:
-            rule: rule of all choices but the given ones.
-            taken: number of the continuation to take, from 1, of given choices.
-        """
+        """Prepare with a rule, and numbers from 1 of continuations to take at given choices."""
         self.rule, self.taken = rule, taken or {}
         self.log: dict[Key, Choice] = {}
         self.unsure: set[tuple[int, int, float]] = set()
@@ -105,27 +102,18 @@ class Chooser:
     def choose(self, found: ConsistentStates, before: States, segment: Segment) -> Segment:
         """Return the rates to go on with, and bring the path's states to theirs.
 
-        Args:
-            found: the search for consistent states, at the present point.
-            before: (N,) states before.
-            segment: rates in the states that it has found.
+        ``found`` is the search for consistent states at the present point, ``before`` the (N,)
+        states before it, ``segment`` the rates in the states that it has found.
         """
         segments, point = found.segments, found.point
         undecided, free = found.rate_problem(before)
         place = (*self._leg, point.problem.place(point.s))
         if not len(undecided.nodes) or self._is_certified(segments.system, before, undecided):
             return segment
-        try:
-            held = found.direction @ segments.system.r_star
-            solutions = all_solutions(segments.system, held, undecided, free)
-        except np.linalg.LinAlgError:
-            self.unsure.add(place)
-            return segment
-        if not solutions.complete:
-            self.unsure.add(place)
+        held = found.direction @ segments.system.r_star
         first = point.state
-        ways = [(segment, _option_of(segments, point.y, first, segment))]
-        for row in solutions.states:
+        ways = [_option_of(segments, point.y, first, segment)]
+        for row in self._solutions(place, segments.system, held, undecided, free):
             point.state = np.where(row > 0, row, before).astype(np.int8)
             try:
                 other = segments.at(point.state, found.direction)
@@ -133,18 +121,29 @@ class Chooser:
                 self.unsure.add(place)
                 continue
             option = _option_of(segments, point.y, point.state, other)
-            known = any(np.array_equal(option.state, o.state) or option.equals(o) for _, o in ways)
+            known = any(np.array_equal(option.state, o.state) or option.equals(o) for o in ways)
             if not known and not len(found.violations(other)):
-                ways.append((other, option))
-        point.state = first
-        number = self._take(place, point.load, [option for _, option in ways])
+                ways.append(option)
+        number = self._take(place, point.load, ways)
+        point.state = first if number == 0 else ways[number].state
         if number > 0:
-            point.state = ways[number][1].state
             # quantities of undecided nodes within round-off of their limits are zero
             for kind in (1, A, B):
                 labels = kind * segments.system.n + undecided.nodes
                 point.y[labels[point.y[labels] <= found.on_limit[labels]]] = 0.0
-        return ways[number][0]
+        segment = ways[number].end
+        return segment
+
+    def _solutions(self, place: tuple[int, int, float], *problem: Any) -> NDArray[np.int8]:
+        """Return (k, N) solutions of a rate problem; note the place where there may be others."""
+        try:
+            solutions = all_solutions(*problem)
+        except np.linalg.LinAlgError:
+            self.unsure.add(place)
+            return np.zeros((0, 0), dtype=np.int8)
+        if not solutions.complete:
+            self.unsure.add(place)
+        return solutions.states
 
     def _is_certified(self, system: ContactSystem, before: States, undecided: Undecided) -> bool:
         """Return whether the rates are proved to be unique: all sets of states are definite."""
@@ -165,23 +164,17 @@ class Chooser:
         """Return the end of a leg from rest to take, ``end`` being the one that was found."""
         start, load = problem.start, problem.ends[1]
         place = (*self._leg, problem.place(0.0))
-        try:
-            solutions = all_solutions(*static_problem(segments, start, load))
-        except np.linalg.LinAlgError:
-            self.unsure.add(place)
-            return end
-        if not solutions.complete:
-            self.unsure.add(place)
-        ways = [(end, _static_option(segments, start, end))]
-        for row in solutions.states:
+        ways = [_static_option(segments, start, end)]
+        for row in self._solutions(place, *static_problem(segments, start, load)):
             other = end_in_states(segments, start, load, row)
             if other is None:
                 self.unsure.add(place)
                 continue
             option = _static_option(segments, start, other)
-            if not any(option.equals(known) for _, known in ways):
-                ways.append((other, option))
-        return ways[self._take(place, problem.ends[0], [option for _, option in ways])][0]
+            if not any(option.equals(known) for known in ways):
+                ways.append(option)
+        end = ways[self._take(place, problem.ends[0], ways)].end
+        return end
 
     def _take(self, place: tuple[int, int, float], load: Array, options: list[_Option]) -> int:
         """Return the index of the continuation to take; note the choice where there are several."""
@@ -234,7 +227,7 @@ class Chooser:
                 f"(first in cycle {cycle}, leg {leg}, at s = {s:.6g})"
             )
         if not self.log:
-            return NO_CHOICE
+            return "no choice between several continuations was made on the way"
         parts = [
             f"cycle {c.cycle}, leg {c.leg}, s = {c.s:.6g} (nodes {list(c.nodes)[:3]}, "
             f"{c.taken} of {c.solutions})"
@@ -266,7 +259,7 @@ def _option_of(segments: Segments, y: Array, state: States, segment: Segment) ->
     rate = np.where(touches, segment.q[:n], 0.0)
     Q, dQ = (a * z[A * n : B * n] - b * z[B * n :] for z in (y, segment.q))
     change = segment.q[: 2 * n] * segments.weight[: 2 * n]
-    return _Option(state, change, (-float(Q @ rate), -0.5 * float(dQ @ rate)))
+    return _Option(segment, state, change, (-float(Q @ rate), -0.5 * float(dQ @ rate)))
 
 
 def _static_option(segments: Segments, start: ContactState, end: ContactState) -> _Option:
@@ -274,4 +267,4 @@ def _static_option(segments: Segments, start: ContactState, end: ContactState) -
     change, n = end.u - start.u, segments.system.n
     slip = np.where(segments.frictional & (end.state != 2), change[:n], 0.0)
     dissipation = -0.5 * float(end.Q @ slip)
-    return _Option(end.state, change * segments.weight[: 2 * n], (dissipation, 0.0))
+    return _Option(end, end.state, change * segments.weight[: 2 * n], (dissipation, 0.0))

@@ -108,8 +108,23 @@ def critical_friction(
     nodes = np.flatnonzero(slips)
     loose_t = ~system.held[:n] & ~slips
     free = np.flatnonzero(np.concatenate([loose_t, ~closed & ~system.held[n:]]))
-    S, follow = _condensed(system, nodes, free)
-    K_tt, C = S[: len(nodes)], system.f[nodes, None] * S[len(nodes) :]
+    # condensed of what moves freely with them
+    K, follow = system.K, np.zeros((0, len(nodes)))
+    if len(free):
+        block = K[np.ix_(free, free)]
+        if not _is_stiff(block):
+            raise InputError(
+                "critical_friction: nothing resists a motion of the open or frictionless nodes; "
+                "close a node, or add a [[support]]"
+            )
+        follow = -np.linalg.solve(block, K[np.ix_(free, nodes)])
+    K_tt, K_nt = (K[np.ix_(i, nodes)] + K[np.ix_(i, free)] @ follow for i in (nodes, n + nodes))
+    if not _is_stiff(K_tt):
+        raise InputError(
+            "critical_friction: the body slides freely along its contact; hold it by a [[support]],"
+            " by symmetry, or by a node without friction that is held"
+        )
+    C = system.f[nodes, None] * K_nt
     A = -np.linalg.solve(K_tt, C.T).T
     exact = len(nodes) <= 12  # few: all signs are tried
     mu, s = try_all_signs(A) if exact else search_signs(A, starts)
@@ -152,29 +167,6 @@ def _states(system: ContactSystem, states: ArrayLike | None) -> NDArray[np.int8]
     return given.astype(np.int8)
 
 
-def _condensed(
-    system: ContactSystem, nodes: NDArray[np.intp], free: NDArray[np.intp]
-) -> tuple[Array, Array]:
-    """Return [K_tt; K_nt] of the slipping nodes, and the motion of the free freedoms with them."""
-    K, rows = system.K, np.concatenate([nodes, system.n + nodes])
-    follow = np.zeros((0, len(nodes)))
-    if len(free):
-        block = K[np.ix_(free, free)]
-        if not _is_stiff(block):
-            raise InputError(
-                "critical_friction: nothing resists a motion of the open or frictionless nodes; "
-                "close a node, or add a [[support]]"
-            )
-        follow = -np.linalg.solve(block, K[np.ix_(free, nodes)])
-    S: Array = K[np.ix_(rows, nodes)] + K[np.ix_(rows, free)] @ follow
-    if not _is_stiff(S[: len(nodes)]):
-        raise InputError(
-            "critical_friction: the body slides freely along its contact; hold it by a [[support]],"
-            " by symmetry, or by a node without friction that is held"
-        )
-    return S, follow
-
-
 def _is_stiff(K: Array) -> bool:
     """Return whether a symmetric block resists every motion."""
     size = np.linalg.eigvalsh(0.5 * (K + K.T))
@@ -193,41 +185,27 @@ def largest_real(matrices: Array) -> Array:
 def try_all_signs(A: Array) -> tuple[float, Array]:
     """Return the largest real eigenvalue of S A over all signs, and the signs."""
     signs = np.array(list(product((1.0, -1.0), repeat=len(A))))
-    values = np.concatenate(
-        [
-            largest_real(part[:, :, None] * A)
-            for part in np.array_split(signs, len(signs) // 256 + 1)
-        ]
-    )
+    parts = np.array_split(signs, len(signs) // 256 + 1)
+    values = np.concatenate([largest_real(part[:, :, None] * A) for part in parts])
     best = int(np.argmax(values))
     return float(values[best]), signs[best]
 
 
 def search_signs(A: Array, starts: int = 8) -> tuple[float, Array]:
-    """Search the largest real eigenvalue of S A over signs by flips from several starts.
+    """Return a large real eigenvalue of S A, and its signs, by flips from several starts.
 
-    Args:
-        A: (m, m) matrix.
-        starts: random signs to start from, beside those that make the diagonal of S A positive.
-
-    Returns:
-        A lower bound of the largest eigenvalue, and its signs.
+    Starts are the signs that make the diagonal of S A positive, and random ones.
     """
     random = np.random.default_rng(0).choice([-1.0, 1.0], (starts, len(A)))
-    best, signs = 0.0, np.ones(len(A))
-    for start in (np.where(np.diagonal(A) < 0.0, -1.0, 1.0), *random):
-        mu, s = _climb(A, start)
-        if mu > best:
-            best, signs = mu, s
-    return best, signs
+    every = [_climb(A, s) for s in (np.where(np.diagonal(A) < 0.0, -1.0, 1.0), *random)]
+    return max(every, key=lambda one: one[0])
 
 
 def _climb(A: Array, s: Array) -> tuple[float, Array]:
     """Flip signs along the gradient while the largest real eigenvalue grows."""
     mu = float(largest_real(s[:, None] * A))
     if mu == 0.0:  # S A and -S A have opposite eigenvalues
-        s = -s
-        mu = float(largest_real(s[:, None] * A))
+        mu, s = float(largest_real(-s[:, None] * A)), -s
     while mu > 0.0:
         x, y = eigenvectors(s, A, mu)
         share = y * x / (y @ x)
