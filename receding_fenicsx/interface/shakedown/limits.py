@@ -174,13 +174,8 @@ def lower_limit(
     For each node the pair of vertices (k, l) in A_ik = B_il = 0 is that of the smallest changes, so
     that one program a node is left of the pairs' N V^2. A program for the smallest A_i + B_i below
     the best mu so far shows by its dual bound that a node cannot improve it; only where the sum
-    reaches zero a second program finds mu.
-
-    Args:
-        margins: the margins.
-        upper: answer of :func:`upper_limit`.
-        targets: numbers of the targets to look at; all when left out.
-        certificates: multipliers of another mean load, tried before any program is solved.
+    reaches zero a second program finds mu. Multipliers of another mean load are tried before any
+    program is solved. ``targets`` are numbers of the targets to look at, all when left out.
 
     Raises:
         InputError: no slip within the bounds of :func:`with_bound` holds the mean loads.
@@ -238,7 +233,8 @@ def assembled(
         lower = None
     # the smallest slip with the same margins: nothing resists a free motion along the plane
     y = np.linalg.lstsq(margins.G, margins.G @ y, rcond=1e-10)[0]
-    v = margins.slip(y)
+    v = np.zeros(system.n)
+    v[margins.nodes] = margins.slip_scale * y
     top = mu * margins.range_scale
     residual = margin_residual(system, loads, v, top if bounded else 0.0, away)
     if residual > BINDS:
@@ -275,8 +271,8 @@ def _active(
     """Yield the margins that hold an answer: those with a multiplier, and its equations."""
     size = float(np.abs(answer.multipliers).max(initial=0.0))
     holding = np.flatnonzero(np.abs(answer.multipliers) > BINDS * size)
-    equations = np.array(answer.equations, dtype=int)
-    for row in np.union1d(holding[holding < len(margins.c)], equations):
+    holding = holding[holding < len(margins.c)]  # without the bounds of slips
+    for row in np.union1d(holding, np.array(answer.equations, dtype=int)):
         node = int(margins.node[row])
         vertex = int(np.argmin(margins.D[row]))
         yield Active(limit, node, float(system.x[node]), margins.kind[row], vertex)

@@ -50,20 +50,12 @@ class Margins:
     nodes: Ints  # (m,) contact nodes with friction, whose residual slip is unknown
     slip_scale: Array  # (m,) residual slip per unit of y
     range_scale: float  # lambda per unit of mu
-    n: int  # number of contact nodes of the model
     coupled: bool  # whether residual slip changes a pressure or a gap
 
     @property
     def d(self) -> Array:
         """(rows,) the smallest of D over the vertices: the only one that can bind for mu > 0."""
-        smallest: Array = self.D.min(axis=1)
-        return smallest
-
-    def slip(self, y: Array) -> Array:
-        """Return the residual slip (n,) of the scaled unknowns; 0 at nodes without one."""
-        v = np.zeros(self.n)
-        v[self.nodes] = self.slip_scale * y
-        return v
+        return np.asarray(self.D.min(axis=1))
 
 
 def load_range(system: ContactSystem, mean: Loads, vertices: Sequence[Loads]) -> LoadRange:
@@ -115,23 +107,19 @@ def _factors(system: ContactSystem, loads: Loads, where: str) -> Array:
 
 
 def margins_of(
-    system: ContactSystem, loads: LoadRange, separated: NDArray[np.bool_] | None = None
+    system: ContactSystem, loads: LoadRange, separated: NDArray[np.bool_]
 ) -> Margins:
     """Return the margins of a contact whose set of touching nodes is given and constant.
 
-    Tangential displacements of nodes without friction (Q = 0) and both displacements of separated
-    nodes (Q = P = 0) are eliminated by eq. (11); closed nodes have w = -g0.
-
-    Args:
-        system: the condensed body, ``kind = "frictional"``.
-        loads: mean loads and range.
-        separated: (N,) nodes that are separated throughout; none when left out.
+    Tangential displacements of nodes without friction (Q = 0) and both displacements of the (N,)
+    nodes separated throughout (Q = P = 0) are eliminated by eq. (11); closed nodes have w = -g0.
+    Margins are over the largest one of the mean loads, slips over that of its force.
 
     Raises:
         InputError: no node has friction, or the mean loads cause no reactions.
     """
     n, friction = system.n, system.friction
-    away = np.zeros(n, dtype=bool) if separated is None else separated & ~system.held[n:]
+    away = separated & ~system.held[n:]
     loose, pressed = ~system.held[:n], ~system.held[n:] & ~away
     nodes = np.flatnonzero(loose & pressed & friction.present)
     if not len(nodes):
@@ -156,21 +144,25 @@ def margins_of(
     normal = np.vstack([r[n:][pressed, :m], rows[len(rows) - p :, :m]])
     kind = (FORWARD,) * m + (BACKWARD,) * m + (UNLOADS,) * q + (TOUCHES,) * p
     targets = [(i, m + i) for i in range(m)] + [(2 * m + i,) for i in range(q + p)]
-    bare = Margins(
-        rows[:, :m],
-        rows[:, m] + rows[:, m + 1 :] @ loads.mean,
-        rows[:, m + 1 :],
-        rows[:, m + 1 :] @ loads.vertices.T,
+    by_load = rows[:, m + 1 :]
+    c, D = rows[:, m] + by_load @ loads.mean, by_load @ loads.vertices.T
+    force, change = float(np.abs(c).max()), float(np.abs(D).max())
+    if force == 0.0:
+        raise InputError("mean: its loads do not press the contact; add the load that does")
+    slip, size = force / system.local_stiffness[0][nodes], force / change if change else 1.0
+    return Margins(
+        rows[:, :m] * slip / force,
+        c / force,
+        by_load / force,
+        D * (size / force),
         np.concatenate([nodes, nodes, others, gaps]),
         kind,
         tuple(targets),
         nodes,
-        np.ones(m),
-        1.0,
-        n,
+        slip,
+        size,
         bool(np.abs(normal).max() > 1e-10 * np.abs(r[nodes, :m]).max()),
     )
-    return _scaled(bare, system.local_stiffness[0][nodes])
 
 
 def _affine(system: ContactSystem, nodes: Ints, away: NDArray[np.bool_]) -> tuple[Array, Array]:
@@ -207,31 +199,9 @@ def with_bound(margins: Margins, largest_slip: float | None) -> Margins:
     if not largest_slip > 0.0:
         raise InputError(f"largest_slip: must be positive, not {largest_slip:g}")
     m, bound = len(margins.nodes), largest_slip / margins.slip_scale
-    none = np.zeros((2 * m, margins.D.shape[1]))
-    return replace(
-        margins,
-        G=np.vstack([margins.G, np.eye(m), -np.eye(m)]),
-        c=np.concatenate([margins.c, bound, bound]),
-        by_load=np.vstack([margins.by_load, np.zeros((2 * m, margins.by_load.shape[1]))]),
-        D=np.vstack([margins.D, none]),
-    )
-
-
-def _scaled(bare: Margins, stiffness: Array) -> Margins:
-    """Return margins over the largest one of the mean, slips over that of its force."""
-    force, change = float(np.abs(bare.c).max()), float(np.abs(bare.D).max())
-    if force == 0.0:
-        raise InputError("mean: its loads do not press the contact; add the load that does")
-    slip, size = force / stiffness, force / change if change else 1.0
-    return replace(
-        bare,
-        G=bare.G * slip / force,
-        c=bare.c / force,
-        by_load=bare.by_load / force,
-        D=bare.D * (size / force),
-        slip_scale=slip,
-        range_scale=size,
-    )
+    by_load, D = (np.pad(rows, ((0, 2 * m), (0, 0))) for rows in (margins.by_load, margins.D))
+    G, c = np.vstack([margins.G, np.eye(m), -np.eye(m)]), np.concatenate([margins.c, bound, bound])
+    return replace(margins, G=G, c=c, by_load=by_load, D=D)
 
 
 def prepared(
@@ -307,9 +277,11 @@ def margin_residual(
     Displacements follow from v, closed gaps and forces that vanish, independently of the programs.
     """
     n, K = system.n, system.K
-    loose = ~system.held[:n]
-    known = np.concatenate([~loose | (system.friction.present & ~away), ~away | system.held[n:]])
-    u = np.concatenate([v, np.where(system.held[n:], 0.0, -system.g0)])
+    held_t, held_n = system.held.reshape(2, n)
+    pressed = ~away & ~held_n
+    slips = system.friction.present & ~held_t & pressed
+    known = np.concatenate([held_t | slips, ~away | held_n])
+    u = np.concatenate([v, np.where(held_n, 0.0, -system.g0)])
     e = np.flatnonzero(~known)
     worst, force = 0.0, 0.0
     for vertex in loads.vertices:
@@ -319,8 +291,6 @@ def margin_residual(
             u[e] = -np.linalg.solve(K[np.ix_(e, e)], reactions(system, load, u)[e])
         r = reactions(system, load, u)
         A, B = system.friction.margins(r[:n], r[n:])
-        slips = known[:n] & loose & ~system.held[n:] & system.friction.present
-        pressed = ~away & ~system.held[n:]
         margins = np.concatenate([A[slips], B[slips], r[n:][pressed]])
         gaps = np.diagonal(K)[n:][away] * (u[n:] + system.g0)[away]
         worst = max(worst, -float(margins.min()), -float(gaps.min(initial=0.0)))

@@ -38,10 +38,6 @@ from receding_fenicsx.interface.system import ContactSystem
 LARGEST = 10.0
 """Largest reaction over that of the largest loads with all nodes held, and displacement over that
 of such a force, that the programs look at (the big M of the binaries)."""
-FREE = -1
-"""State of a node between two points that the program chooses."""
-CHANGES = 2
-"""Changes of the set on each leg of a range with more than two corners."""
 
 
 @dataclass(frozen=True)
@@ -54,7 +50,7 @@ class Opening:
         slip: (N,) tangential displacements at the first corner.
         closed: (intervals, N) nodes that are closed between the points.
         best: no such motion goes further with as many changes of the set as nodes may open
-            (``CHANGES`` on each leg of a loop), these nodes, and numbers below ``LARGEST``.
+            (two on each leg of a loop), these nodes, and numbers below ``LARGEST``.
         cut: the search ended before its last program was solved.
         residual: largest violation of the contact law at the points, over the largest force.
         dissipation: largest of exact cycles from ``slip`` at just below ``value``, over F^2 / K_ii
@@ -106,13 +102,8 @@ def largest_opening(
     """Return the largest range up to ``top`` round which a motion without slip was found.
 
     First all nodes stay as they are; then the sequence of sets grows by one unknown set at either
-    end while that helps. Where few nodes open, all its sets are unknown at last.
-
-    Args:
-        system: the condensed body, with friction.
-        loads: mean loads and range.
-        opens: (N,) nodes that may open; all others stay closed.
-        top: largest lambda, positive.
+    end while that helps. Where few nodes open, all its sets are unknown at last. ``opens`` are the
+    (N,) nodes that may open; all others stay closed.
 
     Raises:
         SolveError: no motion without slip was found at any range, or one fails its check.
@@ -123,7 +114,7 @@ def largest_opening(
     opens = opens & ~system.held[system.n :]
     scaled = replace(system, K=system.K * (slip / force), g0=system.g0 / slip)
     task = _Task(scaled, opens, mean / force, D / force)
-    unknown, many = np.where(opens, FREE, 1)[None], int(opens.sum())
+    unknown, many = np.where(opens, -1, 1)[None], int(opens.sum())
     found = _solved(task, np.repeat(unknown, task.legs, axis=0), None)
     proved = found.proved
     while task.legs == 1:
@@ -134,7 +125,8 @@ def largest_opening(
         if more.mu <= found.mu * (1.0 + 1e-6):
             break
         found = more
-    intervals = task.legs * (1 + CHANGES) if task.legs > 1 else max(many + 1, len(found.sets))
+    # a loop has two changes of the set on each leg
+    intervals = 3 * task.legs if task.legs > 1 else max(many + 1, len(found.sets))
     # all states chosen by one program of at most so many binaries
     best = intervals * many <= 30
     if best:
@@ -159,10 +151,10 @@ def _solved(task: _Task, pattern: Ints, known: _Motion | None) -> _Motion:
 
 
 def _program(task: _Task, pattern: Ints, at_least: float) -> _Motion | None:
-    """Solve one program for states (intervals, N), some ``FREE``; None without an answer."""
+    """Solve one program for states (intervals, N), -1 where it chooses; None without an answer."""
     rows = _Rows(task, len(pattern))
     rows.choose(pattern)
-    binary, unknown = slice(*rows.ends[4:6]), (pattern == FREE).ravel()
+    binary, unknown = slice(*rows.ends[4:6]), (pattern < 0).ravel()
     integral, cost = np.zeros((2, rows.ends[-1]))
     integral[binary], cost[-1] = unknown, -1.0
     found = scipy.optimize.milp(
@@ -241,7 +233,7 @@ class _Rows:
             for sign in (1.0, -1.0):
                 self.add((sign * change - z)[sticks], -LARGEST)
             for known in pattern[max(k - 1, 0) : k + 2]:
-                nodes = (states == FREE) & (known != FREE)
+                nodes = (states < 0) & (known >= 0)
                 sign = np.where(known == 1, 1.0, -1.0)[nodes]
                 stay = sparse.csr_matrix(sign) @ self.z[k][nodes]
                 # two nodes open or close at such a change
@@ -258,7 +250,7 @@ class _Rows:
         )
         least += [
             np.zeros(points),
-            np.where(pattern == FREE, 0, pattern).ravel(),
+            np.maximum(pattern, 0).ravel(),
             np.atleast_1d(at_least),
         ]
         most += [inner, np.abs(pattern).ravel(), np.ones(1)]

@@ -11,10 +11,9 @@ from numpy.typing import NDArray
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.errors import SolveError
 
-FEASIBLE = 1e-9
-"""Largest violated margin, over the largest one of the mean loads, of an accepted answer."""
 VANISHES = 1e-9
-"""Sum of a target's margins, over the largest margin of the mean loads, that is zero."""
+"""Largest violated margin of an accepted answer, and sum of a target's margins that is zero, over
+the largest margin of the mean loads."""
 BINDS = 1e-7
 """Margin below which a row binds."""
 
@@ -37,13 +36,7 @@ def minimise(
 
     For multipliers m >= 0 with m G = cost - rho the value is at least -m c + rho z; the polished
     multipliers leave rho only in the last unknown, whose bounds are known, and round-off elsewhere.
-
-    Args:
-        cost: (m + 1,) coefficients.
-        G: (rows, m + 1) matrix.
-        c: (rows,) constants.
-        top: upper bound of the last unknown.
-        equations: rows that vanish.
+    The rows ``equations`` vanish. G is (rows, m + 1).
 
     Raises:
         SolveError: the solver failed, or its answer does not pass the checks.
@@ -70,9 +63,15 @@ def minimise(
             value = np.inf if found.status == 2 else -np.inf
             return Answer(np.full(len(cost), np.nan), value, -np.inf, np.zeros(len(c)))
         if found.status == 0:
-            answer = _answer(found, (cost, G, c, top), is_equation)
-            violated, gap = -float((G @ answer.z + c).min()), abs(answer.value - answer.bound)
-            if violated <= FEASIBLE and gap <= 1e-8 * (1.0 + abs(answer.value)):
+            multipliers = np.zeros(len(c))
+            multipliers[~is_equation] = np.maximum(-found.ineqlin.marginals, 0.0)
+            multipliers[is_equation] = found.eqlin.marginals
+            z = _polished(found.x, G, c, is_equation, top)
+            multipliers = _refined(multipliers, cost, G, is_equation, 0.0 < z[-1] < top)
+            bound = dual_bound(multipliers, cost, G, c, top, z)
+            answer = Answer(z, float(cost @ z), bound, multipliers, equations)
+            violated, gap = -float((G @ z + c).min()), abs(answer.value - bound)
+            if violated <= VANISHES and gap <= 1e-8 * (1.0 + abs(answer.value)):
                 return answer
             found.message = f"margins violated by {violated:.1e}, dual bound off by {gap:.1e}"
         reasons.append(found.message)
@@ -83,15 +82,9 @@ def minimise(
 
 
 def dual_bound(multipliers: Array, cost: Array, G: Array, c: Array, top: float, z: Array) -> float:
-    """Return the lower bound of cost z that multipliers prove.
+    """Return the lower bound of cost z that (rows,) multipliers prove.
 
-    Args:
-        multipliers: (rows,) multipliers.
-        cost: (m + 1,) coefficients.
-        G: (rows, m + 1) matrix.
-        c: (rows,) constants.
-        top: upper bound of the last unknown.
-        z: point whose size tells what the residual rho of the unbounded unknowns may do.
+    The size of the point z tells what the residual rho of the unbounded unknowns may do.
     """
     rest = cost - multipliers @ G
     free = slice(0, -1) if np.isfinite(top) else slice(None)
@@ -99,34 +92,17 @@ def dual_bound(multipliers: Array, cost: Array, G: Array, c: Array, top: float, 
     return float(-multipliers @ c) + last - float(np.abs(rest[free]) @ np.abs(z[free]))
 
 
-def _answer(
-    found: scipy.optimize.OptimizeResult,
-    program: tuple[Array, Array, Array, float],
-    is_equation: NDArray[np.bool_],
-) -> Answer:
-    """Return the solver's answer, polished to round-off, with the bound of its multipliers."""
-    cost, G, c, top = program
-    multipliers = np.zeros(len(c))
-    multipliers[~is_equation] = np.maximum(-found.ineqlin.marginals, 0.0)
-    multipliers[is_equation] = found.eqlin.marginals
-    z = _polished(found.x, G, c, is_equation, top)
-    multipliers = _refined(multipliers, cost, G, is_equation, 0.0 < z[-1] < top)
-    bound = dual_bound(multipliers, cost, G, c, top, z)
-    equations = tuple(np.flatnonzero(is_equation).tolist())
-    return Answer(z, float(cost @ z), bound, multipliers, equations)
-
-
 def _polished(x: Array, G: Array, c: Array, is_equation: NDArray[np.bool_], top: float) -> Array:
     """Return the nearest point at which the rows that bind vanish to round-off."""
     margins = G @ x + c
     rows = np.flatnonzero(is_equation | (np.abs(margins) <= BINDS))
     z = x.copy()
-    z[-1] = next((end for end in (0.0, top) if abs(x[-1] - end) <= FEASIBLE), x[-1])
+    z[-1] = next((end for end in (0.0, top) if abs(x[-1] - end) <= VANISHES), x[-1])
     # the last unknown stays where it is at one of its bounds
     moving = slice(None) if 0.0 < z[-1] < top else slice(0, -1)
     if len(rows):
         z[moving] -= np.linalg.lstsq(G[rows][:, moving], G[rows] @ z + c[rows], rcond=None)[0]
-    return z if -(G @ z + c).min() <= max(-margins.min(), FEASIBLE) else x
+    return z if -(G @ z + c).min() <= max(-margins.min(), VANISHES) else x
 
 
 def _refined(
@@ -134,8 +110,6 @@ def _refined(
 ) -> Array:
     """Return multipliers that balance the cost of the unknowns away from bounds to round-off."""
     rows = np.flatnonzero(is_equation | (multipliers > 0.0))
-    if not len(rows):
-        return multipliers
     columns = slice(None) if inside else slice(0, -1)
     rest = (cost - multipliers @ G)[columns]
     refined = multipliers.copy()

@@ -143,6 +143,10 @@ def test_nodes_held_or_without_friction_keep_the_limits_right(seed: int) -> None
     limits = rf.shakedown_limits(*case)
     safe = limits.safe_slip_modelled
     assert safe[0] == safe[1] == safe[-1] == 0.0
+    # a coefficient where the gap is held says nothing
+    n, f = case[0].n, case[0].f
+    rough = replace(case[0], f=np.where(case[0].held[n:], 0.5, f))
+    assert rf.shakedown_limits(rough, *case[1:]).upper == pytest.approx(limits.upper, rel=1e-12)
     assert np.all(played(case, 0.999 * limits.upper, safe).cycles.dissipation == 0.0)
     if not limits.opens:
         assert played(case, 1.005 * limits.upper, safe).steady.kind == "cyclic slip"
