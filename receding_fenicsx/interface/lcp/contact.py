@@ -152,12 +152,15 @@ class Problem(NamedTuple):
         except np.linalg.LinAlgError:
             # a set that leaves a motion without stiffness: least squares, checked below like all
             u = np.array(
-                [np.linalg.lstsq(M, r[:, 0], rcond=None)[0] for M, r in zip(matrix, right, strict=True)]
+                [
+                    np.linalg.lstsq(M, r[:, 0], rcond=None)[0]
+                    for M, r in zip(matrix, right, strict=True)
+                ]
             )
         x = u @ S.T + s
         balance = np.abs(np.einsum("kij,kj->ki", matrix, u) - right[:, :, 0]).max(axis=1)
         v, w, Q, P = u[:, :m], u[:, m:], x[:, :m], x[:, m:]
-        # violation of an inequality, over the largest term of its kind, up to which a set is accepted
+        # violation of an inequality, over the largest term of its kind, that is accepted
         force = np.maximum(np.abs(x).max(axis=1), np.abs(s).max())[:, None] * 1e-9
         way = np.abs(u).max(axis=1)[:, None] * 1e-9
         can_open, can_forward, can_backward = map(self.may_be, (SEPARATION, FORWARD, BACKWARD))

@@ -106,9 +106,7 @@ def _factors(system: ContactSystem, loads: Loads, where: str) -> Array:
     return values
 
 
-def margins_of(
-    system: ContactSystem, loads: LoadRange, separated: NDArray[np.bool_]
-) -> Margins:
+def margins_of(system: ContactSystem, loads: LoadRange, separated: NDArray[np.bool_]) -> Margins:
     """Return the margins of a contact whose set of touching nodes is given and constant.
 
     Tangential displacements of nodes without friction (Q = 0) and both displacements of the (N,)
