@@ -1,6 +1,7 @@
 """Numbers that tests of sweeps take from records, in a module that new processes can import."""
 
 import os
+from dataclasses import dataclass
 from typing import Any
 
 import receding_fenicsx as rf
@@ -8,6 +9,18 @@ import receding_fenicsx as rf
 
 def half(record: rf.Record) -> dict[str, Any]:
     return {"half": 0.5 * record.turning_points.P[-1].max(), "name": "half"}
+
+
+def times(record: rf.Record, factor: float) -> dict[str, Any]:
+    return {"half": factor * record.turning_points.P[-1].max()}
+
+
+@dataclass
+class Times:
+    factor: float
+
+    def __call__(self, record: rf.Record) -> dict[str, Any]:
+        return times(record, self.factor)
 
 
 def syy(record: rf.Record) -> dict[str, Any]:

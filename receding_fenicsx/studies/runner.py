@@ -15,11 +15,11 @@ the outcomes. A new study, here of a number over the friction::
             work = [(s, body_of(s), runner.systems) for s in scenes]
             return runner.outcomes([Case(identity_of(w[0]), w, (), w[1]) for w in work], slip_of)
 
-        begin = lambda: Study("slip study", "slip_cases.json", scene, combine)
-        return run_study(begin, out, workers, options)
+        kind = Kind("slip study", "slip_cases.json")
+        return run_study(kind, lambda: Study(scene, combine), out, workers, options)
 
 ``runner.outcomes`` may be called again, with cases that depend on earlier outcomes. The folder
-holds ``cases.jsonl``, a line for each finished case, and the file named by the study, which says
+holds ``cases.jsonl``, a line for each finished case, and the file named by the kind, which says
 what it is of: a study of another scene, or with other ``same``, does not continue it.
 """
 
@@ -28,33 +28,32 @@ from __future__ import annotations
 import contextlib
 import hashlib
 import json
-import pickle
 import shutil
 import signal
 from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, as_completed, wait
-from dataclasses import dataclass, field, is_dataclass
+from dataclasses import dataclass, field, fields, is_dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 import numpy as np
 
 from receding_fenicsx import mpi, workers
-from receding_fenicsx.atomic import make_folder, unwritable
+from receding_fenicsx.atomic import make_folder, new_file, unwritable
 from receding_fenicsx.environment import versions
 from receding_fenicsx.errors import InputError, RecedingError, SolveError
 from receding_fenicsx.scene.identity import difference, digest
 from receding_fenicsx.scene.model import Scene
 from receding_fenicsx.scene.toml_file import known_scene, to_toml
-from receding_fenicsx.store.run_folder import write_summary
+from receding_fenicsx.store.run_folder import write_csv, write_summary
 from receding_fenicsx.store.workspace import (
     CASES,
     Case,
     CaseFile,
     FolderKind,
     Outcome,
-    interruption,
     locked,
+    resumable,
 )
 from receding_fenicsx.timing import Countdown, Say
 
@@ -92,42 +91,70 @@ class StudyOptions:
 
 
 @dataclass(frozen=True)
-class Study(Generic[T]):
-    """A study of a scene."""
+class Kind:
+    """Kind of a study: its name, such as "sweep", and the files in its folder."""
 
-    name: str  # what its folder holds, such as "sweep"
-    file: str  # name of the file that says what the study is of
-    scene: Scene | None  # the scene; None without one
-    # runs cases by a :class:`Runner`, and makes the result of their outcomes
-    combine: Callable[[Runner], T]
-    # what must be the same where the study is continued, by its name in messages
-    same: Mapping[str, Any] = field(default_factory=dict)
-    content: Mapping[str, Any] = field(default_factory=dict)  # what else the file says
-    results: tuple[str, ...] = ()  # files that are removed while cases are not finished
+    name: str
+    file: str  # says what the study is of
+    results: tuple[str, ...] = ()  # are removed while cases are not finished
+    shares: bool = True  # False: its cases depend on each other
+
+    def check(self, out: str | Path | None, workers: int | None, options: StudyOptions) -> None:
+        """Raise InputError on all ranks where a study cannot be run or written; collective."""
+        comm = mpi.world()
+        check_workers(workers, comm, options.executor)
+        if options.shard is not None:
+            number, shares = options.shard
+            if not self.shares:
+                raise InputError(
+                    f"{self.name}: its cases depend on each other; leave the shard out"
+                )
+            if out is None or not 1 <= number <= shares:
+                raise InputError(
+                    f"shard {number}/{shares}: needs 1 <= number <= count, and a folder"
+                )
+            if options.overwrite:
+                raise InputError(
+                    "--shard and --overwrite: shares use the folder together; omit one"
+                )
+        if out is not None:
+            mpi.on_root(comm, lambda: self.continues(Path(out), options))
+
+    def continues(self, path: Path, options: StudyOptions) -> bool:
+        """Return whether a folder holds a study to continue; InputError: it may not be written."""
+        resume = options.resume or options.shard is not None
+        return self.folder.check(path, options.overwrite, resume) and resume
 
     @property
-    def kind(self) -> FolderKind:
+    def folder(self) -> FolderKind:
         """Kind of its folder."""
         marks = (self.file, *(name for name in self.results if name.endswith(".json")))
         return FolderKind(self.name, marks)
 
 
+@dataclass(frozen=True)
+class Study(Generic[T]):
+    """A study of a scene."""
+
+    scene: Scene | None  # None without one
+    # runs cases by a :class:`Runner`, and makes the result of their outcomes
+    combine: Callable[[Runner], T]
+    # what must be the same where the study is continued, by its name in messages
+    same: Mapping[str, Any] = field(default_factory=dict)
+    content: Mapping[str, Any] = field(default_factory=dict)  # what else the file says
+
+
 def run_study(
+    kind: Kind,
     begin: Callable[[], Study[T]],
     out: str | Path | None = None,
-    count: int | None = None,
+    workers: int | None = None,
     options: StudyOptions = StudyOptions(),
-    measure: Callable[..., Any] | None = None,
 ) -> T | None:
     """Run a study; all ranks of an MPI job call this together, rank 0 hands out the cases.
 
-    Args:
-        begin: returns the study, called on rank 0 before anything is written.
-        out: folder of the study; None writes nothing.
-        count: number of new processes of this machine that run the cases; default: this process.
-        options: further options.
-        measure: a function of the user's among the arguments of the cases: whether other processes
-            can take it is found before anything is written.
+    ``begin`` returns the study, called on rank 0 before anything is written; ``workers`` is the
+    number of new processes of this machine that run the cases, None for this process.
 
     Returns:
         What the study has made of its outcomes on rank 0, None on the others.
@@ -136,32 +163,17 @@ def run_study(
         InputError: the folder holds another study, or the options contradict each other.
         Interrupted: a signal asked to end; the folder can be resumed.
     """
-    comm = mpi.world()
-    check_workers(count, comm, options.executor)
-    if options.shard is not None:
-        number, shares = options.shard
-        if out is None or not 1 <= number <= shares:
-            raise InputError(f"shard {number}/{shares}: needs 1 <= number <= count, and a folder")
-        if options.overwrite:
-            raise InputError("--shard and --overwrite: shares use the folder together; omit one")
-    if measure is not None and (count is not None or options.executor or comm.size > 1):
-        import cloudpickle
-
-        try:
-            # new processes of this machine take functions of the main program too
-            (pickle if count is None else cloudpickle).dumps(measure)
-        except Exception as caught:
-            sent = f"cannot be sent to another process ({caught})"
-            raise InputError(
-                f"measure: {sent}; make it a function of a module, without open files"
-            ) from None
+    kind.check(out, workers, options)
 
     def run(executor: Executor | None) -> T:
         study = begin()
         if out is None:
-            return study.combine(Runner(study.name, options, None, count, executor))
-        with _opened(Path(out), study, options) as file:
-            runner = Runner(study.name, options, file, count, executor, study.results)
+            return study.combine(Runner(kind, options, None, workers, executor))
+        with (
+            _opened(Path(out), kind, study, options) as file,
+            resumable(Path(out), "between cases", "those that are finished"),
+        ):
+            runner = Runner(kind, options, file, workers, executor)
             result = study.combine(runner)
             if runner.complete:
                 shutil.rmtree(Path(out) / SYSTEMS, ignore_errors=True)
@@ -169,16 +181,7 @@ def run_study(
 
     if options.executor is not None:
         return run(options.executor)
-    return on_ranks(comm, run)
-
-
-def check_folder(
-    name: str, marks: tuple[str, ...], out: str | Path | None, options: StudyOptions
-) -> None:
-    """Raise InputError where a study may not be written, before anything is computed."""
-    if out is not None:
-        again = options.resume or options.shard is not None
-        FolderKind(name, marks).check(Path(out), options.overwrite, again)
+    return on_ranks(mpi.world(), run)
 
 
 def check_workers(count: int | None, comm: MPI.Comm, executor: Executor | None = None) -> None:
@@ -199,10 +202,13 @@ def digest_of(*parts: Any) -> str:
     """Return the digest of values, arrays and dataclasses of such."""
     found = hashlib.sha256()
     for part in parts:
-        if is_dataclass(part):
-            found.update(digest_of(*vars(part).values()).encode())
+        if is_dataclass(part):  # without properties that were computed so far
+            text = digest_of(*(getattr(part, each.name) for each in fields(part))).encode()
+        elif isinstance(part, np.ndarray):
+            text = repr((part.shape, part.dtype.str)).encode() + part.tobytes()
         else:
-            found.update(part.tobytes() if isinstance(part, np.ndarray) else repr(part).encode())
+            text = repr(part).encode()
+        found.update(b"%d:%s" % (len(text), text))
     return found.hexdigest()
 
 
@@ -263,53 +269,56 @@ class Runner:
 
     def __init__(
         self,
-        name: str,
+        kind: Kind,
         options: StudyOptions = StudyOptions(),
         file: CaseFile | None = None,
-        count: int | None = None,
+        workers: int | None = None,
         executor: Executor | None = None,
-        results: tuple[str, ...] = (),
     ) -> None:
         """Hold what runs the cases, and the file that keeps them; see :func:`run_study`."""
-        self.name, self.options, self.file = name, options, file
-        self.count, self.executor, self.results = count, executor, results
+        self.kind, self.options, self.file = kind, options, file
+        self.workers, self.executor = workers, executor
         self.folder = None if file is None else file.folder
         self.systems = None if file is None else file.folder / SYSTEMS
         self.complete = True
+        self.finished = {} if file is None else file.read(final=True)
 
-    def outcomes(self, cases: Sequence[Case], measure: Measure) -> list[Outcome]:
-        """Run the cases of this share that are not finished; return the outcomes of all."""
-        finished = {} if self.file is None else self.file.read(final=True)
+    def outcomes(
+        self, cases: Sequence[Case], measure: Measure, here: bool = False
+    ) -> list[Outcome]:
+        """Run the cases of this share that are not finished; return the outcomes of all.
+
+        ``here`` runs them in this process, without progress.
+        """
+        finished = self.finished
         # cases of one body follow each other: a process keeps few condensed systems
         order = sorted(range(len(cases)), key=lambda number: cases[number].body)
         first, step = self.options.shard or (1, 1)
         share = order[first - 1 :: step]
-        todo = {k: cases[k] for k in share if cases[k].identity and not cases[k].error}
-        todo = {k: case for k, case in todo.items() if case.identity not in finished}
-        lacking = [c for c in cases if not c.error and c.identity not in finished]
-        for name in self.results if lacking and self.folder else ():
+        lacking = {
+            k: case
+            for k, case in enumerate(cases)
+            if not case.error and case.identity not in finished
+        }
+        todo = {k: lacking[k] for k in share if k in lacking}
+        for name in self.kind.results if lacking and self.folder else ():
             (self.folder / name).unlink(missing_ok=True)  # type: ignore[operator]
         done, failed = len(share) - len(todo), 0
-        tell = Countdown(self.options.progress, f"{self.name}: case")
-        if self.executor is not None:
+        tell = Countdown(self.options.progress, f"{self.kind.name}: case")
+        if self.executor is not None and not here:
             play_all = _on_executor(self.executor, todo, measure)
-        elif self.count is not None:
-            play_all = _on_processes(todo, measure, self.count)
+        elif self.workers is not None and not here:
+            play_all = _on_processes(todo, measure, self.workers)
         else:
             play_all = ((number, play(case, measure)) for number, case in todo.items())
-        try:
-            with contextlib.closing(play_all) as played:
-                for more, (number, outcome) in enumerate(played, 1):
-                    finished[cases[number].identity] = outcome
-                    if self.file is not None:
-                        self.file.add(cases[number], outcome)
-                    failed += bool(outcome.error)
+        with contextlib.closing(play_all) as played:
+            for more, (number, outcome) in enumerate(played, 1):
+                finished[cases[number].identity] = outcome
+                if self.file is not None:
+                    self.file.add(cases[number], outcome)
+                failed += bool(outcome.error)
+                if not here:
                     tell(done + more, len(share), f"{failed} failed")
-        except (KeyboardInterrupt, SystemExit) as signalled:
-            if self.folder is None:
-                raise
-            where = f"after {len(finished)} of {len(cases)} cases"
-            raise interruption(signalled, where, self.folder, "them") from None
         if self.file is not None and step > 1:
             finished = self.file.read() | finished
         missing = Outcome({}, "not finished, in another share", final=False)
@@ -319,6 +328,28 @@ class Runner:
         ]
         self.complete = self.complete and all(outcome is not missing for outcome in found)
         return found
+
+    def write(self, files: Callable[[], Mapping[str, Any]]) -> None:
+        """Write the results by their names, when all cases are finished.
+
+        Contents are columns (.csv), a summary (.json), arrays (.npz), a figure (.png) or a text.
+        """
+        for name, content in files().items() if self.folder and self.complete else ():
+            path = self.folder / name  # type: ignore[operator]
+            if path.suffix == ".csv":
+                write_csv(path, content, overwrite=True)
+            elif path.suffix == ".json":
+                write_summary(path, {**content, "versions": versions()}, overwrite=True)
+            elif path.suffix == ".png":
+                from receding_fenicsx.output.plots.style import save
+
+                save(content, path)
+            else:
+                with new_file(path, overwrite=True) as beside, open(beside, "wb") as opened:
+                    if path.suffix == ".npz":
+                        np.savez_compressed(opened, **content)
+                    else:
+                        opened.write(content.encode())
 
 
 def play(case: Case, measure: Measure) -> Outcome:
@@ -385,54 +416,52 @@ SYSTEMS = "systems"
 
 
 @contextlib.contextmanager
-def _opened(path: Path, study: Study[Any], options: StudyOptions) -> Iterator[CaseFile]:
+def _opened(path: Path, kind: Kind, study: Study[Any], options: StudyOptions) -> Iterator[CaseFile]:
     """Open the folder of a study, a new one or one to continue; yield its file of cases."""
-    shard = options.shard
+    shard, scene = options.shard, study.scene
+    content = {
+        "format_version": 1,
+        "title": "" if scene is None else scene.title,
+        "same": dict(study.same),
+        **study.content,
+        "scene": "" if scene is None else to_toml(scene),
+        "digest": "" if scene is None else digest(scene),
+        "versions": versions(),
+    }
     resume = options.resume or shard is not None
-    if study.kind.check(path, options.overwrite, resume) and resume:
-        _check_same(path, study)
+    if kind.continues(path, options):
+        kind.folder.check_same(path, _other(path / kind.file, content, scene))
     make_folder(path)
     name = CASES if shard is None else f"cases.{shard[0]}-of-{shard[1]}.jsonl"
     try:
         with locked(path, shared=shard is not None):
             if not resume:
-                old = [*(path / name for name in study.results), *path.glob("cases*.jsonl")]
-                for file in old:
+                for file in [*(path / name for name in kind.results), *path.glob("cases*.jsonl")]:
                     file.unlink(missing_ok=True)
                 shutil.rmtree(path / SYSTEMS, ignore_errors=True)
-            content = {
-                "format_version": 1,
-                "title": "" if study.scene is None else study.scene.title,
-                "same": dict(study.same),
-                **study.content,
-                "scene": "" if study.scene is None else to_toml(study.scene),
-                "digest": "" if study.scene is None else digest(study.scene),
-                "versions": versions(),
-            }
-            write_summary(path / study.file, content, overwrite=True)
+            write_summary(path / kind.file, content, overwrite=True)
             with locked(path / name):
                 yield CaseFile(path, name)
     except OSError as error:
         raise unwritable(path, error) from None
 
 
-def _check_same(path: Path, study: Study[Any]) -> None:
-    """Raise InputError if a folder holds another study."""
+def _other(file: Path, content: Mapping[str, Any], scene: Scene | None) -> str | None:
+    """Return what differs between a study and the one that a file is of; None where nothing."""
     try:
-        found = json.loads((path / study.file).read_text(encoding="utf-8"))
-        scene = known_scene(found["scene"]) if found["scene"] else None
+        found = json.loads(file.read_text(encoding="utf-8"))
+        stored = known_scene(found["scene"]) if found["scene"] else None
         same, checksum = dict(found["same"]), found["digest"]
     except (OSError, ValueError, KeyError, TypeError, InputError):
-        raise InputError(f"{path / study.file}: is damaged; start anew with --overwrite") from None
-    if (scene is None) != (study.scene is None):
-        other: str | None = "scene"
+        raise InputError(f"{file}: is damaged; start anew with --overwrite") from None
+    if stored is None or scene is None:
+        other = None if stored is scene else "scene"
     else:
-        other = difference(scene, study.scene, frozenset({"title"}))
-    if other is None and study.scene is not None and checksum != digest(study.scene):
+        other = difference(stored, scene, frozenset({"title"}))
+    if other is None and checksum != content["digest"]:
         other = "mesh file"
-    own = json.loads(json.dumps(dict(study.same)))
+    own = json.loads(json.dumps(content["same"]))
     for name, value in same.items() if other is None else ():
         if own.get(name) != value:
-            other = f"{name}: it has {value}" if value else name
-            break
-    study.kind.check_same(path, other)
+            return f"{name}: it has {value}" if value else name
+    return other

@@ -12,17 +12,20 @@ import inspect
 import itertools
 import json
 import math
+import pickle
 import re
 import tomllib
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from receding_fenicsx import mpi
 from receding_fenicsx.arrays import aligned, check_types, shortened
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.evolution.evolve import evolve
@@ -38,7 +41,7 @@ from receding_fenicsx.scene.toml_reader import parse_toml, plain
 from receding_fenicsx.store.run_folder import write_csv
 from receding_fenicsx.store.workspace import Case, Outcome
 from receding_fenicsx.studies.run import shared_system
-from receding_fenicsx.studies.runner import Runner, Study, StudyOptions, run_study
+from receding_fenicsx.studies.runner import Kind, Runner, Study, StudyOptions, run_study
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -48,6 +51,7 @@ Label = float | int | str | bool
 """A value of a key as the table shows it."""
 ERROR = "error"
 """Column of the reasons why cases failed."""
+SWEEP = Kind("sweep", "sweep.json", ("sweep.csv",))
 
 
 @dataclass(frozen=True, repr=False)
@@ -105,8 +109,11 @@ class SweepTable:
 
     def write_csv(self, path: str | Path, overwrite: bool = False) -> None:
         """Write the table as a CSV file; numbers keep all their digits."""
-        columns = {name: [row.get(name) for row in self.rows] for name in self.columns}
-        write_csv(Path(path), columns, overwrite)
+        write_csv(Path(path), self.by_column(), overwrite)
+
+    def by_column(self) -> dict[str, list[Any]]:
+        """Return the values of all cases by their columns; None where a case has none."""
+        return {name: [row.get(name) for row in self.rows] for name in self.columns}
 
     def __repr__(self) -> str:
         """Return the number of cases, and the first rows with the most important columns."""
@@ -177,6 +184,19 @@ def sweep(
         options=(options, StudyOptions),
     )
 
+    SWEEP.check(out, workers, options)
+    if measure is not None and (workers or options.executor or mpi.world().size > 1):
+        import cloudpickle
+
+        try:
+            # new processes of this machine take functions of the main program too
+            (cloudpickle if workers else pickle).dumps(measure)
+        except Exception as caught:
+            sent = f"cannot be sent to another process ({caught})"
+            raise InputError(
+                f"measure: {sent}; make it a function of a module, without open files"
+            ) from None
+
     def begin() -> Study[SweepTable]:
         if scene.accuracy.tolerance is not None:
             own = "a sweep solves all its cases on the scene's mesh"
@@ -185,21 +205,38 @@ def sweep(
 
         def combine(runner: Runner) -> SweepTable:
             table = grid.table(runner.outcomes(grid.cases(runner.systems, measure), play_scene))
-            if runner.folder is not None and runner.complete:
-                table.write_csv(runner.folder / "sweep.csv", overwrite=True)
+            runner.write(lambda: {"sweep.csv": table.by_column()})
             return table
 
-        # changes with the function's name and program text
-        function = getattr(measure, "__qualname__", type(measure).__qualname__) if measure else ""
-        with suppress(OSError, TypeError):
-            text = inspect.getsource(measure) if measure else ""
-            function += f" {hashlib.sha256(text.encode()).hexdigest()[:16]}" if measure else ""
-        same = {"key": ", ".join(sorted(grid.keys)), "function measure": function}
+        same = {"key": ", ".join(sorted(grid.keys)), "function measure": _text_of(measure)}
         over_labels = dict(zip(grid.keys, grid.labels, strict=True))
-        content = {"over": over_labels, "cases": len(grid.scenes)}
-        return Study("sweep", "sweep.json", scene, combine, same, content, ("sweep.csv",))
+        return Study(scene, combine, same, {"over": over_labels, "cases": len(grid.scenes)})
 
-    return run_study(begin, out, workers, options, measure)
+    return run_study(SWEEP, begin, out, workers, options)
+
+
+def _text_of(measure: Any) -> str:
+    """Return a text that changes with a function's name, its program and the values it holds."""
+    if measure is None:
+        return ""
+    held: list[Any] = []
+    while isinstance(measure, partial):
+        held += [measure.args, measure.keywords]
+        measure = measure.func
+    held += [cell.cell_contents for cell in getattr(measure, "__closure__", None) or ()]
+    found = (getattr(measure, name, None) for name in ("__defaults__", "__self__", "__dict__"))
+    held += [value for value in found if value]
+
+    def known(value: Any) -> Any:
+        plain = value.tolist() if isinstance(value, np.ndarray | np.generic) else repr(value)
+        # an address changes from process to process
+        return re.sub(r" at 0x\w+", "", plain) if isinstance(plain, str) else plain
+
+    text = json.dumps(held, default=known, skipkeys=True) if held else ""
+    with suppress(OSError, TypeError):
+        text = inspect.getsource(measure) + text
+    name = getattr(measure, "__qualname__", type(measure).__qualname__)
+    return f"{name} {hashlib.sha256(text.encode()).hexdigest()[:16]}"
 
 
 def play_scene(

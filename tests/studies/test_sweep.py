@@ -10,6 +10,7 @@ import sys
 import time
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from threading import Lock
 from typing import Any
@@ -242,6 +243,24 @@ def test_a_sweep_goes_on_with_more_values_but_nothing_else(shared_tmp_path: Path
     rf.sweep(scene(), over, out, options=rf.StudyOptions(overwrite=True))
     comm.Barrier()
     assert len(lines(out)) == 1
+
+
+def test_a_sweep_goes_on_only_with_the_values_that_its_function_holds(
+    shared_tmp_path: Path,
+) -> None:
+    def bound(factor: float) -> list[Callable[..., Any]]:
+        def inner(record: rf.Record) -> dict[str, Any]:
+            return {"half": factor * record.turning_points.P[-1].max()}
+
+        return [partial(sweep_measures.times, factor=factor), sweep_measures.Times(factor), inner]
+
+    for k in range(2 if comm.size > 1 else 3):
+        first, other, same = (bound(factor)[k] for factor in (1.0, 2.0, 1.0))
+        out, resume = shared_tmp_path / f"out{k}", rf.StudyOptions(resume=True)
+        rf.sweep(scene(), {"contact.friction": [0.2]}, out, measure=first)
+        with pytest.raises(rf.InputError, match="another function measure"):
+            rf.sweep(scene(), {"contact.friction": [0.2]}, out, measure=other, options=resume)
+        rf.sweep(scene(), {"contact.friction": [0.2]}, out, measure=same, options=resume)
 
 
 def test_the_table_may_hold_numbers_of_the_users_own(shared_tmp_path: Path) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -15,7 +15,6 @@ from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
 from receding_fenicsx import mpi
 from receding_fenicsx.arrays import Array, as_numbers, check_types, described
-from receding_fenicsx.environment import versions
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.evolution.evolve import evolve
 from receding_fenicsx.evolution.record import Record
@@ -25,7 +24,6 @@ from receding_fenicsx.interface.system import ContactSystem
 from receding_fenicsx.modal import mode_number, mode_system, preload_path
 from receding_fenicsx.output.plots import style
 from receding_fenicsx.output.plots.labels import load_text
-from receding_fenicsx.output.plots.style import save
 from receding_fenicsx.scene.checks import suggestion
 from receding_fenicsx.scene.history import History
 from receding_fenicsx.scene.model import (
@@ -38,16 +36,15 @@ from receding_fenicsx.scene.model import (
 )
 from receding_fenicsx.scene.toml_file import known_scene
 from receding_fenicsx.scene.validate import validate
-from receding_fenicsx.store.run_folder import write_csv, write_summary
 from receding_fenicsx.store.workspace import Case
 from receding_fenicsx.studies import run as study
 from receding_fenicsx.studies.accuracy import meshes
 from receding_fenicsx.studies.joint.backbone import NO_DISSIPATION, Backbone, first_loading
 from receding_fenicsx.studies.runner import (
+    Kind,
     Runner,
     Study,
     StudyOptions,
-    check_folder,
     digest_of,
     run_study,
 )
@@ -204,8 +201,7 @@ def joint_figure(curve: JointCurve) -> Figure:
     return figure
 
 
-RESULTS = ("joint.csv", "joint.json", "joint.png")
-"""Files of a curve."""
+CURVE = Kind("curve", "joint_cases.json", ("joint.csv", "joint.json", "joint.png"))
 CYCLES = 1000
 """Most cycles that are played where the limit is not found at once."""
 
@@ -289,9 +285,7 @@ def joint_curve(
     given = scene if isinstance(scene, ContactSystem) else None
     cyclic = None if isinstance(scene, ContactSystem) else _driven(scene, drive, values)
     held = {} if given is None else _preload(given, drive, values)
-    # a mode, the preload or the first loading may fail: before anything is written
-    marks = ("joint_cases.json", RESULTS[1])
-    mpi.on_root(comm, lambda: check_folder("curve", marks, out, options))
+    CURVE.check(out, workers, options)
     system = given
     if cyclic is not None and mode_number(drive):
         validate(cyclic)
@@ -340,18 +334,17 @@ def joint_curve(
             n = len(values)
             tables = [g.table(outcomes[k * n : k * n + n]) for k, g in enumerate(grids)]
             curve = _curve(drive, values, tables, backbone, omega)
-            if runner.folder is not None and runner.complete:
-                title = scene.title if isinstance(scene, Scene) else ""
-                _write(runner.folder, title, curve)
+            title = scene.title if isinstance(scene, Scene) else ""
+            runner.write(lambda: _files(title, curve))
             return curve
 
         same = {"drive": drive, "system": "" if given is None else digest_of(given)}
         # amplitudes may be added, or left out
         whose = _driven(scene, drive, np.ones(1)) if isinstance(scene, Scene) else None
         content = {"amplitudes": values.tolist()}
-        return Study("curve", "joint_cases.json", whose, combine, same, content, RESULTS)
+        return Study(whose, combine, same, content)
 
-    return run_study(begin, out, workers, options)
+    return run_study(CURVE, begin, out, workers, options)
 
 
 def _play_system(system: ContactSystem, history: History, drive: str) -> dict[str, Cell]:
@@ -411,13 +404,11 @@ def _curve(
     )
 
 
-def _write(folder: Path, title: str, curve: JointCurve) -> None:
-    """Write table, summary and figure."""
-    rows = curve.rows()
-    write_csv(folder / RESULTS[0], {name: [row[name] for row in rows] for name in rows[0]}, True)
+def _files(title: str, curve: JointCurve) -> dict[str, Any]:
+    """Return table, figure and summary."""
+    rows, backbone = curve.rows(), curve.backbone
     slope, error = curve.exponent
-    backbone = curve.backbone
-    content: Mapping[str, Any] = {
+    summary = {
         "title": title,
         "drive": curve.drive,
         "exponent": slope,
@@ -429,7 +420,6 @@ def _write(folder: Path, title: str, curve: JointCurve) -> None:
         "first_loading": {
             name: getattr(backbone, name).tolist() for name in ("load", "displacement", "work")
         },
-        "versions": versions(),
     }
-    save(joint_figure(curve), folder / RESULTS[2])
-    write_summary(folder / RESULTS[1], content, True)
+    columns = {name: [row[name] for row in rows] for name in rows[0]}
+    return {"joint.csv": columns, "joint.png": joint_figure(curve), "joint.json": summary}

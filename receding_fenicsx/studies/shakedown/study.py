@@ -18,8 +18,6 @@ from matplotlib.figure import Figure
 
 from receding_fenicsx import mpi
 from receding_fenicsx.arrays import Array
-from receding_fenicsx.atomic import new_file
-from receding_fenicsx.environment import versions
 from receding_fenicsx.errors import InputError, RecedingError, SolveError
 from receding_fenicsx.interface.mirror import mirror_of
 from receding_fenicsx.interface.shakedown.limits import (
@@ -43,20 +41,18 @@ from receding_fenicsx.interface.shakedown.programs import Answer, minimise
 from receding_fenicsx.interface.system import ContactSystem
 from receding_fenicsx.output.plots import style
 from receding_fenicsx.output.plots.labels import load_text
-from receding_fenicsx.output.plots.style import save
 from receding_fenicsx.scene.identity import body_of, identity_of
 from receding_fenicsx.scene.model import Scene
 from receding_fenicsx.scene.toml_file import to_toml
-from receding_fenicsx.store.run_folder import write_csv, write_summary
 from receding_fenicsx.store.workspace import Case, Outcome
 from receding_fenicsx.studies import run as study
 from receding_fenicsx.studies.accuracy import meshes
 from receding_fenicsx.studies.run import shared_system
 from receding_fenicsx.studies.runner import (
+    Kind,
     Runner,
     Study,
     StudyOptions,
-    check_folder,
     digest_of,
     run_study,
 )
@@ -143,8 +139,12 @@ def diagram_figure(diagram: Diagram, opening: Opening | None = None) -> Figure:
     return figure
 
 
-RESULTS = ("shakedown.json", "safe_slip.csv", "shakedown.png")
-"""Files of a study."""
+STUDY = Kind(
+    "shakedown study",
+    "shakedown_cases.json",
+    ("shakedown.json", "safe_slip.csv", "shakedown.png"),
+    shares=False,
+)
 
 
 @dataclass(frozen=True)
@@ -229,12 +229,7 @@ def shakedown(
         raise InputError("[shakedown]: mean and range are missing; give the load factors of both")
     if scene.preloads:
         raise InputError(f"[shakedown]: is for loads alone; remove {', '.join(scene.preloads)}")
-    if options.shard is not None:
-        raise InputError("shakedown: its cases depend on each other; leave the shard out")
-    mpi.on_root(
-        comm,
-        lambda: check_folder("shakedown study", ("shakedown_cases.json", RESULTS[0]), out, options),
-    )
+    STUDY.check(out, workers, options)
     # whole: a contact without friction is refused as such
     system = study.condense(scene, comm, timer.say, whole=True)
     with timer("limits"):
@@ -255,13 +250,12 @@ def shakedown(
                 result = _combined(
                     scene, partner, own, found, margins, runner, workers or comm.size, failures
                 )
-            if runner.folder is not None:
-                _write(runner.folder, scene, result, timer)
+            runner.write(lambda: _files(scene, result, timer.seconds))
             return result
 
-        return Study("shakedown study", "shakedown_cases.json", scene, combine, results=RESULTS)
+        return Study(scene, combine)
 
-    return run_study(begin, out, workers, options)
+    return run_study(STUDY, begin, out, workers, options)
 
 
 def _limits(
@@ -412,21 +406,12 @@ def _notes(system: ContactSystem, limits: ShakedownLimits, played: bool) -> tupl
 # -- files ---------------------------------------------------------------------------------------
 
 
-def _write(folder: Path, scene: Scene, result: ShakedownStudy, timer: Timer) -> None:
-    """Write the results; several edges have no profile of safe slip."""
-    system = result.system
-    with new_file(folder / "scene.toml", overwrite=True) as beside:
-        beside.write_text(to_toml(scene), encoding="utf-8")
+def _files(scene: Scene, result: ShakedownStudy, timings: dict[str, float]) -> dict[str, Any]:
+    """Return the contents of the files; several edges have no profile of safe slip."""
+    system, profile = result.system, {}
     if len(np.unique(system.edges)) == 1:
         x = mirror_of(system).odd(system.x)
-        write_csv(folder / RESULTS[1], {"x": x, "value": result.limits.safe_slip}, overwrite=True)
-    save(diagram_figure(result.diagram, result.opening), folder / RESULTS[2])
-    summary = _summary(scene, result) | {"timings": dict(timer.seconds)}
-    write_summary(folder / RESULTS[0], summary, overwrite=True)
-
-
-def _summary(scene: Scene, result: ShakedownStudy) -> dict[str, Any]:
-    """Return the content of ``shakedown.json``, but for the timings."""
+        profile = {"safe_slip.csv": {"x": x, "value": result.limits.safe_slip}}
     limits, options, diagram = result.limits, scene.shakedown, result.diagram
     opening, found = None, result.opening
     if found is not None:
@@ -435,18 +420,18 @@ def _summary(scene: Scene, result: ShakedownStudy) -> dict[str, Any]:
             "found": "by a mixed-integer program, verified by exact cycles",
             "verified_at": BELOW * found.value,
             "opening_nodes": np.flatnonzero(~found.closed.all(axis=0)).tolist(),
-            "slip": mirror_of(result.system).odd(found.slip).tolist(),
+            "slip": mirror_of(system).odd(found.slip).tolist(),
         }
-    return {
+    summary = {
         "title": scene.title,
         "mean": options.mean,
         "range": list(options.range),
-        "modelled_nodes": result.system.n,
-        "symmetry": "half" if result.system.half else "none",
+        "modelled_nodes": system.n,
+        "symmetry": "half" if system.half else "none",
         **{key: getattr(limits, key) for key in ("lower", "lower_is", "upper", "opens")},
         "active": [vars(active) for active in limits.active],
         "largest_slip": options.largest_slip,
-        "separated": result.system.x[limits.separated].tolist(),
+        "separated": system.x[limits.separated].tolist(),
         "safe_slip": limits.safe_slip.tolist(),
         "residual": limits.residual,
         "gap": limits.gap,
@@ -456,5 +441,13 @@ def _summary(scene: Scene, result: ShakedownStudy) -> dict[str, Any]:
         "diagram": {"load": diagram.load}
         | {name: getattr(diagram, name).tolist() for name in ("mean", "lower", "upper")},
         "notes": list(result.notes),
-        "versions": versions(),
+        "timings": timings,
     }
+    return (
+        {"scene.toml": to_toml(scene)}
+        | profile
+        | {
+            "shakedown.png": diagram_figure(diagram, found),
+            "shakedown.json": summary,
+        }
+    )

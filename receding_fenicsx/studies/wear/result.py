@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any
 
 import matplotlib as mpl
@@ -12,7 +11,6 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from receding_fenicsx.arrays import Array, described
-from receding_fenicsx.atomic import new_file
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.interface.law import State
@@ -22,7 +20,6 @@ from receding_fenicsx.measures.fatigue import fatigue_summary
 from receding_fenicsx.output.plots import style
 from receding_fenicsx.output.report.contact import CRITERIA
 from receding_fenicsx.scene.toml_file import known_scene
-from receding_fenicsx.store.run_folder import write_csv
 from receding_fenicsx.studies.wear.steps import NodePairs, Row
 
 COLUMNS = (
@@ -85,10 +82,7 @@ class WearStudy:
         self.dissipation = mirror.factor * row["dissipated"]
         self.volume = mirror.factor * (row["depth"] @ system.weight)
         self.depth_max = self.depth.max(axis=1)
-        # zones end midway between nodes
-        edge = system.edges[mirror.index]
-        half = np.where(np.diff(edge) == 0, 0.5 * np.diff(self.x), 0.0)
-        length = np.append(half, 0.0) + np.append(0.0, half)
+        length = lengths(system)
         self.width = ((self.depth > 1e-3 * self.depth_max[:, None]) & (self.depth > 0.0)) @ length
         self.contact_half_width = 0.5 * ((self.zone != State.SEPARATION) @ length)
         self.stick_half_width = 0.5 * ((self.zone == State.STICK) @ length)
@@ -157,13 +151,12 @@ class WearStudy:
             | {name: getattr(self, name)[-1].tolist() for name in profile},
         }
 
-    def write(self, folder: Path) -> None:
-        """Write ``wear.csv`` and ``wear.npz``, the fields over cycles and nodes."""
-        write_csv(folder / "wear.csv", {n: getattr(self, n) for n in COLUMNS}, overwrite=True)
+    def arrays(self) -> dict[str, Any]:
+        """Return the contents of ``wear.csv`` and ``wear.npz``, fields over cycles and nodes."""
         names = ("x", "cycles", "depth", "depth_of_bodies", "pressure", "slip", "zone")
         more = ("dissipation_per_cycle", "volume", "volume_estimate")
-        with new_file(folder / "wear.npz", overwrite=True) as beside, open(beside, "wb") as file:
-            np.savez_compressed(file, **{name: getattr(self, name) for name in names + more})
+        fields = {name: getattr(self, name) for name in names + more}
+        return {"wear.csv": {name: getattr(self, name) for name in COLUMNS}, "wear.npz": fields}
 
     def __repr__(self) -> str:
         """Return the last row, its estimates, and the end."""
@@ -179,6 +172,14 @@ class WearStudy:
             ("dissipation", f"{last['dissipation']:.6g}"),
         ]
         return described(f"Wear: {last['cycles']:.6g} cycles in {len(self.rows) - 1} steps", rows)
+
+
+def lengths(system: ContactSystem) -> Array:
+    """Return the length to each node of the whole contact, as zones end midway between nodes."""
+    mirror = mirror_of(system)
+    same = np.diff(system.edges[mirror.index]) == 0
+    half = np.where(same, 0.5 * np.diff(mirror.odd(system.x)), 0.0)
+    return np.append(half, 0.0) + np.append(0.0, half)
 
 
 def ends_of_edges(system: ContactSystem) -> NDArray[np.bool_]:

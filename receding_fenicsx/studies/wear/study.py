@@ -2,43 +2,46 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable
 from contextlib import suppress
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from receding_fenicsx import mpi
 from receding_fenicsx.arrays import Array, check_types
-from receding_fenicsx.atomic import sync
-from receding_fenicsx.environment import versions
 from receding_fenicsx.errors import InputError, NoEquilibrium, SolveError
 from receding_fenicsx.evolution.histories import with_corners
 from receding_fenicsx.evolution.problem import Problem, problem_of_scene
 from receding_fenicsx.interface.law import State
+from receding_fenicsx.interface.mirror import mirror_of
 from receding_fenicsx.interface.system import ContactSystem
-from receding_fenicsx.output.plots.style import save
 from receding_fenicsx.scene.model import Scene, WearOptions
-from receding_fenicsx.store.run_folder import write_summary
-from receding_fenicsx.store.workspace import interruption
+from receding_fenicsx.store.workspace import Case
 from receding_fenicsx.studies import run as study
 from receding_fenicsx.studies.accuracy.meshes import coarser
-from receding_fenicsx.studies.runner import Runner, Study, StudyOptions, run_study
+from receding_fenicsx.studies.runner import Kind, Runner, Study, StudyOptions, digest_of, run_study
 from receding_fenicsx.studies.wear.result import (
     WearStudy,
     ends_of_edges,
     fatigue_figure,
+    lengths,
     profiles_figure,
     zones_figure,
 )
-from receding_fenicsx.studies.wear.steps import Convected, NodePairs, Row, advance
+from receding_fenicsx.studies.wear.steps import Convected, NodePairs, Row, advance, row_type
 from receding_fenicsx.timing import Countdown, Timer
 
 THROUGH = "stick zone worn through"
-LARGEST_STROKE = 0.05
-"""Stroke over the width of the contact up to which node pairs stay opposite each other."""
-ROWS, COARSE = "steps.bin", "coarser.bin"
-"""Files of the rows so far on both meshes, from which a study is continued."""
+STUDY = Kind(
+    "wear study",
+    "wear_of.json",
+    ("wear.csv", "wear.json", "wear.npz", "profiles.png", "zones.png", "fatigue.png"),
+    shares=False,
+)
 
 
 def wear(
@@ -63,6 +66,7 @@ def wear(
     check_types("wear", scene=(scene, Scene), out=(out, str, Path, None))
     if scene.wear.coefficient is None and scene.wear.archard is None:
         raise InputError("[wear] coefficient: is missing; give it, or archard")
+    STUDY.check(out, None, options)
     timer = Timer(options.progress if comm.rank == 0 else None)
     system, partner, coarse = study.condense(scene, comm, timer.say), None, None
     with suppress(InputError):  # no coarser mesh fits
@@ -80,19 +84,17 @@ def wear(
             if partner is not None and coarse is not None:
                 other = replace(partner, history=own.history), coarse
             with timer("wear"):
-                return _wear(own, begun, other, runner.folder, timer)
+                return _wear(own, begun, other, runner, timer)
 
-        files = (ROWS, COARSE, *(f"wear.{ending}" for ending in ("csv", "json", "npz")))
-        pictures = "profiles.png", "zones.png", "fatigue.png"
-        return Study("wear study", "wear_of.json", same, combine, results=(*files, *pictures))
+        return Study(same, combine)
 
-    return run_study(begin, out, options=options)
+    return run_study(STUDY, begin, out, None, options)
 
 
 def wear_numbers(system: ContactSystem, scene: Scene) -> dict[str, float | str]:
     """Return the end of the wear of a condensed scene, for the table of a sweep."""
     own, _ = with_corners(system, scene)
-    found = _wear(own, _begin(own, system), None, None, Timer())
+    found = _wear(own, _begin(own, system), None, Runner(STUDY), Timer())
     last = found.table()[-1] | {"end": found.end, "volume_estimate": found.volume_estimate[-1]}
     return {f"wear_{name}": value for name, value in last.items()}
 
@@ -129,74 +131,79 @@ def _wear(
     scene: Scene,
     begun: tuple[NodePairs, Row],
     other: tuple[Scene, ContactSystem] | None,
-    folder: Path | None,
+    runner: Runner,
     timer: Timer,
 ) -> WearStudy:
     """Take step after step on both meshes; write what there is, also where a step fails."""
-    options, failure, coarse = scene.wear, None, None
+    options, coarse = scene.wear, None
     tell = Countdown(timer.say, "wear: cycle", "at most")
 
-    def keep(name: str, row: Row) -> None:
-        if folder is not None:
-            with open(folder / name, "ab") as opened:
-                opened.write(row.tobytes())
-            sync(folder / name)
+    def chain(
+        model: NodePairs, first: Row, ends: Iterable[float], depth: float, mesh: str
+    ) -> tuple[list[Row], str, SolveError | None]:
+        """Return the rows up to some numbers of cycles, why they end, and the error of a step."""
+        rows: list[Row] = []
 
-    def rows_of(first: Row, name: str) -> list[Row]:
-        found = list[Row]()
-        if folder is not None and (file := folder / name).exists():
-            with open(file, "r+b") as opened:  # the last row may be torn
-                opened.truncate(file.stat().st_size // first.nbytes * first.nbytes)
-            found = list(np.fromfile(file, first.dtype))
-        if not found:
-            keep(name, first)
-        return [row for row in found or [first] if row["cycles"] <= options.cycles]
+        def add(work: Callable[[], Row], cycles: float, step: float) -> SolveError | None:
+            """Add a row; one of the same steps before is read from the folder."""
 
-    def steps(model: NodePairs, rows: list[Row], last: float, name: str) -> str:
-        depth = np.inf if options.depth is None or name == COARSE else options.depth
-        while not (end := _end(model.problem.system, rows, last, depth)):
-            row, until = rows[-1], last
-            growth = model.rate * row["energy"]
-            if depth < np.inf and (rate := growth[row["depth"].argmax()] or growth.max()) > 0.0:
-                until = min(last, float(row["cycles"] + (depth - row["depth"].max()) / rate))
-            rows.append(advance(model, row, options.tolerance, until))
-            keep(name, rows[-1])
-            text = f"depth {rows[-1]['depth'].max():.4g}"
-            tell(int(rows[-1]["cycles"]), options.cycles, text + (name == COARSE) * ", coarser")
-        return end
+            def cells() -> dict[str, Any]:
+                try:
+                    row = work()
+                except NoEquilibrium as error:
+                    return {"lost": str(error)}
+                return {name: row[name].tolist() for name in row_type(0).names or ()}
 
-    rows = rows_of(begun[1], ROWS)
-    try:
-        try:
-            end = steps(begun[0], rows, float(options.cycles), ROWS)
-        except SolveError as error:
-            through = isinstance(error, NoEquilibrium) and np.any(rows[0]["zone"] == State.STICK)
-            end, failure = (THROUGH, None) if through else (str(error), error)
-        if other is not None and failure is None:
-            # the same numbers of cycles, as far as the coarser mesh goes
-            with suppress(SolveError, InputError):
-                model, first = _begin(*other)
-                others = rows_of(first, COARSE)
-                with suppress(SolveError):
-                    for row in rows:
-                        steps(model, others, float(row["cycles"]), COARSE)
-                coarse = WearStudy(model, others, options.share, "")
-    except (KeyboardInterrupt, SystemExit) as signalled:
-        if folder is None:
-            raise
-        where = f"after {rows[-1]['cycles']:.0f} of {options.cycles} cycles"
-        raise interruption(signalled, where, folder, "the steps up to there") from None
+            at = mesh, len(rows), cycles, step
+            (found,) = runner.outcomes([Case(digest_of("wear", *at), labels=at)], cells, here=True)
+            if found.error:
+                return SolveError(found.error)
+            if "lost" in found.cells:
+                return NoEquilibrium(found.cells["lost"])
+            row = np.zeros((), first.dtype)
+            for name, value in found.cells.items():
+                row[name] = value
+            rows.append(row)
+            return None
+
+        error, end = add(lambda: first, 0.0, 0.0), ""
+        for last in ends if error is None else ():
+            while not (end := _end(model.problem.system, rows, last, depth)):
+                row, until = rows[-1], last
+                cycles, growth = float(row["cycles"]), model.rate * row["energy"]
+                if depth < np.inf and (rate := growth[row["depth"].argmax()] or growth.max()) > 0.0:
+                    until = min(last, float(cycles + (depth - row["depth"].max()) / rate))
+                step = partial(advance, model, row, options.tolerance, until)
+                error = add(step, cycles, min(float(row["step"]), until - cycles))
+                if error is not None:
+                    return rows, str(error), error
+                text = f"depth {rows[-1]['depth'].max():.4g}{mesh and ', '}{mesh}"
+                tell(int(rows[-1]["cycles"]), options.cycles, text)
+        return rows, end, error
+
+    depth = np.inf if options.depth is None else options.depth
+    rows, end, failure = chain(*begun, [float(options.cycles)], depth, "")
+    if isinstance(failure, NoEquilibrium) and np.any(rows[0]["zone"] == State.STICK):
+        end, failure = THROUGH, None
+    if other is not None and failure is None:
+        # the same numbers of cycles, as far as the coarser mesh goes
+        with suppress(SolveError, InputError):
+            model, first = _begin(*other)
+            ends = [float(row["cycles"]) for row in rows]
+            coarse = WearStudy(
+                model, chain(model, first, ends, np.inf, "coarser")[0], options.share, ""
+            )
     found = WearStudy(begun[0], rows, options.share, end, coarse)
-    if folder is not None:
-        head = {"title": scene.title, **found.summary()}
-        head |= {"failure": end} if failure else {}
-        costs = {"timings": dict(timer.seconds), "versions": versions()}
-        found.write(folder)
-        write_summary(folder / "wear.json", head | costs, overwrite=True)
-        save(profiles_figure(found), folder / "profiles.png")
-        save(zones_figure(found), folder / "zones.png")
-        if head["fatigue"]:
-            save(fatigue_figure(head["fatigue"]), folder / "fatigue.png")
+
+    def files() -> dict[str, Any]:
+        summary = found.summary()
+        head = {"title": scene.title, **summary, **({"failure": end} if failure else {})}
+        pictures = {"profiles.png": profiles_figure(found), "zones.png": zones_figure(found)}
+        if summary["fatigue"]:
+            pictures["fatigue.png"] = fatigue_figure(summary["fatigue"])
+        return found.arrays() | {"wear.json": head | {"timings": timer.seconds}} | pictures
+
+    runner.write(files)
     if failure is not None:
         raise failure
     return found
@@ -211,10 +218,17 @@ def _model(scene: Scene, problem: Problem, coefficient: Array) -> tuple[NodePair
     pairs = NodePairs(problem, coefficient)
     first, system, n = pairs.begin(), problem.system, problem.system.n
     first["step"] = max(1.0, 1e-3 * scene.wear.cycles)
-    on = first["P"] > 0.0
-    width = 2.0 * float(WearStudy(pairs, [first], 0.5, "").contact_half_width[0])
-    stroke = 0.5 * float(first["path"][on].max(initial=0.0))
-    if stroke <= LARGEST_STROKE * width:
+    strokes = np.where(first["P"] > 0.0, 0.5 * first["path"], 0.0)
+    touches = lengths(system) * (first["zone"] != State.SEPARATION)[mirror_of(system).index]
+    edge = system.edges[mirror_of(system).index]
+    sizes = [
+        (float(strokes[system.edges == k].max()), float(touches[edge == k].sum()))
+        for k in np.unique(edge)
+    ]
+    # that of the edge on which the stroke is largest against the contact
+    stroke, width = max(sizes, key=lambda size: size[0] / (size[1] or np.inf))
+    small = 0.05  # of the width, up to which node pairs stay opposite each other
+    if stroke <= small * width:
         return pairs, first
     slides = np.all(first["zone"] != State.STICK)
     coupled = np.abs(system.K[:n, n:]).max() > 1e-8 * np.abs(system.K).max()
@@ -223,9 +237,8 @@ def _model(scene: Scene, problem: Problem, coefficient: Array) -> tuple[NodePair
     if not alone or coupled or not slides:
         raise InputError(
             f"[wear]: the stroke {stroke:.4g} is {stroke / width:.2g} of the contact's width "
-            f"{width:.4g}, above {LARGEST_STROKE:g}: nodes do not stay opposite each other; this "
-            "is modelled for two half-planes of equal materials that slide grossly, by "
-            "friction alone"
+            f"{width:.4g}, above {small:g}: nodes do not stay opposite each other; this is "
+            "modelled for two half-planes of equal materials that slide grossly, by friction alone"
         )
     found = Convected(pairs, scene.wear.share, pairs.slip_at_corners, 0.5 * width)
     return found, found.settled(first, np.zeros(2 * n))
