@@ -5,7 +5,7 @@ from __future__ import annotations
 import difflib
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Literal, NoReturn
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from annotated_types import Ge, Le, Lt
@@ -85,10 +85,11 @@ def suggestion(name: str, known: Sequence[str]) -> str:
     return f"did you mean '{close}'?" if close else f"known are {', '.join(known)}"
 
 
-def unknown_name(name: str, known: Sequence[str], where: str, what: str) -> NoReturn:
+def check_known(name: str, known: Sequence[str], where: str, what: str) -> None:
     """Raise InputError for an unknown name, with a suggestion."""
-    hint = suggestion(name, known) if known else f"the scene has no {what}"
-    raise InputError(f"{where}: unknown {what} '{name}'; {hint}")
+    if name not in known:
+        hint = suggestion(name, known) if known else f"the scene has no {what}"
+        raise InputError(f"{where}: unknown {what} '{name}'; {hint}")
 
 
 def check_name(name: str, where: str) -> None:

@@ -21,8 +21,8 @@ from receding_fenicsx.scene.checks import (
     Pair,
     Positive,
     Table,
+    check_known,
     nearest,
-    unknown_name,
 )
 from receding_fenicsx.scene.options import FREE as FREE
 from receding_fenicsx.scene.options import INTERFERENCE as INTERFERENCE
@@ -386,13 +386,11 @@ class Scene(Table):
 
     def material_of(self, body: Body) -> Material:
         """Return the material of a body; raise InputError for one that the scene lacks."""
-        for material in self.materials:
-            if material.name == (body.material or body.name):
-                return material
-        if body.material is None:
-            return next(iter(self.surface_materials(body)), self.material)
-        known = [material.name for material in self.materials]
-        unknown_name(body.material, known, f"{self.label(body)} material", "material")
+        named = {material.name: material for material in self.materials}
+        if body.material is not None:
+            check_known(body.material, [*named], f"{self.label(body)} material", "material")
+        default = next(iter(self.surface_materials(body)), self.material)
+        return named.get(body.material or body.name, default)
 
     def surface_materials(self, body: Body) -> tuple[Material, ...]:
         """Return the tables [material.NAME] that can be those of single surfaces of a body."""

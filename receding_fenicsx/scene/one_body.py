@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import replace
 
 from receding_fenicsx.errors import InputError
-from receding_fenicsx.scene.model import Body, Contact, Refinement, Scene
+from receding_fenicsx.scene.model import Body, Contact, Load, Refinement, Scene, Spring, Support
 from receding_fenicsx.scene.symmetry import HORIZONTAL, edge_range, is_horizontal
 
 
@@ -18,12 +18,13 @@ def part_of(scene: Scene, body: Body) -> Scene:
     """
 
     def own(edge: str | None) -> str | None:
-        if edge is None:
-            return None
-        owner, name = scene.find_edge(edge)
+        owner, name = scene.find_edge(edge) if edge else (None, None)
         return name if owner == body else None
 
-    contacts, loads, supports = [], [], []
+    def is_own(part: Load | Support | Spring) -> bool:
+        return own(part.edge) is not None if part.edge else part.body in (None, body.name)
+
+    contacts = []
     for contact in scene.contacts:
         edge, against = own(contact.edge), own(contact.against)
         if scene.others:
@@ -39,26 +40,14 @@ def part_of(scene: Scene, body: Body) -> Scene:
             if edge is not None:
                 contacts.append(Contact(edge, span))
     # the joined system has the gaps and bolts
-    for load in scene.given if scene.others else scene.loads:
-        if load.gap is not None:
-            continue
-        edge = None if load.on_body else own(load.edge)
-        if load.on_body and load.body in (None, body.name):
-            loads.append(replace(load, body=None))
-        elif edge is not None:
-            loads.append(replace(load, edge=edge))
-    for support in scene.supports:
-        edge = own(support.edge)
-        if edge is not None:
-            supports.append(replace(support, edge=edge))
-        elif support.edge is None and (support.body is None or support.body == body.name):
-            supports.append(replace(support, body=None))
-    bolts = [replace(b, head=own(b.head) or "", nut=own(b.nut) or "") for b in scene.bolts]
-    springs = [
-        replace(spring, edge=own(spring.edge or None) or "", body=None)
-        for spring in scene.springs
-        if (own(spring.edge) if spring.edge else spring.body in (None, body.name))
+    loads = [
+        replace(load, edge=own(load.edge) or "", body=None)
+        for load in (scene.given if scene.others else scene.loads)
+        if load.gap is None and is_own(load)
     ]
+    held = [replace(s, edge=own(s.edge), body=None) for s in scene.supports if is_own(s)]
+    springs = [replace(s, edge=own(s.edge) or "", body=None) for s in scene.springs if is_own(s)]
+    bolts = [replace(b, head=own(b.head) or "", nut=own(b.nut) or "") for b in scene.bolts]
     return replace(
         scene,
         body=body,
@@ -73,7 +62,7 @@ def part_of(scene: Scene, body: Body) -> Scene:
         contacts=tuple(contacts),
         ties=(),
         loads=tuple(loads),
-        supports=tuple(supports),
+        supports=tuple(held),
         bolts=() if scene.others else tuple(bolts),
         springs=tuple(springs),
         probes=() if scene.others else scene.probes,

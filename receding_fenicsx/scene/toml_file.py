@@ -16,7 +16,7 @@ from receding_fenicsx.arrays import check_types
 from receding_fenicsx.atomic import read_text
 from receding_fenicsx.errors import InputError, InputErrors
 from receding_fenicsx.scene import toml_reader
-from receding_fenicsx.scene.checks import unknown_name
+from receding_fenicsx.scene.checks import check_known
 from receding_fenicsx.scene.column_file import with_files
 from receding_fenicsx.scene.model import TABLE_OF, Contact, Scene
 from receding_fenicsx.scene.profiles import DIRECTIONS
@@ -165,8 +165,7 @@ def set_value(raw: dict[str, Any], key: str, value: Any, where: str) -> None:
     if kind == "title" and not names:
         raw["title"] = value
         return
-    if kind not in toml_reader.KNOWN:
-        unknown_name(kind, toml_reader.KNOWN, where, "table")
+    check_known(kind, toml_reader.KNOWN, where, "table")
     if kind == "title" or not names:
         raise InputError(f"{where}: write {kind}.key=value")
     table, (name, *parts) = _table_to_set(raw, kind, names, where)
@@ -174,8 +173,7 @@ def set_value(raw: dict[str, Any], key: str, value: Any, where: str) -> None:
     if parts and name not in of_parts:
         raise InputError(f"{where}: write {kind}.key=value")
     if parts and name == "friction":
-        if parts[0] not in DIRECTIONS:
-            unknown_name(parts[0], DIRECTIONS, where, "key")
+        check_known(parts[0], DIRECTIONS, where, "key")
         given = table.get(name, Contact.friction)
         if not isinstance(given, dict) or not set(given) & set(DIRECTIONS):
             table[name] = dict.fromkeys(DIRECTIONS, given)
@@ -219,7 +217,7 @@ def _table_to_set(
             return chosen[0], names[n:]
     if kind in toml_reader.NAMED and named:
         known = [str(table["name"]) for table in tables if "name" in table]
-        unknown_name(named, known, where, kind)
+        check_known(named, known, where, kind)
     if kind == "load":
         raise InputError(f"{where}: name the load, for example load.p0.pressure=2.0")
     if len(tables) != 1:

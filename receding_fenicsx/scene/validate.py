@@ -11,10 +11,10 @@ from receding_fenicsx.scene import validate_bodies as bodies
 from receding_fenicsx.scene.checks import (
     Rules,
     broken,
+    check_known,
     check_name,
     one_of,
     refuse,
-    unknown_name,
 )
 from receding_fenicsx.scene.history import history_from_scene
 from receding_fenicsx.scene.model import Probe, Scene, SolverOptions
@@ -135,8 +135,7 @@ def _of_shakedown(scene: Scene) -> Rules:
     named = [("mean", options.mean), *(("range", vertex) for vertex in options.range)]
     for key, names in [*named, ("diagram", [options.diagram] if options.diagram else [])]:
         for name in names:
-            if name not in known:
-                unknown_name(name, known, f"[shakedown] {key}", "load")
+            check_known(name, known, f"[shakedown] {key}", "load")
     yield from ()  # unknown names raise
 
 
@@ -149,14 +148,14 @@ def _of_accuracy(scene: Scene) -> Rules:
     for name in scene.accuracy.numbers:
         base, bracket, owner = name.removesuffix("]").partition("[")
         if base not in HEADLINE_NAMES:
-            unknown_name(name, tuple(HEADLINE_NAMES), "[accuracy] numbers", "number")
+            check_known(name, tuple(HEADLINE_NAMES), "[accuracy] numbers", "number")
         kind = next(kind for kind in owners if base.startswith(kind))
         several = kind or len(scene.contacts) > 1
         if bracket and (base.startswith("dissipation") or not several):
             yield f"[accuracy] numbers: '{base}' is one number; leave out [{owner}]"
-        if bracket and owner not in owners[kind]:
+        if bracket:
             what = kind or "contact edge"
-            unknown_name(owner, owners[kind], f"[accuracy] numbers '{base}'", what)
+            check_known(owner, owners[kind], f"[accuracy] numbers '{base}'", what)
 
 
 def _of_record(scene: Scene) -> Rules:
@@ -219,7 +218,6 @@ def _of_points(scene: Scene, probe: Probe, at: str) -> Rules:
             yield from of_place(scene, body, point, at)
         return
     known = [e for c in scene.contacts for e in (c.edge, c.against) if e is not None]
-    if probe.edge not in known:
-        unknown_name(probe.edge, known, f"{at} edge", "contact edge")
+    check_known(probe.edge, known, f"{at} edge", "contact edge")
     if probe.body is not None:
         yield f"{at} body: the edge names the body; remove it"

@@ -12,7 +12,7 @@ import numpy as np
 
 from receding_fenicsx.errors import MeshMisfit
 from receding_fenicsx.scene import symmetry
-from receding_fenicsx.scene.checks import Rules, check_name, unknown_name, unused
+from receding_fenicsx.scene.checks import Rules, check_known, check_name, unused
 from receding_fenicsx.scene.model import (
     RECTANGLE_KEYS,
     Body,
@@ -152,8 +152,8 @@ def _of_refinement(scene: Scene, place: Refinement, at: str, meshed: bool) -> Ru
     if place.growth is None and scene.mesh.growth < 1.01:
         yield f"{at} growth: that of the mesh is {scene.mesh.growth:g}; give one of 1.01 to 3"
     edges = [contact.edge for contact in scene.contacts]
-    if place.edge is not None and place.edge not in edges:
-        unknown_name(place.edge, edges, f"{at} edge", "contact edge")
+    if place.edge is not None:
+        check_known(place.edge, edges, f"{at} edge", "contact edge")
     for edge in edges:
         if has_mesh_file(scene, edge) or place.edge not in (None, edge):
             continue

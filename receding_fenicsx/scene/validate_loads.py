@@ -68,8 +68,7 @@ def of_load(scene: Scene, load: Load) -> checks.Rules:
         yield f"{key}: a platen of revolution moves along its axis only; write [0.0, {value[1]}]"
     if load.gap is not None:
         edges = [contact.edge for contact in scene.contacts]
-        if load.edge not in edges:
-            checks.unknown_name(load.edge, edges, f"{at} edge", "edge of a [[contact]]")
+        checks.check_known(load.edge, edges, f"{at} edge", "edge of a [[contact]]")
         check_table(load.gap, key)
         for contact in scene.contacts:
             if contact.edge == load.edge and not has_mesh_file(scene, load.edge):

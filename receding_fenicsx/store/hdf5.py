@@ -25,10 +25,7 @@ from receding_fenicsx.interface.system import ContactSystem
 from receding_fenicsx.scene.identity import body_difference, digest
 from receding_fenicsx.scene.model import Scene
 from receding_fenicsx.scene.toml_file import known_scene
-
-FORMAT_VERSION = 1
-TITLE_BYTES = 512
-"""Size of the title, HDF5's user block: kind, format version and digest of all that follows it."""
+from receding_fenicsx.scene.toml_reader import type_adapter
 
 
 @contextmanager
@@ -38,7 +35,7 @@ def new_hdf5(path: str | Path, overwrite: bool = False, kind: str = "") -> Itera
     The file is filled in memory, because HDF5 crashes at the interpreter's exit on a full disk. One
     of kind "" is for other programs, without title.
     """
-    about = {"format": kind, "format_version": FORMAT_VERSION} if kind else {}
+    about = {"format": kind, "format_version": 1} if kind else {}
     with new_file(path, overwrite) as temporary:
         # attributes above 64 kB (a scene with long tables) need the layout of HDF5 1.8
         layout = ("v108", "v110")
@@ -59,8 +56,8 @@ def new_hdf5(path: str | Path, overwrite: bool = False, kind: str = "") -> Itera
 
 
 def _title(kind: str, digest: str) -> bytes:
-    """Return the title of a file of a kind."""
-    return f"{kind} {FORMAT_VERSION}\nsha256 {digest}\n".encode().ljust(TITLE_BYTES, b"\0")
+    """Return HDF5's user block: kind, format version 1 and digest of all that follows it."""
+    return f"{kind} 1\nsha256 {digest}\n".encode().ljust(512, b"\0")
 
 
 @contextmanager
@@ -75,20 +72,20 @@ def open_file(path: str | Path, kind: str) -> Iterator[h5py.File]:
         raise InputError(f"{path}: no such file; check the path")
     try:
         with open(path, "rb") as plain:
-            title = plain.read(TITLE_BYTES)
+            title = plain.read(512)
             # the program once wrote files without a title, but with HDF5's own checksums
             bare = title.startswith(b"\x89HDF")
             intact = bare or title == _title(kind, hashlib.file_digest(plain, "sha256").hexdigest())
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror}); check the path") from None
-    wrong = f"is damaged, was changed, or is not a {kind} of format version {FORMAT_VERSION}"
+    wrong = f"is damaged, was changed, or is not a {kind} of format version 1"
     damaged = InputError(f"{path}: {wrong}; create it again")
     if not intact:
         raise damaged
     try:
         with h5py.File(path, "r") as file:
             about = file.attrs.get("format"), file.attrs.get("format_version")
-            if bare and about != (kind, FORMAT_VERSION):
+            if bare and about != (kind, 1):
                 raise damaged
             yield file
     except OSError:
@@ -121,20 +118,16 @@ def read(group: h5py.Group, name: str) -> Any:
     return value.item() if isinstance(value, np.generic) else value
 
 
-def _as_tuples(value: Any) -> Any:
-    """Return a value from JSON with tuples for lists."""
-    if isinstance(value, dict):
-        return {key: _as_tuples(item) for key, item in value.items()}
-    return tuple(map(_as_tuples, value)) if isinstance(value, list) else value
-
-
-NODE_FIELDS = "x points f g0 weight edge f_backward held cohesion shear_limit".split()
-"""Arrays of a Record in the group /nodes."""
+def _place(group: h5py.Group, kind: type, name: str) -> h5py.Group:
+    """Return the group of a value: /nodes for the arrays over the nodes of a Record."""
+    of_nodes = "x points f g0 weight edge f_backward held cohesion shear_limit".split()
+    return group["nodes"] if kind is Record and name in of_nodes else group
 
 
 def _write_all(group: h5py.Group, data: Any, prefix: str = "") -> None:
     """Write the values of a dataclass, and inner ones in groups of their own; None is left out."""
-    nodes = group.create_group("nodes") if isinstance(data, Record) else group
+    if isinstance(data, Record):
+        group.create_group("nodes")
     for field in dataclasses.fields(data):
         name, value = field.name, getattr(data, field.name)
         if name == "choices":  # instants with several continuations
@@ -144,7 +137,7 @@ def _write_all(group: h5py.Group, data: Any, prefix: str = "") -> None:
         elif dataclasses.is_dataclass(value):
             _write_all(group.create_group(name), value)
         elif value is not None:
-            write(nodes if name in NODE_FIELDS else group, prefix + name, value)
+            write(_place(group, type(data), name), prefix + name, value)
 
 
 def _read_all(group: h5py.Group, kind: Any, prefix: str = "") -> Any:
@@ -152,12 +145,12 @@ def _read_all(group: h5py.Group, kind: Any, prefix: str = "") -> Any:
     values: dict[str, Any] = {}
     hints = get_type_hints(kind)
     for name, optional in ((f.name, f.default is None) for f in dataclasses.fields(kind)):
-        place = group["nodes"] if kind is Record and name in NODE_FIELDS else group
+        place = _place(group, kind, name)
         types = (t for t in (hints[name], *get_args(hints[name])) if isinstance(t, type))
         inner = next((t for t in types if dataclasses.is_dataclass(t)), None)
         if name == "choices":
-            stored = json.loads(group.attrs.get(name, "[]"))
-            values[name] = tuple(Choice(**_as_tuples(choice)) for choice in stored)
+            stored = group.attrs.get(name, "[]")
+            values[name] = type_adapter(tuple[Choice, ...]).validate_json(stored)
         elif optional and name not in place and name not in place.attrs:
             continue
         elif inner is None:

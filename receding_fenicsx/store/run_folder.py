@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import csv
 import json
-import math
 import os
 import shutil
 from collections.abc import Iterator, Mapping
@@ -16,8 +15,6 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
-
-import numpy as np
 
 from receding_fenicsx.atomic import make_folder, new_file, unwritable
 from receding_fenicsx.errors import InputError, RecedingError
@@ -124,16 +121,10 @@ def shared_folder(
 def _fill(part: Path, scene: Scene, earlier: Path | None) -> None:
     """Fill the working folder with the scene and the files that a resumed run needs."""
     for item in part.iterdir() if earlier != part else ():
-        if item.is_dir():
-            shutil.rmtree(item)
-        else:
-            item.unlink()
-    if earlier is not None and earlier != part:
-        for name in (SYSTEM, CORNERS, CASES):
-            if (earlier / name).is_file():
-                shutil.copy2(earlier / name, part / name)
-        if (earlier / JOURNAL).is_dir():
-            shutil.copytree(earlier / JOURNAL, part / JOURNAL)
+        shutil.rmtree(item) if item.is_dir() else item.unlink()
+    for item in earlier.iterdir() if earlier and earlier != part else ():
+        if item.name in (SYSTEM, CORNERS, CASES, JOURNAL):
+            (shutil.copytree if item.is_dir() else shutil.copy2)(item, part / item.name)
     with new_file(part / SCENE, overwrite=True) as beside:
         beside.write_text(to_toml(scene), encoding="utf-8")
 
@@ -168,8 +159,8 @@ def is_finished(path: Path, scene: Scene) -> bool:
     if difference(_scene_of(path), scene, frozenset({"history.cycles", "history.until"})):
         return False
     until, limit = scene.history.until, summary.get("limit")
-    wanted = scene.history.cycles if len(summary["dissipation_per_cycle"]) else 0
-    played = len(summary["dissipation_per_cycle"]) >= wanted
+    cycles = len(summary["dissipation_per_cycle"])
+    played = not cycles or cycles >= scene.history.cycles
     if until == "limit":
         return limit is not None and bool(limit["reached"] or played)
     if limit is not None and limit["jumped"]:
@@ -217,9 +208,11 @@ def _check_same(folder: Path, scene: Scene) -> None:
 
 def write_summary(path: Path, summary: Mapping[str, Any], overwrite: bool = False) -> None:
     """Write a summary as JSON; numbers that are not finite become null."""
+    from pydantic_core import to_json
+
     with new_file(path, overwrite) as beside:
-        text = json.dumps(_finite(summary), indent=2, ensure_ascii=False, allow_nan=False)
-        beside.write_text(text + "\n", encoding="utf-8")
+        text = to_json(summary, indent=2, inf_nan_mode="null", fallback=lambda v: v.tolist())
+        beside.write_bytes(text + b"\n")
 
 
 def read_summary(path: str | Path) -> dict[str, Any]:
@@ -234,19 +227,6 @@ def read_summary(path: str | Path) -> dict[str, Any]:
     if not isinstance(summary, dict) or not needed <= summary.keys():
         raise InputError(f"{path}: is not a summary of a run; run the scene again")
     return summary
-
-
-def _finite(value: Any) -> Any:
-    """Return a value with every number that is not finite replaced by None."""
-    if isinstance(value, Mapping):
-        return {str(key): _finite(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [_finite(item) for item in value]
-    if isinstance(value, np.generic):
-        value = value.item()
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    return value
 
 
 def write_probes(folder: Path, record: Record) -> list[Path]:

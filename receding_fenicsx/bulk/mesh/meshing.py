@@ -30,7 +30,7 @@ from receding_fenicsx.bulk.mesh.rectangle import rectangle_mesh
 from receding_fenicsx.bulk.mesh.user_mesh import read_user_meshes
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.mpi import on_root
-from receding_fenicsx.scene.checks import unknown_name
+from receding_fenicsx.scene.checks import check_known
 from receding_fenicsx.scene.model import Body, Scene, Tie
 from receding_fenicsx.scene.one_body import part_of
 
@@ -236,8 +236,7 @@ def _materials_of_cells(scene: Scene, body: Body, mesh: RawMesh) -> NDArray[np.i
     label = f'[body] mesh "{Path(body.mesh or "").name}"'
     surfaces = sorted(set(mesh.surfaces))
     for name in names:
-        if name not in surfaces:
-            unknown_name(name, surfaces, f"[material.{name}]", "body or physical surface")
+        check_known(name, surfaces, f"[material.{name}]", "body or physical surface")
     for surface in surfaces:
         if surface not in names:
             raise InputError(
