@@ -18,7 +18,7 @@ from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 import numpy as np
-from equations import BACKWARD, EPS, FORWARD, OPEN, ROUNDINGS, STICK, Array, Body
+from equations import BACKWARD, EPS, FORWARD, OPEN, ROUNDINGS, STICK, Array, Body, States
 
 LAW = 1e-11
 """Violation of a law, over the largest force, that is let pass."""
@@ -67,7 +67,7 @@ class Totals:
     jumps: int = 0
     hidden: int = 0  # changes that round-off of former displacements may hide: jumps or none
     unsure: float = 0.0  # energy lost in those
-    condition: float = 1.0  # largest condition of the states' equations
+    rounded: float = 0.0  # first-order round-off of the work of contact forces
     known: bool = True  # False where a jump or a drift could not be followed
     largest: float = 0.0  # displacement
     misfit: float = 0.0  # work of the contact forces on what replayed legs end off the record's
@@ -109,6 +109,11 @@ class Replay:
         self.body = Body(self.system)
         # (2N,) worth of rounding in displacements, as forces, in any states so far
         self.doubt = np.zeros(2 * self.body.n)
+
+    def rounded(self, leg: Leg, here: States, force: Array, way: Array) -> float:
+        """Return the first-order round-off of the work of reactions (2N,) on a way (2N,)."""
+        reach = here.reach(here.row_errors(leg.noise))
+        return float((np.abs(force) + leg.noise) @ reach + leg.noise @ np.abs(way))
 
     def object(self, place: str, what: str, size: float = 0.0, allowed: float = 0.0) -> None:
         """Note a contradiction."""
@@ -296,12 +301,8 @@ def _check_cycle(
     if not totals.known:
         return
     stored = 0.5 * float((u - u_start) @ body.K @ (u + u_start))
-    allowed = (ENERGY + ROUNDINGS * EPS * totals.condition) * (totals.moved + abs(stored))
-    # displacements keep their round-off, enlarged by the condition of the states' equations
-    share = LAW + EPS * (ROUNDINGS + totals.condition)
-    allowed += share * leg.force * max(largest, totals.largest) + totals.divided
-    # a contact that sticks throughout slips by the round-off of its forces, so far
-    allowed += float(leg.noise.max()) ** 2 / float(body.k.min())
+    allowed = ENERGY * (totals.moved + abs(stored)) + totals.divided + totals.rounded
+    allowed += LAW * leg.force * max(largest, totals.largest)
     first = record.dissipation_first_loading
     D = record.cycles.dissipation[cycle - 1] if cycle else first
     errors = {"dissipation is off": (D - float(totals.dissipation.sum()), allowed)}

@@ -312,7 +312,7 @@ def _add_up(
     totals.dissipation += D
     totals.work += float(work.sum())
     totals.moved += float(np.abs(D).sum() + np.abs(work).sum() + np.abs(mean @ du))
-    totals.condition = max(totals.condition, here.condition)
+    totals.rounded += run.rounded(leg, here, mean, du)
     totals.largest = max(totals.largest, float(np.abs(np.array(ends)).max()))
 
 

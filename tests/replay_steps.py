@@ -38,6 +38,8 @@ def step(run: Replay, leg: Leg, totals: Totals) -> None:
         work = float(0.5 * (load + load_b) @ body.r_star @ (u_b - u))
         lost = -(float(D.sum()) + 0.5 * float((u_b - u) @ body.K @ (u_b + u)) + work)
         totals.dissipation += D
+        r = body.reactions(0.5 * (load + load_b), 0.5 * (u + u_b))
+        totals.rounded += run.rounded(leg, body.states(now), r, u_b - u)
         totals.moved += float(np.abs(D).sum()) + abs(work)
         run.steps.append(Step(leg, (load, load_b), (u, u_b), (state.copy(), now), lost))
         twice = np.bincount(events.node[rows], minlength=n) > 1

@@ -10,6 +10,7 @@ from receding_fenicsx.errors import InputError, NoEquilibrium, SolveError
 from receding_fenicsx.evolution import run_state
 from receding_fenicsx.evolution.evolve import evolve
 from receding_fenicsx.evolution.record import Record
+from receding_fenicsx.interface.exact.path import EventPath
 from receding_fenicsx.interface.law import State
 from receding_fenicsx.interface.system import ContactSystem
 from receding_fenicsx.scene.model import OutputOptions, SolverOptions
@@ -207,3 +208,13 @@ def test_a_landing_after_an_initial_slip_is_refused_by_node(method: str) -> None
     smooth = replace(system, f=np.array([0.4, 0.0]))
     end = evolve(smooth, history, options, initial_slip=np.array([1.0, 0.0])).turning_points
     assert end.P[0, 1] > 0.0
+
+
+def test_a_refusal_names_a_motion_that_is_almost_free(monkeypatch: pytest.MonkeyPatch) -> None:
+    def lost(*leg: Any) -> None:
+        raise SolveError("lost accuracy")
+
+    monkeypatch.setattr(EventPath, "trace_leg", lost)
+    system = small_system(np.diag([1e-9, 1.0]), {"p": [0.0, 1.0]}, 0.5)
+    with pytest.raises(SolveError, match="softest motion of the body is 1e-09 as stiff"):
+        evolve(system, table(system, [0.0, 1.0]))

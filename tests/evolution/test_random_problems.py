@@ -14,7 +14,6 @@ from problems import (
     MISNAMED,
     REFUSED,
     STEPS,
-    UNJUDGED,
     WRONG,
     Outcome,
     Problem,
@@ -31,6 +30,7 @@ from stack_problems import FAMILIES
 
 from receding_fenicsx.evolution.evolve import evolve
 from receding_fenicsx.evolution.record import Record
+from receding_fenicsx.interface.load_steps.steps import Continuation
 from receding_fenicsx.scene.model import OutputOptions, SolverOptions
 
 pytestmark = pytest.mark.one_rank
@@ -45,8 +45,10 @@ SLOW = {49}
     [("plain", range(b, 300, 10)) for b in range(10)]
     + [(family, range(b, 80, 4)) for family in ("directed", "oblique") for b in range(4)]
     + [("capped", range(b, 60, 4)) for b in range(4)]
-    # of 33 one contact sticks, and one slides back, while both are unloaded
-    + [("stack", range(3)), ("stack", range(33, 34)), ("stack", range(283, 284))],
+    # of 33 one contact sticks, and one slides back, while both are unloaded; the first load step of
+    # 98000252, of crowned blocks, ends off the exact path by half its length
+    + [("stack", range(3))]
+    + [("stack", range(b, b + 1)) for b in (33, 283, 98000252)],
 )
 def test_accepted_answers_keep_the_laws_and_refusals_are_true(family: str, numbers: range) -> None:
     tried = [number for number in numbers if family == "plain" or number not in SLOW]
@@ -91,14 +93,16 @@ SINGLE = {
     # a body that was displaced far comes to rest; round-off of such displacements is no jump,
     # one that vanishes in the limit is
     "in the limit": (limited, "1200155 1200094 71000467 1110647", {ACCEPTED}),
-    # springs of 1e-8 to 1e-9 of K carry loads a hundred times the force scale of open contacts
+    # springs of 1e-8 to 1e-9 of K carry loads a hundred times the force scale of open contacts;
+    # what 98000548, 98000836 and 98001255 dissipate is the work of forces on round-off of
+    # displacements; in 61000644, 61001002 and 98001488 a load step ends where the loads of its
+    # leg cancel but for round-off
     "bodies lifted off soft springs": (
         sprung,
-        "60000067 60000434 60000475 60000604 60001026 61000048 61000717 74000586",
+        "60000067 60000434 60000475 60000604 60001026 61000048 61000717 74000586 61000644 "
+        "61001002 98000548 98000836 98001255 98001488",
         {ACCEPTED},
     ),
-    # forces of 1e-8 to 1e-9 of the largest decide, those of the springs that hold the body
-    "nearly loose bodies": (sprung, "61000644 61001002", {UNJUDGED}),
     # springs slide the body back in the last 1e-9 of unloading: no continuation, or a jump
     "pulled back": (sprung, "61001120", {REFUSED, MISNAMED}),
 }
@@ -111,8 +115,6 @@ def test_a_single_hard_problem_breaks_no_law(kind: str, number: int) -> None:
     change, _, allowed = SINGLE[kind]
     outcome = judge(change(problem(number)))
     assert outcome.verdict in allowed, outcome
-    if outcome.verdict == UNJUDGED:
-        assert "as stiff as the stiffest" in outcome.said
     if number in (464364, 621228, 1200094):  # nodes slip and stick at the place of a jump
         assert outcome == Outcome(ACCEPTED, "with jumps")
 
@@ -284,3 +286,9 @@ def test_a_jump_that_is_not_counted_is_seen() -> None:
     assert objected(system, history, replace(record, jumps=2), "counts 2 jumps, there are 1")
     off = replace(record, released=record.released * (1.0 + 1e-5))
     assert objected(system, history, off, "released energy is off")
+
+
+def test_load_steps_that_jump_silently_are_seen(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(Continuation, "is_straight", lambda *step: True)
+    options = SolverOptions(method="gauss-seidel", steps_per_leg=STEPS)
+    assert "jumps silently" in judge(Problem(0, *one_node(), options, ())).said

@@ -49,8 +49,9 @@ class LegProblem:
     chooser: Chooser | None = None
 
     def load(self, s: float) -> Array:
-        """Return the (n_loads,) load factors at s."""
-        return (1.0 - s) * self.ends[0] + s * self.ends[1]
+        """Return the (n_loads,) load factors at s, 0 where both ends cancel but for round-off."""
+        load = (1.0 - s) * self.ends[0] + s * self.ends[1]
+        return np.where(np.abs(load) > 4e-15 * np.abs(self.ends).max(axis=0), load, 0.0)
 
     def place(self, s: float) -> float:
         """Return where s lies on the leg of the history."""
