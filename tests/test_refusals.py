@@ -2,7 +2,7 @@
 
 A row is the name of a scene and changes of it, then the message, then perhaps its nearest neighbour
 that is accepted. Changes are parted by " & ": values as of --set, tables whose lines are parted by
-"; ", or "$" and the command, which is check if none is named.
+"; ", ">" and a file with its lines, or "$" and the command, which is check if none is named.
 """
 
 import shlex
@@ -46,6 +46,7 @@ amplitude = 0.5
 amplitude = 0.25
 phase = 110
 """
+PLANES = (DEMOS / "half_planes.toml").read_text()
 LAYERS = replace(
     block(loads=(rf.Load("p", "b.top", pressure="1 + 0.2*x"),), history=ONCE),
     body=rf.Body("a", height=0.5),
@@ -146,7 +147,11 @@ SCENES: dict[str, str | rf.Scene] = {
         loads=(rf.Load("q", "upper.left", pressure=1.0),),
     ),
     "coated": COATED,
-    "planes": (DEMOS / "half_planes.toml").read_text(),
+    "planes": PLANES,
+    "fatigue": PLANES
+    + '[[probe]]\nname = "edge"\nedge = "lower.top"\n[fatigue]\nyield_stress = 1.0\n',
+    "signal": SHEARED + '[history]\nkind = "table"\nrows = {file = "signal.csv"}\n',
+    "gap file": BLOCK.replace("gap = 0.0", 'gap = {file = "gap.csv"}'),
 }
 
 
@@ -155,17 +160,20 @@ def text_of(base: str) -> str:
     return scene if isinstance(scene, str) else rf.to_toml(scene)
 
 
-def changed(base: str, changes: str) -> tuple[str, list[str], list[str]]:
-    """Return a scene with tables added, the values to be set, and the words of the command."""
-    text, values, command = text_of(base), list[str](), ["check"]
+def changed(base: str, changes: str) -> tuple[dict[str, str], list[str], list[str]]:
+    """Return the files of a scene, the values to be set, and the words of the command."""
+    text, values, command, files = text_of(base), list[str](), ["check"], dict(FILES)
     for change in changes.split(" & "):
         if change.startswith("$ "):
             command = shlex.split(change[2:])
         elif change.startswith("["):
             text += "\n" + change.replace("; ", "\n") + "\n"
+        elif change.startswith("> "):
+            _, name, part = change.split(" ", 2)
+            files[name] = part.replace("; ", "\n") + "\n"
         elif change:
             values.append(change)
-    return text, values, command
+    return files | {"scene.toml": text}, values, command
 
 
 def rows() -> list[tuple[str, str, str, str]]:
@@ -195,9 +203,8 @@ def test_what_breaks_a_rule_is_refused_by_its_whole_message(
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    text, values, (command, *options) = changed(base, changes)
+    files, values, (command, *options) = changed(base, changes)
     monkeypatch.chdir(shared_tmp_path)
-    files = FILES | {"scene.toml": text}
     rf.on_root(comm, lambda: [Path(name).write_text(part) for name, part in files.items()])
     commands = [command]
     if command == "check" and not message.startswith("scene.toml"):
@@ -215,8 +222,8 @@ def test_what_breaks_a_rule_is_refused_by_its_whole_message(
 @pytest.mark.one_rank
 @pytest.mark.parametrize(("base", "changes"), [(row[0], row[3]) for row in ROWS if row[3]])
 def test_its_nearest_neighbour_is_accepted(base: str, changes: str) -> None:
-    text, values, _ = changed(base, changes)
-    scene = rf.from_toml(text, values)
+    files, values, _ = changed(base, changes)
+    scene = rf.from_toml(files["scene.toml"], values)
     assert rf.from_toml(rf.to_toml(scene)) == scene
 
 

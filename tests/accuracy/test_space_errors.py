@@ -252,16 +252,6 @@ def test_a_run_without_an_answer_on_coarser_meshes_says_so() -> None:
     assert "space errors are not known: on a coarser mesh: too coarse" in printed
 
 
-def test_errors_asked_of_a_mesh_too_coarse_are_refused_before_the_run(
-    shared_tmp_path: Path,
-) -> None:
-    with pytest.raises(rf.InputError, match="at least 16"):
-        study.run(
-            scene_of(14), shared_tmp_path / "run", study.RunOptions(error=True), MPI.COMM_WORLD
-        )
-    assert not (shared_tmp_path / "run").exists()
-
-
 def test_a_search_without_an_answer_on_any_mesh_ends_as_its_last_run(shared_tmp_path: Path) -> None:
     scene = scene_of(16, "history.minimum=-0.5", "accuracy.tolerance=0.1")
     with pytest.raises(rf.NoEquilibrium, match="pull the body off"):

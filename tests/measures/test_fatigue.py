@@ -236,23 +236,6 @@ def test_cracks_arrest_where_the_threshold_is_not_met() -> None:
 
 
 @pytest.mark.one_rank(False)
-@pytest.mark.parametrize(
-    ("text", "changes", "message"),
-    [
-        ("[fatigue]", [], r"\[fatigue\]: needs points"),
-        (PROBES, ["history.cycle_rows=[]"], r"\[fatigue\]: needs a history with cycles"),
-        (PROBES, ["fatigue.threshold=1.0"], "threshold and fatigue_limit: give both"),
-        (PROBES, ["fatigue.threshold=1", "fatigue.fatigue_limit=1"], "with a segment"),
-        (PROBES, ["probe.edge.edge=lower.far"], "unknown contact edge"),
-        (PROBES, ["probe.edge.body=lower"], "the edge names the body"),
-    ],
-)
-def test_what_has_no_fatigue_is_refused(text: str, changes: list[str], message: str) -> None:
-    with pytest.raises(rf.InputError, match=message):
-        rf.from_toml(f"{CYLINDERS.read_text()}\n{text}", changes)
-
-
-@pytest.mark.one_rank(False)
 def test_a_half_model_has_the_probe_of_the_whole_edge() -> None:
     block = (Path(__file__).parents[2] / "demos" / "block.toml").read_text()
     text = f'{block}\n[[probe]]\nname = "edge"\nedge = "bottom"\n[fatigue]\n'

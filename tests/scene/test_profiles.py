@@ -48,31 +48,10 @@ def test_a_profile_is_read_from_a_file_beside_the_scene(
     assert from_toml(to_toml(scene)) == scene
 
 
-@pytest.mark.parametrize(
-    ("content", "words"),
-    [
-        (None, ["no such file"]),
-        (b"\xff\xfe\x00", ["not a text file"]),
-        ("0 0\n1\n", ["line 2", "1 column(s)"]),
-        ("x,value\n0,0.1\n1,abc\n", ["line 3", '"abc"']),
-        ("# gap\n0 0.1\n1 nan\n", ["line 3", "not a finite number"]),
-        ("0;0,1\n1;0,2\n", ["line 1", "decimal point"]),
-        ("x,gap,time\n0,0.1,1\n1,0.2,1\n", ["one x and one value", "x, gap, time"]),
-        ("x,x\n0,0.1\n1,0.2\n", ["'x' occurs twice"]),
-        ("1 0.1\n\n0 0.2\n", ["line 3", "x = 0 follows 1"]),
-    ],
-)
-def test_a_file_that_is_no_profile_is_refused_in_one_line_with_its_place(
-    content: str | bytes | None, words: list[str], tmp_path: Path
-) -> None:
-    if content is not None:
-        data = content if isinstance(content, bytes) else content.encode()
-        (tmp_path / "gap.csv").write_bytes(data)
-    with pytest.raises(InputError) as caught:
+def test_a_file_that_is_no_text_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "gap.csv").write_bytes(b"\xff\xfe\x00")
+    with pytest.raises(InputError, match=r'contact initial_gap file "gap.csv": is not a text file'):
         from_toml(BLOCK, ['contact.initial_gap={file = "gap.csv"}'], tmp_path)
-    text = str(caught.value)
-    assert "\n" not in text and 'contact initial_gap file "gap.csv": ' in text
-    assert all(word in text for word in words), text
 
 
 def test_a_table_beside_the_contact_is_refused_unless_it_is_constant() -> None:

@@ -7,7 +7,6 @@ from mpi4py import MPI
 import pytest
 
 import receding_fenicsx as rf
-from receding_fenicsx import cli
 from receding_fenicsx.scene.identity import difference
 
 comm = MPI.COMM_WORLD
@@ -95,51 +94,3 @@ def test_scene_holds_the_rows_and_notices_another_file(shared_tmp_path: Path) ->
     assert rf.from_toml(rf.to_toml(scene), folder=shared_tmp_path / "elsewhere") == scene
     put(shared_tmp_path, "P,Q\n1,0.25\n1.5,-0.5000001\n1,0.5\n")
     assert difference(scene, read(shared_tmp_path)) == "[history] rows"
-
-
-@pytest.mark.parametrize(
-    ("text", "words"),
-    [
-        ("time,P,Q\n0,1,0\n2,1,1\n1,1,0\n", ["line 4", "time = 1 follows 2", "sort"]),
-        ("P,R\n1,2\n", ["the column 'R' is no load"]),
-        ("P,Q\n0,0\n0,0\n", ["all load factors are zero"]),
-    ],
-)
-def test_bad_file_is_refused_in_one_line_with_code_2_and_nothing_written(
-    text: str, words: list[str], shared_tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    put(shared_tmp_path, text)
-    put(shared_tmp_path, BODY + FILE, "scene.toml")
-    before = sorted(shared_tmp_path.iterdir())
-    code = cli.main(
-        ["run", str(shared_tmp_path / "scene.toml"), "--out", str(shared_tmp_path / "out")]
-    )
-    said = capsys.readouterr().err
-    assert code == 2
-    comm.barrier()
-    assert sorted(shared_tmp_path.iterdir()) == before
-    if comm.rank == 0:
-        assert len(said.strip().splitlines()) == 1
-        for word in (*words, "scene.toml"):
-            assert word in said, said
-
-
-@pytest.mark.parametrize(
-    ("history", "words"),
-    [
-        (FILE + "cycle_rows = [[1, 0]]", ["[history] columns", "missing"]),
-        (FILE + 'columns = ["P", "R"]', ["no column 'R'", "P, Q"]),
-        (FILE + "columns = 3", ["[history] columns", "list of strings"]),
-        ('kind = "cyclic"\n' + FILE, ["rows", 'kind = "table" only']),
-    ],
-)
-def test_bad_keys_beside_a_file_are_refused(
-    history: str, words: list[str], shared_tmp_path: Path
-) -> None:
-    put(shared_tmp_path, "P,Q\n1,0.5\n1,0.25\n")
-    put(shared_tmp_path, "Q,R\n1,0.5\n1,0.25\n", "other.csv")
-    body = BODY.replace('kind = "table"\n', "") if "kind" in history else BODY
-    with pytest.raises(rf.InputError) as caught:
-        read(shared_tmp_path, history, body)
-    for word in words:
-        assert word in str(caught.value), str(caught.value)

@@ -73,26 +73,6 @@ def test_power_of_the_pressure_is_that_of_outward_and_inward_slip(f: float) -> N
     assert abs(found.value - 0.712) < 0.04 * (x[1] - x[0])
 
 
-def test_stick_ends_of_cattaneo_and_mindlin_are_found() -> None:
-    x = edge(2, 100)
-    a, f = 0.8, 0.4
-
-    def arc(s: Array, end: float) -> Array:
-        return np.sqrt(np.maximum(end**2 - s**2, 0.0))
-
-    for c in np.linspace(0.4, 0.44, 9):
-        state = np.full(len(x), OPEN)
-        state[np.abs(x) < a] = FORWARD
-        state[np.abs(x) < c] = STICK
-        weight = forces(x, 2, np.ones_like)
-        P, less = (forces(x, 2, partial(arc, end=end)) for end in (a, c))
-        at = Tractions(x, weight, P, -f * (P - less), state, np.full(len(x), f), beta=0.0)
-        found = stick_half_width_estimate(at)
-        assert found.fitted
-        assert found.low < c < found.high
-        assert abs(found.value - c) < 0.04 * (x[1] - x[0])
-
-
 def stuck(c: float, power: float, x: Array, degree: int, a: float = 0.9) -> Tractions:
     """Lay p of Hertz on an edge, and f p - |q| = (1 + x^2) (c^2 - x^2)^power in the stick zone."""
     weight, f = forces(x, degree, np.ones_like), 0.4
