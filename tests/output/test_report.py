@@ -20,7 +20,11 @@ from small import cyclic
 import receding_fenicsx as rf
 from receding_fenicsx.evolution.record_data import Limit
 from receding_fenicsx.interface.uniqueness.watch import LARGE_MARGIN
-from receding_fenicsx.output.report.contact import extremes_of, uniqueness_rows
+from receding_fenicsx.output.report.contact import (
+    extremes_of,
+    headline_points,
+    uniqueness_rows,
+)
 from receding_fenicsx.output.report.html import report_html
 from receding_fenicsx.output.report.run import loose_warnings
 from receding_fenicsx.store.run_folder import write_summary
@@ -180,6 +184,45 @@ def test_every_number_of_the_report_is_one_of_the_summary_to_its_digits(
             ratio = scale if float(same) != float(token) else 1.0
             lost = abs(float(token) - ratio * float(same))
             assert lost <= max(2e-3 * abs(float(token)), 1.2e-4 * ratio), (token, same, row)
+
+
+HEADS = {
+    "contact half width": "contact_half_width",
+    "stick half width": "stick_half_width",
+    **{
+        f"{name} {end}": f"{name}_{end}" for name, end in (("p", "max"), ("q", "min"), ("q", "max"))
+    },
+}
+CHECKS = {
+    "largest residual": ("residual_max", 3.25e-11),
+    "largest relative error of a leg's energy": ("energy_error_max", 7.5e-12),
+    "events": ("events", 2345),
+    "sweeps": ("sweeps", 678),
+    "peak memory, MB": ("peak_memory_MB", 910.0),
+    "MPI ranks": ("ranks", 11),
+}
+"""Beginnings of the labels of rows, and the keys of a summary with values that occur once."""
+
+
+def test_every_number_stands_beside_its_own_name() -> None:
+    summary = {**run()[1], **dict(CHECKS.values())}
+    page = Page(report_html(summary))
+    heads = page.rows[0]
+    for row, point in zip(page.rows[1:], headline_points(summary), strict=False):
+        shown = dict(zip(heads, row, strict=True))
+        assert shown["cycle"] == str(point["cycle"])
+        for head, key in HEADS.items():
+            assert float(shown[head]) == pytest.approx(point[key], abs=1e-5), head
+    for label, (_, value) in CHECKS.items():
+        (row,) = (row for row in page.rows if row[0].startswith(label) and len(row) == 2)
+        assert float(row[1]) == pytest.approx(value, rel=1e-2), label
+    first = next(k for k, row in enumerate(page.rows) if row[0] == "cycle N")
+    for row in page.rows[first + 1 : first + 21]:
+        N, D, ratio, slip = map(float, row)
+        k = int(N) - 1
+        known = summary["dissipation_per_cycle"][k], summary["slip_per_cycle_max"][k]
+        assert (D, slip) == pytest.approx(known, rel=1e-6)
+        assert ratio == pytest.approx(known[0] / summary["dissipation_per_cycle"][0], rel=1e-6)
 
 
 def test_the_card_of_the_steady_state_names_its_kind_and_its_first_cycle() -> None:
