@@ -83,7 +83,7 @@ def mode_system(scene: Scene) -> tuple[ContactSystem, Array]:
         number = load.mode or 0
         phi, omega = _modes(bulk, tied, number, scene.mode.count)
         for part, force in zip(bulk.parts, phi, strict=True):
-            part.loads[part.load_names.index(load.name)].setArray(force)
+            part.loads[:, part.load_names.index(load.name)] = force
         bulk.condensed = False
         driven = given(stack.condense(bulk))
         # the tied contact has to give q = alpha / omega^2 under the mode's load
@@ -164,8 +164,8 @@ def assembled(bulk: Stack) -> Assembled:
     soft = block_diag(bolt_compliance(bulk.scene), bulk.soft)
     rows = [np.zeros((len(names), part.dofs)) for part in parts]
     for own, part in zip(rows, parts, strict=True):
-        for name, load in zip(part.load_names, part.loads, strict=True):
-            own[[k for k, known in enumerate(names) if known == name]] = load.getArray()
+        for name, load in zip(part.load_names, part.loads.T, strict=True):
+            own[[k for k, known in enumerate(names) if known == name]] = load
     L = sparse.csr_matrix(np.hstack(rows).T)
     A = A + L @ sparse.csr_matrix(np.linalg.inv(soft)) @ L.T
     M = sparse.block_diag([_mass(part) for part in parts], "csr")

@@ -111,17 +111,13 @@ def reactions(bulk: Bulk, load: Array | None, displacement: fem.Function) -> Arr
     They are the nodal forces E A u less the loads: an independent check of
     r = sum lambda r* + K u.
     """
-    factors = bulk.comm.bcast(load, root=0)
+    factors = np.asarray(bulk.comm.bcast(load, root=0), float)
     vector, force = bulk.stiffness.createVecRight(), bulk.stiffness.createVecLeft()
     vector.getArray()[:] = _dolfinx.owned_values(displacement)
     bulk.stiffness.mult(vector, force)
     force.scale(bulk.young)
-    for name, factor, nodal in zip(
-        bulk.load_names, np.asarray(factors, float), bulk.loads, strict=True
-    ):
-        # a prescribed displacement is in the field already
-        if name not in bulk.prescribed:
-            force.axpy(-factor, nodal)
+    # a prescribed displacement is in the field already
+    force.getArray()[:] -= bulk.loads @ np.where(bulk.sign > 0.0, 0.0, factors)
     gathered = gather_contact(bulk, force.getArray(readonly=True)[:, None])
     vector.destroy()
     force.destroy()

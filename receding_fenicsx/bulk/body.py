@@ -43,17 +43,16 @@ class Bulk(Discretisation):
 
     # A, for Young's modulus 1, without boundary conditions; with platens P^T A P
     stiffness: PETSc.Mat
-    # nodal forces of each load with factor 1, with platens P^T f; for a prescribed displacement d
-    # the equivalent forces -E A d
-    loads: list[PETSc.Vec]
+    # (own rows, n_loads) nodal forces of each load with factor 1, with platens P^T f; for a
+    # prescribed displacement d, a column of ``moved``, the equivalent forces -E A d
+    loads: Array
+    moved: Array
+    sign: Array  # (n_loads,) -1 for forces, +1 for prescribed displacements
     # degrees of freedom off the contact that symmetry, supports, prescribed displacements or
     # platens determine: global numbers, this rank's own
     fixed: Ints
     contact: ContactNodes  # the contact nodes
-    # prescribed displacement d with factor 1, by the name of its load
-    prescribed: dict[str, PETSc.Vec] = field(default_factory=dict)
-    # (2N,) its part [v; w] at contact nodes, where it has one
-    driven: dict[str, Array] = field(default_factory=dict)
+    driven: Array  # (n_loads, 2N) displacements [v; w] that loads prescribe at contact nodes
     ties: PETSc.Mat | None = None  # P, when there are platens: u = P u'
     # time spent on "forms" (compiling or loading them) and on "assemble"
     seconds: dict[str, float] = field(default_factory=dict)
@@ -103,15 +102,13 @@ class Bulk(Discretisation):
                     "(at most 1e-12); check the mesh for degenerate cells"
                 )
             K *= self.young
-            none = np.zeros(len(contact.held))
-            driven = [self.driven.get(name, none) for name in self.load_names]
             return CondensedBody(
                 K=K,
                 r_star=contact.to_local(given(held)).T.copy(),
                 compliance=compliance / self.young,
-                sign=load_sign(self),
+                sign=self.sign,
                 held=contact.held,
-                driven=np.array(driven).reshape(-1, len(none)),
+                driven=self.driven,
                 modes=contact.modes,
                 constraints=contact.constraints,
             )
@@ -161,32 +158,36 @@ class Bulk(Discretisation):
         g = np.zeros((end - start, last - first))
         np.add.at(g, (values.dof[own] - start, values.row[own] - first), values.value[own])
         if self.ties is not None:
-            full, result = self.stiffness.createVecLeft(), self.stiffness.createVecRight()
-            for column in g.T:
-                full.getArray()[:] = column
-                self.ties.multTranspose(full, result)
-                column[:] = result.getArray(readonly=True)
-            full.destroy()
-            result.destroy()
+            g = times(self.ties, g, transposed=True)
         z = solve(g)
-        of_loads = np.zeros((last - first, len(self.loads)))
-        for k, (name, load) in enumerate(zip(self.load_names, self.loads, strict=True)):
-            of_loads[:, k] = z.T @ load.getArray(readonly=True) / self.young
-            if name in self.prescribed:
-                of_loads[:, k] += g.T @ self.prescribed[name].getArray(readonly=True)
-        of_loads = self.comm.allreduce(of_loads) + values.of_loads[first:last]
+        of_loads = self.comm.allreduce(z.T @ self.loads / self.young + g.T @ self.moved)
+        of_loads += values.of_loads[first:last]
         of_contact = gather_contact(self, g - times(self.stiffness, z))
         if of_contact is None:
             return None
         return np.hstack([self.contact.to_local(of_contact).T, of_loads])
 
+    def append_loads(self, names: tuple[str, ...], nodes: Ints, forces: Array) -> None:
+        """Append loads with forces (n, 2, k) at nodes (n,)."""
+        start, end = self.stiffness.getOwnershipRange()
+        rows = (2 * nodes[:, None] + np.arange(2)).ravel()
+        own = (rows >= start) & (rows < end)
+        columns = np.zeros((end - start, len(names)))
+        columns[rows[own] - start] = forces.reshape(-1, len(names))[own]
+        if self.ties is not None:
+            columns = times(self.ties, columns, transposed=True)
+        self.load_names += names
+        self.loads = np.hstack([self.loads, columns])
+        self.moved = np.hstack([self.moved, 0.0 * columns])
+        self.sign = np.append(self.sign, -np.ones(len(names)))
+        self.driven = np.vstack([self.driven, np.zeros((len(names), self.driven.shape[1]))])
+
     def destroy(self) -> None:
         """Free PETSc's objects; on all ranks together."""
-        parts = (self.stiffness, self.interior, self.ties, *self.loads, *self.prescribed.values())
-        for thing in parts:
+        for thing in (self.stiffness, self.interior, self.ties):
             if thing is not None:
                 thing.destroy()
-        self.interior, self.ties, self.loads, self.prescribed = None, None, [], {}
+        self.interior, self.ties = None, None
 
 
 def constrained(bulk: Bulk, held: Ints) -> PETSc.Mat:
@@ -198,9 +199,10 @@ def constrained(bulk: Bulk, held: Ints) -> PETSc.Mat:
 
 def interior_solver(bulk: Bulk) -> Solve:
     """Return the function that solves with A_II; factorise it unless it is, by condensing too."""
-    off = np.concatenate([bulk.fixed, owned_contact(bulk)[0]])
+    start = bulk.stiffness.getOwnershipRange()[0]
+    off = np.concatenate([bulk.fixed - start, owned_contact(bulk)[0]])
     if bulk.interior is None:
-        matrix = constrained(bulk, off)
+        matrix = constrained(bulk, off + start)
         matrix.setOption(PETSc.Mat.Option.SPD, True)
         bulk.interior = PETSc.PC().create(bulk.comm)
         bulk.interior.setOperators(matrix)
@@ -209,7 +211,6 @@ def interior_solver(bulk: Bulk) -> Solve:
         bulk.interior.setUp()
         # petsc4py frees its objects only by destroy()
         matrix.destroy()
-    off = off - bulk.stiffness.getOwnershipRange()[0]
     pc = bulk.interior
 
     def solve(columns: Array) -> Array:
@@ -230,18 +231,17 @@ def interior_solver(bulk: Bulk) -> Solve:
 
 
 def owned_contact(bulk: Bulk) -> tuple[Ints, Ints]:
-    """Return this rank's contact degrees of freedom (global) and their places in [u_x; u_y]."""
+    """Return this rank's rows of contact degrees of freedom and their places in [u_x; u_y]."""
     start, end = bulk.stiffness.getOwnershipRange()
     dofs = bulk.contact.dofs
     places = np.flatnonzero((dofs >= start) & (dofs < end))
-    return dofs[places], places
+    return dofs[places] - start, places
 
 
 def gather_contact(bulk: Bulk, rows: Array) -> Array | None:
     """Gather the contact rows of (owned rows, n) values on rank 0 as (2N, n), [u_x; u_y]."""
-    dofs, places = owned_contact(bulk)
-    start = bulk.stiffness.getOwnershipRange()[0]
-    parts = bulk.comm.gather((places, rows[dofs - start]), root=0)
+    own, places = owned_contact(bulk)
+    parts = bulk.comm.gather((places, rows[own]), root=0)
     if parts is None:
         return None
     gathered = np.zeros((len(bulk.contact.dofs), rows.shape[1]))
@@ -273,50 +273,31 @@ def eliminate_interior(bulk: Bulk) -> tuple[Array | None, Array | None, Array]:
             symmetrise(K)
     if supported:
         matrix.destroy()
-    return (K, *_held_response(bulk, interior_solver(bulk)))
-
-
-def load_sign(bulk: Bulk) -> Array:
-    """Return -1 for forces, +1 for prescribed displacements."""
-    return np.array([1.0 if name in bulk.prescribed else -1.0 for name in bulk.load_names])
-
-
-def _held_response(bulk: Bulk, solve: Solve) -> tuple[Array | None, Array]:
-    """Return the loads' reactions (2N, n_loads; rank 0) and compliance, all contact nodes held."""
-    rows = bulk.stiffness.getLocalSize()[0]
-    loads = np.zeros((rows, len(bulk.loads)))
-    if not bulk.loads:  # MUMPS wants one right-hand side at least
-        return gather_contact(bulk, loads), np.zeros((0, 0))
-    for column, load in zip(loads.T, bulk.loads, strict=True):
-        column[:] = load.getArray(readonly=True)
-    x = solve(loads)
-    force = times(bulk.stiffness, x) - loads
-    moved = np.zeros_like(loads)
-    for k, name in enumerate(bulk.load_names):
-        if name in bulk.prescribed:
-            moved[:, k] = bulk.young * bulk.prescribed[name].getArray(readonly=True)
-    sign = load_sign(bulk)
-    own = np.where(sign[:, None] > 0.0, moved.T @ force, loads.T @ (x + moved))
+    if not bulk.loads.shape[1]:  # MUMPS wants one right-hand side at least
+        return K, gather_contact(bulk, bulk.loads), np.zeros((0, 0))
+    x = interior_solver(bulk)(bulk.loads)
+    force = times(bulk.stiffness, x) - bulk.loads
+    moved, sign = bulk.young * bulk.moved, bulk.sign
+    own = np.where(sign[:, None] > 0.0, moved.T @ force, bulk.loads.T @ (x + moved))
     compliance = bulk.comm.allreduce(own)
     # symmetric among forces and among displacements, antisymmetric between them
     compliance = 0.5 * (compliance + np.outer(sign, sign) * compliance.T)
-    return gather_contact(bulk, force), compliance
+    return K, gather_contact(bulk, force), compliance
 
 
 def _contact_forces(bulk: Bulk, solve: Solve, u: Array) -> Array | None:
     """Return K u (2N, n; rank 0) by solves."""
-    dofs, places = owned_contact(bulk)
-    start, rows = bulk.stiffness.getOwnershipRange()[0], bulk.stiffness.getLocalSize()[0]
-    x = np.zeros((rows, u.shape[1]))
-    x[dofs - start] = u[places]
+    rows, places = owned_contact(bulk)
+    x = np.zeros((len(bulk.loads), u.shape[1]))
+    x[rows] = u[places]
     force = times(bulk.stiffness, x)
     return gather_contact(bulk, force - times(bulk.stiffness, solve(force)))
 
 
-def times(matrix: PETSc.Mat, columns: Array) -> Array:
+def times(matrix: PETSc.Mat, columns: Array, transposed: bool = False) -> Array:
     """Multiply a matrix by columns, each rank giving and getting its own rows."""
     right = _dense(matrix, columns)
-    left = matrix.matMult(right)
+    left = (matrix.transposeMatMult if transposed else matrix.matMult)(right)
     product = np.array(left.getDenseArray(readonly=True))
     left.destroy()
     right.destroy()
@@ -340,29 +321,15 @@ def back_substitute(bulk: Bulk, load: Array | None, u: Array | None) -> fem.Func
     displacements are added, and platens take their nodes along. Of ``load`` and ``u`` (2N,) only
     rank 0's are used.
     """
-    factors, contact = bulk.comm.bcast((load, u), root=0)
-    solve = interior_solver(bulk)
-    held, solution = bulk.stiffness.createVecRight(), bulk.stiffness.createVecRight()
-    held.set(0.0)
-    start = bulk.stiffness.getOwnershipRange()[0]
-    dofs, places = owned_contact(bulk)
-    held.getArray()[dofs - start] = bulk.contact.to_global(np.asarray(contact, float))[places]
-    rhs = bulk.stiffness.createVecLeft()
-    bulk.stiffness.mult(held, rhs)
-    rhs.scale(-1.0)
-    for factor, vector in zip(np.asarray(factors, float), bulk.loads, strict=True):
-        rhs.axpy(factor / bulk.young, vector)
-    solution.getArray()[:] = solve(np.array(rhs.getArray(readonly=True))[:, None])[:, 0]
-    solution.axpy(1.0, held)
-    for name, factor in zip(bulk.load_names, np.asarray(factors, float), strict=True):
-        if name in bulk.prescribed:
-            solution.axpy(factor, bulk.prescribed[name])
+    factors, contact = (np.asarray(x, float)[:, None] for x in bulk.comm.bcast((load, u), root=0))
+    rows, places = owned_contact(bulk)
+    held = np.zeros((len(bulk.loads), 1))
+    held[rows] = bulk.contact.to_global(contact)[places]
+    forces = bulk.loads @ factors / bulk.young - times(bulk.stiffness, held)
+    moved = interior_solver(bulk)(forces) + held + bulk.moved @ factors
     if bulk.ties is not None:
-        solution.copy(held)
-        bulk.ties.mult(held, solution)
+        moved = times(bulk.ties, moved)
     displacement = fem.Function(bulk.space, name="displacement")
-    _dolfinx.owned_values(displacement)[:] = solution.getArray(readonly=True)
+    _dolfinx.owned_values(displacement)[:] = moved[:, 0]
     displacement.x.scatter_forward()
-    for vector in (held, rhs, solution):
-        vector.destroy()
     return displacement

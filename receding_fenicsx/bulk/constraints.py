@@ -15,7 +15,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
 from typing import NamedTuple
 
 from petsc4py import PETSc
@@ -212,56 +211,56 @@ def _displacements(scene: Scene, space: fem.FunctionSpace, body: BodyMesh) -> di
 
 def _held(scene: Scene, space: fem.FunctionSpace, body: BodyMesh) -> Dofs:
     """Return the dofs that symmetry or the axis holds, then those of each support; collective."""
-    comm, found = body.mesh.comm, [Dofs.joined([])]
+    near = POSITION_TOLERANCE * body.size
 
-    def on_axis() -> tuple[Ints, Array]:
-        start, places = _own_nodes(space)
-        near, r = POSITION_TOLERANCE * body.size, places[:, 0]
+    def on_axis(places: Array) -> NDArray[np.bool_]:
+        r = places[:, 0]
         if r.min(initial=0.0) < -near:
             raise InputError(
                 f"body: a node has r = x = {r.min():g}; an axisymmetric body lies at x >= 0"
             )
-        at = np.flatnonzero(r <= near)
-        return start + at.astype(np.int64), places[at]
+        return r <= near
 
-    def hold(nodes: Ints, places: Array, components: str) -> None:
-        for component in components:
-            numbers = 2 * nodes + "xy".index(component)
-            found.append(Dofs(numbers, places, np.zeros(len(nodes))))
-
-    def gathered(work: Callable[[], tuple[Ints, Array]]) -> tuple[Ints, Array]:
-        nodes, places = zip(*comm.allgather(on_all(comm, work)), strict=True)
-        return np.concatenate(nodes), np.concatenate(places)
-
+    found = []
     if scene.axisymmetric:
-        hold(*gathered(on_axis), "x")
+        found.append((*find_nodes(space, on_axis), "x"))
     elif body.half:
-        hold(*edge_nodes(space, body, "axis", None), "x")
+        found.append((*edge_nodes(space, body, "axis", None), "x"))
     for support in scene.supports:
         if support.edge is not None:
             nodes, places = edge_nodes(space, body, support.edge, None)
         else:
-            assert support.point is not None
-            nodes, places = gathered(partial(nodes_at, space, body, support.point))
+            nodes, places = nodes_at(space, body, support.point or "")
         if not len(nodes) and scene.body.mesh is not None:
             raise MeshMisfit(
                 f"support at {support.edge or support.point}: no node lies there; move it"
             )
-        hold(nodes, places, support.fix)
-    return Dofs.joined(found)
+        found.append((nodes, places, support.fix))
+    return Dofs.joined(
+        [
+            Dofs(2 * nodes + "xy".index(axis), places, np.zeros(len(nodes)))
+            for nodes, places, fix in found
+            for axis in fix
+        ]
+    )
 
 
-def _own_nodes(space: fem.FunctionSpace) -> tuple[int, Array]:
-    """Return the number of this rank's first node, and the coordinates (n, 2) of its nodes."""
+def find_nodes(
+    space: fem.FunctionSpace, chosen: Callable[[Array], NDArray[np.bool_]]
+) -> tuple[Ints, Array]:
+    """Return numbers and places (n, 2) of the nodes whose places are chosen; collective."""
     start, end = space.dofmap.index_map.local_range
-    return start, space.tabulate_dof_coordinates()[: end - start, :2]
+    places = space.tabulate_dof_coordinates()[: end - start, :2]
+    at = np.flatnonzero(on_all(space.mesh.comm, lambda: chosen(places))).astype(np.int64)
+    parts = space.mesh.comm.allgather((start + at, places[at]))
+    nodes, places = map(np.concatenate, zip(*parts, strict=True))
+    return nodes, places
 
 
 def nodes_at(
     space: fem.FunctionSpace, body: BodyMesh, point: tuple[float, float] | str
 ) -> tuple[Ints, Array]:
-    """Return this rank's nodes at a point, or at those of a named group, and their coordinates."""
-    start, coordinates = _own_nodes(space)
+    """Return the nodes at a point, or at those of a named group, and their places; collective."""
     if isinstance(point, tuple):
         points = np.array([point])
     elif point in body.spots:
@@ -271,6 +270,9 @@ def nodes_at(
         known = ", ".join(sorted(body.spots)) or f'none, declare Physical Point("{point}")'
         hint = f"did you mean '{close}'?" if close else f"it has {known}"
         raise InputError(f"point: the mesh has no group of points '{point}'; {hint}")
-    distance = np.hypot(*np.moveaxis(coordinates[:, None] - points, 2, 0)).min(axis=1)
-    at = np.flatnonzero(distance <= POSITION_TOLERANCE * body.size)
-    return start + at.astype(np.int64), coordinates[at]
+
+    def at_one(places: Array) -> NDArray[np.bool_]:
+        apart = np.linalg.norm(places[:, None] - points, axis=2).min(axis=1)
+        return np.asarray(apart <= POSITION_TOLERANCE * body.size)
+
+    return find_nodes(space, at_one)

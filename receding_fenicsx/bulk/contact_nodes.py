@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from receding_fenicsx.arrays import Array, Ints
 from receding_fenicsx.bulk.constraints import Constraints, find_constraints
-from receding_fenicsx.bulk.edges import gathered, integrate, measure, tagged_facets
+from receding_fenicsx.bulk.edges import integrate, measure, tagged_facets
 from receding_fenicsx.bulk.mesh.meshing import BodyMesh, ContactFacets
 from receding_fenicsx.bulk.mesh.raw_mesh import Line
 from receding_fenicsx.bulk.rigid_motions import free_motions, motions, scaled
@@ -158,7 +158,7 @@ class _Edge(NamedTuple):
 def _edge_nodes(
     scene: Scene, space: fem.FunctionSpace, body: BodyMesh, contact: ContactFacets
 ) -> _Edge:
-    facets = gathered(body.mesh.comm, lambda: tagged_facets(space, body, (contact.tag,)))
+    facets = tagged_facets(space, body, (contact.tag,))
     weights = integrate(facets, lambda points, normals: measure(scene, points))[:, :, 0]
     node, first, inverse = np.unique(facets.nodes.ravel(), return_index=True, return_inverse=True)
     points = facets.points.reshape(-1, 2)[first]

@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from mpi4py import MPI
-
 import numpy as np
 from dolfinx import fem
 
@@ -15,13 +13,12 @@ from receding_fenicsx.bulk import _dolfinx
 from receding_fenicsx.bulk.mesh.curved_edges import GAUSS_POINTS, Arcs, gauss
 from receding_fenicsx.bulk.mesh.meshing import BodyMesh
 from receding_fenicsx.errors import InputError
-from receding_fenicsx.mpi import on_all
 from receding_fenicsx.scene.model import Scene
 
 
 @dataclass(frozen=True)
 class EdgeFacets:
-    """Straight boundary facets whose cell this rank owns."""
+    """Straight boundary facets of all ranks, alike on every rank."""
 
     # (n, nodes, 2) coordinates of a facet's nodes: both ends, and at order 2 the middle
     points: Array
@@ -36,7 +33,7 @@ class EdgeFacets:
 def edge_facets(
     space: fem.FunctionSpace, body: BodyMesh, edge: str, span: tuple[float, float] | None = None
 ) -> EdgeFacets:
-    """Find this rank's facets of a named edge; an edge that the (half) body lacks has none.
+    """Find the facets of a named edge; an edge that the (half) body lacks has none; collective.
 
     With a span, keep the facets between these positions along the edge, which are vertices.
     """
@@ -49,7 +46,7 @@ def edge_facets(
 
 
 def tagged_facets(space: fem.FunctionSpace, body: BodyMesh, tags: Sequence[int]) -> EdgeFacets:
-    """Find this rank's facets with one of the tags."""
+    """Find the facets with one of the tags; collective."""
     topology = body.mesh.topology
     topology.create_connectivity(1, 2)
     topology.create_connectivity(2, 1)
@@ -59,8 +56,6 @@ def tagged_facets(space: fem.FunctionSpace, body: BodyMesh, tags: Sequence[int])
     cells = cell_of.array[cell_of.offsets[facets]]
     owned = cells < topology.index_map(2).size_local
     facets, cells = facets[owned], cells[owned]
-    if not len(facets):
-        return EdgeFacets(np.empty((0, 2, 2)), np.empty((0, 2), dtype=np.int64), np.empty((0, 2)))
     around = facets_of.array.reshape(-1, len(corners))[cells]
     side = np.argmax(around == facets[:, None], axis=1)
     places = body.mesh.geometry.x[_dolfinx.cell_nodes(body.mesh)[cells], :2]
@@ -74,7 +69,8 @@ def tagged_facets(space: fem.FunctionSpace, body: BodyMesh, tags: Sequence[int])
     nodes = space.dofmap.index_map.local_to_global(numbers.ravel()).reshape(numbers.shape)
     points = np.stack([a, b, 0.5 * (a + b)], axis=1)[:, : numbers.shape[1]]
     outward = np.where(inside[:, None], -normal, normal) + 0.0
-    return EdgeFacets(points, nodes.astype(np.int64), outward)
+    parts = body.mesh.comm.allgather((points, nodes.astype(np.int64), outward))
+    return EdgeFacets(*map(np.concatenate, zip(*parts, strict=True)))
 
 
 def along(body: BodyMesh, edge: str, points: Array) -> Array:
@@ -87,19 +83,11 @@ def along(body: BodyMesh, edge: str, points: Array) -> Array:
     return body.lines[edge].along(points)
 
 
-def gathered(comm: MPI.Comm, found: Callable[[], EdgeFacets]) -> EdgeFacets:
-    """Return the facets that each rank finds, all on every rank."""
-    every = comm.allgather(on_all(comm, found))
-    every = [part for part in every if len(part)] or every[:1]
-    names = ("points", "nodes", "outward")
-    return EdgeFacets(*(np.concatenate([getattr(p, name) for p in every]) for name in names))
-
-
 def edge_nodes(
     space: fem.FunctionSpace, body: BodyMesh, edge: str, span: tuple[float, float] | None
 ) -> tuple[Ints, Array]:
-    """Return all nodes of an edge or a span of it, sorted, and their places; on every rank."""
-    facets = gathered(body.mesh.comm, lambda: edge_facets(space, body, edge, span))
+    """Return all nodes of an edge or a span of it, sorted, and their places; collective."""
+    facets = edge_facets(space, body, edge, span)
     unique, first = np.unique(facets.nodes, return_index=True)
     return unique, facets.points.reshape(-1, 2)[first]
 

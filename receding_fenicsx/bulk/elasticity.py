@@ -11,16 +11,17 @@ import time
 from typing import Any
 
 from mpi4py import MPI
+from petsc4py import PETSc
 
 import numpy as np
 import ufl
 from dolfinx import fem
 
 from receding_fenicsx.bulk import _dolfinx
-from receding_fenicsx.bulk.body import Bulk
+from receding_fenicsx.bulk.body import Bulk, times
 from receding_fenicsx.bulk.closures import add_springs
 from receding_fenicsx.bulk.contact_nodes import find_contact
-from receding_fenicsx.bulk.loads import add_load
+from receding_fenicsx.bulk.loads import nodal_forces
 from receding_fenicsx.bulk.material import lame_constants, stiffness_in
 from receding_fenicsx.bulk.mesh.meshing import BodyMesh
 from receding_fenicsx.scene.model import Scene
@@ -48,46 +49,49 @@ def build(scene: Scene, body: BodyMesh) -> Bulk:
     stiffness.assemble()
     contact, constraints = find_contact(scene, space, body, resisted)
     P = constraints.matrix(stiffness)
+    names = tuple(dict.fromkeys(load.name for load in scene.applied))
+    start, end = stiffness.getOwnershipRange()
+    loads, moved = np.zeros((2, end - start, len(names)))
+    total = stiffness.createVecLeft()
+    for name, column in zip(names, loads.T, strict=True):
+        total.set(0.0)
+        for load in scene.applied:
+            # the forces of a mode are known once the contact is
+            if load.name == name and load.displacement is None and load.mode is None:
+                nodes, forces = nodal_forces(space, body, scene, load)
+                rows = (2 * nodes[:, :, None] + np.arange(2)).astype(PETSc.IntType)
+                total.setValues(rows.ravel(), forces.ravel(), addv=PETSc.InsertMode.ADD_VALUES)
+                total.assemble()
+        column[:] = total.getArray(readonly=True)
+    total.destroy()
     if P is not None:
         untied, stiffness = stiffness, stiffness.PtAP(P)
         untied.destroy()
-    start, end = stiffness.getOwnershipRange()
-    loads = {load.name: stiffness.createVecLeft() for load in scene.applied}
-    for vector in loads.values():
-        vector.set(0.0)
-    for load in scene.applied:
-        if load.displacement is None:
-            add_load(loads[load.name], space, body, scene, load)
-    if P is not None:
-        for vector in loads.values():
-            force = vector.copy()
-            P.multTranspose(force, vector)
-            force.destroy()
-    moved, driven = {}, {}
+        loads = times(P, loads, transposed=True)
+    driven = np.zeros((len(names), 2 * len(contact.node)))
     own = (constraints.given >= start) & (constraints.given < end)
+    _, at, on = np.intersect1d(constraints.given, contact.dofs, return_indices=True)
     for name, values in constraints.prescribed.items():
-        moved[name] = stiffness.createVecRight()
-        moved[name].set(0.0)
-        moved[name].getArray()[constraints.given[own] - start] = values[own]
-        stiffness.mult(moved[name], loads[name])
-        loads[name].scale(-scene.material.young)
-        at = np.searchsorted(constraints.given, contact.dofs) % len(values)
-        on = np.where(constraints.given[at] == contact.dofs, values[at], 0.0)
-        if on.any():
-            driven[name] = contact.to_local(on)
+        k = names.index(name)
+        moved[constraints.given[own] - start, k] = values[own]
+        driven[k, on] = values[at]
+    pushed = [names.index(name) for name in constraints.prescribed]
+    if pushed:
+        loads[:, pushed] = -scene.material.young * times(stiffness, moved[:, pushed])
     off = np.union1d(np.setdiff1d(constraints.given, contact.dofs), constraints.slaves)
     seconds["assemble"] = time.perf_counter() - clock
     return Bulk(
         scene,
         body,
         space,
-        tuple(loads),
+        names,
         stiffness=stiffness,
-        loads=list(loads.values()),
+        loads=loads,
+        moved=moved,
+        sign=np.where(np.isin(np.arange(len(names)), pushed), 1.0, -1.0),
         fixed=off[(off >= start) & (off < end)],
         contact=contact,
-        prescribed=moved,
-        driven=driven,
+        driven=contact.to_local(driven.T).T,
         ties=P,
         seconds=seconds,
     )

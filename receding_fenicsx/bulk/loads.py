@@ -16,8 +16,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 
-from petsc4py import PETSc
-
 import numpy as np
 from dolfinx import fem
 
@@ -41,70 +39,56 @@ from receding_fenicsx.scene.model import Load, Scene
 from receding_fenicsx.scene.profiles import Profile, evaluate, evaluate_checked
 
 
-def add_load(
-    vector: PETSc.Vec, space: fem.FunctionSpace, body: BodyMesh, scene: Scene, load: Load
-) -> None:
-    """Add the nodal forces of a load with factor 1; half a body carries its part at x >= 0."""
+def nodal_forces(
+    space: fem.FunctionSpace, body: BodyMesh, scene: Scene, load: Load
+) -> tuple[Ints, Array]:
+    """Return forces (n, k, 2) at nodes (n, k) of a load with factor 1, to be added; collective.
+
+    Their sum is over all ranks; half a body carries its part at x >= 0.
+    """
     comm = body.mesh.comm
-    if load.mode is not None:
-        # known once the contact is
-        return
+    if load.on_body:
+        return on_all(comm, lambda: _domain_forces(space, body, scene, load))
+    # forces on edges are known on every rank, and given by rank 0
+    own = slice(None if comm.rank == 0 else 0)
     if load.force is not None and load.platen:
         # as far as it is modelled, at one of the platen's nodes
         nodes, _ = edge_nodes(space, body, load.edge, load.span)
-        part = 0.5 / np.pi if scene.axisymmetric else 0.5 if body.half else 1.0
-        if comm.rank == 0:
-            dofs = (2 * nodes[0] + np.arange(2)).astype(PETSc.IntType)
-            values = part * np.array(load.force, dtype=float)
-            vector.setValues(dofs, values, addv=PETSc.InsertMode.ADD_VALUES)
-        vector.assemble()
-        return
+        share = 0.5 / np.pi if scene.axisymmetric else 0.5 if body.half else 1.0
+        return nodes[:1, None][own], share * np.array(load.force, dtype=float)[None, None][own]
+    facets = edge_facets(space, body, load.edge, None if load.travel else load.span)
     if load.force is not None:
         # the uniform traction with this resultant, per radian
-        facets = on_all(comm, lambda: edge_facets(space, body, load.edge, load.span))
         area = integrate(facets, lambda points, _: measure(scene, points)).sum()
-        x, y = np.array(load.force) / comm.allreduce(area)
+        x, y = np.array(load.force) / area
         load = replace(load, force=None, traction=(x, y))
-    if load.on_body:
-        _add(vector, *on_all(comm, lambda: _domain_forces(space, body, scene, load)))
-        return
-
     if load.travel and load.edge not in body.lines:
         raise InputError(f"{load.label} travel: '{load.edge}' is not straight; split it")
-    profiles = (load.pressure, *(load.traction or ()))
+    profiles = (load.pressure,) if load.pressure is not None else load.traction or ()
     moved = load.travel[0] * body.lines[load.edge].direction if load.travel else 0.0
 
     def traction(points: Array, normals: Array) -> Array:
-        return measure(scene, points) * _traction(load, body, points - moved, normals)
+        values = [profile_values(load, body, part, points - moved) for part in profiles]
+        acting = -values[0][:, None] * normals if len(values) == 1 else np.column_stack(values)
+        return measure(scene, points) * acting
 
-    def forces() -> tuple[Ints, Array]:
-        facets = edge_facets(space, body, load.edge, None if load.travel else load.span)
-        part = None
-        tables = [profile for profile in profiles if isinstance(profile, dict)]
-        if (load.travel or tables) and len(facets):
-            # pieces of facets between the ends of the span and the kinks of tables
-            low, high = load.span or (-np.inf, np.inf)
-            kinks = np.unique([s for table in tables for s in table["x"] if low < s < high])
-            cuts = np.concatenate([[low], kinks, [high]])
-            a, b = (along(body, load.edge, facets.points[:, k] - moved) for k in (0, 1))
-            at = ((cuts - a[:, None]) / (b - a)[:, None]).clip(0.0, 1.0)
-            begin, end = np.minimum(at[:, :-1], at[:, 1:]), np.maximum(at[:, :-1], at[:, 1:])
-            facet, piece = np.nonzero(end - begin > 1e-12)
-            facets = EdgeFacets(facets.points[facet], facets.nodes[facet], facets.outward[facet])
-            part = begin[facet, piece], end[facet, piece]
-        values = integrate(facets, traction, part)
-        if body.arcs is not None:
-            values += _beyond_chords(facets, body.arcs, scene, traction, values)
-        return facets.nodes, values
-
-    _add(vector, *on_all(comm, forces))
-
-
-def _add(vector: PETSc.Vec, nodes: Ints, values: Array) -> None:
-    """Add forces (n, k, 2) at nodes (n, k)."""
-    rows = (2 * nodes[:, :, None] + np.arange(2)).astype(PETSc.IntType)
-    vector.setValues(rows.ravel(), values.ravel(), addv=PETSc.InsertMode.ADD_VALUES)
-    vector.assemble()
+    part = None
+    tables = [profile for profile in profiles if isinstance(profile, dict)]
+    if (load.travel or tables) and len(facets):
+        # pieces of facets between the ends of the span and the kinks of tables
+        low, high = load.span or (-np.inf, np.inf)
+        kinks = np.unique([s for table in tables for s in table["x"] if low < s < high])
+        cuts = np.concatenate([[low], kinks, [high]])
+        a, b = (along(body, load.edge, facets.points[:, k] - moved) for k in (0, 1))
+        at = ((cuts - a[:, None]) / (b - a)[:, None]).clip(0.0, 1.0)
+        begin, end = np.minimum(at[:, :-1], at[:, 1:]), np.maximum(at[:, :-1], at[:, 1:])
+        facet, piece = np.nonzero(end - begin > 1e-12)
+        facets = EdgeFacets(facets.points[facet], facets.nodes[facet], facets.outward[facet])
+        part = begin[facet, piece], end[facet, piece]
+    values = integrate(facets, traction, part)
+    if body.arcs is not None:
+        values += _beyond_chords(facets, body.arcs, scene, traction, values)
+    return facets.nodes[own], values[own]
 
 
 def _beyond_chords(
@@ -138,14 +122,6 @@ def profile_values(load: Load, body: BodyMesh, profile: Profile, points: Array) 
     if isinstance(profile, dict):
         return evaluate(profile, along(body, load.edge, points))
     return evaluate(profile, points[:, 0], points[:, 1])
-
-
-def _traction(load: Load, body: BodyMesh, points: Array, normals: Array) -> Array:
-    """Return the traction (n, 2) of a load at points of its edge with these outward normals."""
-    if load.pressure is not None:
-        return -profile_values(load, body, load.pressure, points)[:, None] * normals
-    assert load.traction is not None
-    return np.column_stack([profile_values(load, body, part, points) for part in load.traction])
 
 
 def _domain_forces(

@@ -18,7 +18,13 @@ from scipy.linalg import block_diag
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.bulk import elasticity
 from receding_fenicsx.bulk.body import Bulk
-from receding_fenicsx.bulk.closures import NAME, add_links, bolt_compliance, closed, with_gaps
+from receding_fenicsx.bulk.closures import (
+    add_links,
+    bolt_compliance,
+    closed,
+    link_names,
+    with_gaps,
+)
 from receding_fenicsx.bulk.contact_operator import ContactPoints, Relative, relative_of
 from receding_fenicsx.bulk.half_planes import HalfPlane, half_plane_of, join_half_planes
 from receding_fenicsx.bulk.join_bodies import CondensedBody, JoinedBodies, join
@@ -78,7 +84,7 @@ class Stack:
     @property
     def link_names(self) -> tuple[str, ...]:
         """Names of the unit loads of springs between the bodies."""
-        return tuple(f"{NAME}{k}" for k in range(len(self.soft)))
+        return link_names(len(self.soft))
 
     @property
     def dofs(self) -> int:

@@ -105,7 +105,7 @@ def reduced_model(scene: Scene) -> ReducedModel:
     bulk: Any = bulk_of(scene, MPI.COMM_SELF, Timer(None))
     try:
         for part in bulk.parts:
-            for name in part.prescribed:
+            for name in np.array(part.load_names)[part.sign > 0.0]:
                 raise InputError(f"load '{name}': prescribes a displacement; reduce it as a force")
         whole = assembled(bulk)
         names = scene.driven_names
@@ -167,7 +167,7 @@ def _reduced(
 def _forces(bulk: Any, whole: Assembled, name: str) -> Array:
     """Return the nodal forces (dofs,) of a load, on the turned freedoms."""
     own = [
-        part.loads[part.load_names.index(name)].getArray().copy()
+        part.loads[:, part.load_names.index(name)]
         if name in part.load_names
         else np.zeros(part.dofs)
         for part in bulk.parts

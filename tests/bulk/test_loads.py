@@ -57,7 +57,7 @@ def forces(scene: Scene) -> Array:
     """Nodal forces (n, 2) of the first load, and the places (n, 2) of their nodes, side by side."""
     (bulk,) = bulk_of(scene, comm, Timer()).parts
     assert isinstance(bulk, Bulk)
-    force = bulk.loads[0].getArray(readonly=True).reshape(-1, 2).copy()
+    force = bulk.loads[:, 0].reshape(-1, 2)
     places = bulk.space.tabulate_dof_coordinates()[: len(force), :2]
     bulk.destroy()
     return np.vstack(comm.allgather(np.hstack([force, places])))

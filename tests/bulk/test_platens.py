@@ -35,7 +35,7 @@ def dense(bulk: Bulk) -> tuple[Array, Array, list[Array]]:
     rows, columns = (np.arange(*ends, dtype=np.int32) for ends in ((start, end), (0, bulk.dofs)))
     own = bulk.stiffness.getValues(rows, columns)
     places = bulk.space.tabulate_dof_coordinates()[: (end - start) // 2, :2]
-    loads = [np.concatenate(comm.allgather(f.getArray(readonly=True))) for f in bulk.loads]
+    loads = list(np.concatenate(comm.allgather(bulk.loads)).T)
     return np.vstack(comm.allgather(own)), np.vstack(comm.allgather(places)), loads
 
 
