@@ -65,6 +65,12 @@ For i In {1 : #levels() - 1}
     p = newp; Point(p) = {0, levels(i), 0}; axis_points() += {p};
   EndIf
 EndFor
+// points inside that lie on the axis split it
+For i In {0 : #inner_x() - 1}
+  If (inner_x(i) == 0)
+    p = newp; Point(p) = {0, inner_y(i), 0}; axis_points() += {p};
+  EndIf
+EndFor
 top_points() = {newp}; Point(top_points(0)) = {0, height, 0};
 axis_points() += {top_points(0)};
 stations() = {0};
@@ -123,8 +129,10 @@ If (quadrilaterals)
   Recombine Surface{body};
 Else
   For i In {0 : #inner_x() - 1}
-    p = newp; Point(p) = {inner_x(i), inner_y(i), 0};
-    Point{p} In Surface{body};
+    If (inner_x(i) > 0)
+      p = newp; Point(p) = {inner_x(i), inner_y(i), 0};
+      Point{p} In Surface{body};
+    EndIf
   EndFor
   Field[1] = MathEval;
   Field[1].F = Sprintf("%.17g + %.17g * y", dx, growth - 1);

@@ -174,7 +174,7 @@ def find_marks(scene: Scene, frame: Frame) -> Marks:
     top, side, inner = [], [], []
     for key, x, y in wanted:
         s, d = frame.from_body(x - left, y - bottom)
-        s = abs(s)
+        s = abs(s) if abs(s) > near else 0.0
         if s > 0.5 * frame.length + near or not -near <= d <= frame.depth + near:
             raise InputError(f"{key}: the point ({x:g}, {y:g}) lies outside the body; move it")
         on_top = d >= frame.depth - near
@@ -185,7 +185,7 @@ def find_marks(scene: Scene, frame: Frame) -> Marks:
             continue
         if (on_contact or (columns and not on_side)) and abs(s - round(s / dx) * dx) > near:
             raise MeshMisfit(_misfit(scene, frame, key, s))
-        if on_contact or (on_top and (on_side or s <= near)):
+        if on_contact or (on_top and (on_side or s == 0.0)):
             continue
         if on_top:
             top.append(s)

@@ -63,14 +63,14 @@ def test_layers_of_quadrilaterals_shrink_towards_ends_of_loads() -> None:
 
 @pytest.mark.parametrize("half", [False, True])
 def test_vertices_lie_at_ends_of_spans_and_at_points(half: bool) -> None:
-    wanted = [(0.77, 1.0), (2.0, 0.31), (1.5, 0.0), (0.31, 0.47)]
+    wanted = [(0.77, 1.0), (2.0, 0.31), (1.5, 0.0), (0.31, 0.47), (0.0, 0.2), (0.0, 0.61)]
     scene = block(
         loads=(
             Load("a", "top", (-0.77, 0.77), pressure=1.0),
             Load("b", "right", (-0.19, 0.1), pressure=1.0),
         ),
         contacts=(Contact(span=(-1.5, 1.5)),),
-        supports=(Support("x", point=(0.31, 0.47)), Support("x", point=(-0.31, 0.47))),
+        supports=tuple(Support("x", point=at) for at in (*wanted[3:], (-0.31, 0.47))),
     )
     points, _ = everything(make_mesh(comm, scene, half))
     for x, y in wanted:
