@@ -19,7 +19,7 @@ The steps, of which `from_scene.condensed` and `from_scene.bulk_of` do the first
 
 1. `mesh.meshing.make_meshes` meshes the bodies, and distributes the meshes.
 2. `stack.build_all` assembles each body by `elasticity.build`: $A$ (`stiffness_form`), the
-   forces $f_k$ (`loads.add_load`), the contact nodes with $t$, $n$ and weights
+   forces $f_k$ (`loads.nodal_forces`), the contact nodes with $t$, $n$ and weights
    $m_i = \int N_i \, dA$ (`contact_nodes.find_contact`), and the constraints $u = P u' + d$ of
    supports, platens and prescribed displacements (`constraints.find_constraints`).
 3. `stack.condense` eliminates the interior of each body (`body.eliminate_interior`), by MUMPS's

@@ -151,6 +151,18 @@ def cell_nodes(mesh: dmesh.Mesh) -> NDArray[np.int32]:
     return mesh.geometry.dofmaps[0]
 
 
+def cell_corners(mesh: dmesh.Mesh) -> Array:
+    """Return the coordinates (cells, corners, 2) of the vertices of all owned cells."""
+    owned = mesh.topology.index_map(2).size_local
+    return np.asarray(mesh.geometry.x[cell_nodes(mesh)[:owned], :2])
+
+
+def global_nodes(space: fem.FunctionSpace, local: NDArray[np.int32]) -> Ints:
+    """Return the global numbers of nodes of a space."""
+    numbers = space.dofmap.index_map.local_to_global(np.ascontiguousarray(local).ravel())
+    return np.asarray(numbers, dtype=np.int64).reshape(local.shape)
+
+
 def cell_dofs(space: fem.FunctionSpace) -> NDArray[np.int32]:
     """Return the local numbers of the nodes of all cells (cells, n)."""
     dofmap = space.dofmap
@@ -163,6 +175,16 @@ def tabulated(cell: str, degree: int, at: Array) -> tuple[Array, Array]:
     """Return values (m, n) and slopes (2, m, n) of shape functions at reference points (m, 2)."""
     values = np.asarray(_element(cell, degree).tabulate(1, at))[..., 0]
     return values[0], values[1:]
+
+
+def mapped(cell: str, corners: Array, at: Array) -> tuple[Array, Array]:
+    """Return places x (..., m, 2) of reference points X (m, 2) in cells, and dx/dX (..., m, 2, 2).
+
+    The corners of the cells are (..., n, 2).
+    """
+    value, slopes = tabulated(cell, 1, at)
+    jacobian = np.einsum("kmn,...ni->...mik", slopes, corners)
+    return np.einsum("mn,...ni->...mi", value, corners), jacobian
 
 
 @cache
@@ -183,21 +205,3 @@ def owned_values(function: fem.Function) -> Array:
     """Return a view of the owned entries of a function's array; ghosts are left."""
     dofmap = function.function_space.dofmap
     return function.x.array[: dofmap.index_map.size_local * dofmap.index_map_bs]
-
-
-def evaluate_in_cells(
-    expression: ufl.core.expr.Expr, points: Array, space: fem.FunctionSpace
-) -> Array:
-    """Evaluate an expression at reference points (n, 2) of all owned cells.
-
-    Returns (cells, n, components) values; ``space`` is that of the expression's functions.
-    """
-    topology = space.mesh.topology
-    cells = np.arange(topology.index_map(topology.dim).size_local, dtype=np.int32)
-    with _quiet():
-        compiled = fem.Expression(expression, points)
-    if VERSION < (0, 7):  # 0.7 added the mesh to the arguments of eval
-        values = compiled.eval(cells)
-    else:
-        values = compiled.eval(space.mesh, cells)
-    return np.asarray(values).reshape(len(cells), len(points), -1)

@@ -65,11 +65,10 @@ def tagged_facets(space: fem.FunctionSpace, body: BodyMesh, tags: Sequence[int])
     inside = np.sum(normal * (places.mean(axis=1) - a), axis=1) > 0.0
     layout = space.dofmap.dof_layout
     closure = np.array([layout.entity_closure_dofs(1, i) for i in range(len(corners))])[side]
-    numbers = _dolfinx.cell_dofs(space)[cells[:, None], closure]
-    nodes = space.dofmap.index_map.local_to_global(numbers.ravel()).reshape(numbers.shape)
-    points = np.stack([a, b, 0.5 * (a + b)], axis=1)[:, : numbers.shape[1]]
+    nodes = _dolfinx.global_nodes(space, _dolfinx.cell_dofs(space)[cells[:, None], closure])
+    points = np.stack([a, b, 0.5 * (a + b)], axis=1)[:, : nodes.shape[1]]
     outward = np.where(inside[:, None], -normal, normal) + 0.0
-    parts = body.mesh.comm.allgather((points, nodes.astype(np.int64), outward))
+    parts = body.mesh.comm.allgather((points, nodes, outward))
     return EdgeFacets(*map(np.concatenate, zip(*parts, strict=True)))
 
 

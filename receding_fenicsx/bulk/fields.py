@@ -152,7 +152,7 @@ def _gather(part: BodyFields) -> Fields | None:
     owned = constant.dofmap.index_map.size_local
     # around a quadrilateral, not in the order of a tensor product
     local = _dolfinx.cell_dofs(space)[:owned, _dolfinx.TENSOR_ORDER[part.bulk.body.cell]]
-    cells = dofmap.index_map.local_to_global(local.ravel()).reshape(local.shape)
+    cells = _dolfinx.global_nodes(space, local)
     n, dofs = dofmap.index_map.size_local, _dolfinx.cell_dofs(constant)[:owned, 0]
     own = (
         space.tabulate_dof_coordinates()[:n, :2],

@@ -30,7 +30,7 @@ from receding_fenicsx.bulk.edges import (
     integrate_arcs,
     measure,
 )
-from receding_fenicsx.bulk.material import stiffness_in, unit_stress
+from receding_fenicsx.bulk.material import free_strain, stiffness_in
 from receding_fenicsx.bulk.mesh.curved_edges import Arcs
 from receding_fenicsx.bulk.mesh.meshing import BodyMesh
 from receding_fenicsx.errors import InputError
@@ -128,19 +128,11 @@ def _domain_forces(
     space: fem.FunctionSpace, body: BodyMesh, scene: Scene, load: Load
 ) -> tuple[Ints, Array]:
     """Return nodes (cells, n) and forces (cells, n, 2) of a load on this rank's cells."""
-    mesh, dofmap = body.mesh, space.dofmap
-    owned = mesh.topology.index_map(2).size_local
-    if not owned:
-        return np.empty((0, 1), dtype=np.int64), np.empty((0, 1, 2))
-    local = _dolfinx.cell_dofs(space)[:owned]
-    nodes = dofmap.index_map.local_to_global(local.ravel()).astype(np.int64).reshape(local.shape)
-    vertices = _dolfinx.cell_nodes(mesh)[:owned]
-    corners = mesh.geometry.x[vertices][..., :2]
+    corners = _dolfinx.cell_corners(body.mesh)
+    nodes = _dolfinx.global_nodes(space, _dolfinx.cell_dofs(space)[: len(corners)])
     at, weight = _rule(body.cell)
     shape, slopes = _dolfinx.tabulated(body.cell, scene.mesh.degree, at)
-    place, along = _dolfinx.tabulated(body.cell, 1, at)
-    points = np.einsum("qv,cvi->cqi", place, corners)
-    jacobian = np.einsum("kqv,cvi->cqik", along, corners)
+    points, jacobian = _dolfinx.mapped(body.cell, corners, at)
     volume = weight * np.abs(np.linalg.det(jacobian))
     if load.body_force is not None:
         where = f"{load.label} body_force"
@@ -150,7 +142,7 @@ def _domain_forces(
             volume = volume * points[..., 0]
         return nodes, np.einsum("cq,qn,icq->cni", volume, shape, np.array(density))
     # stress that holds a unit thermal strain
-    held = np.atleast_2d(unit_stress(stiffness_in(scene, body), scene.material))
+    held = np.atleast_2d(stiffness_in(scene, body) @ free_strain(scene.material))
     strain = strain_of(load, points) * volume
     xx, yy, hoop, xy = held.T[:, :, None] * strain
     stress = np.stack([np.stack([xx, xy], axis=-1), np.stack([xy, yy], axis=-1)], axis=-1)

@@ -57,28 +57,20 @@ def stiffness_in(scene: Scene, body: BodyMesh) -> Array:
     return np.array([stiffness_of(material) for material in scene.materials])[body.materials]
 
 
-def linear_stresses(C: Array, gradient: Array) -> Array:
-    """Return (..., [sxx, syy, szz, sxy]) from gradients (..., [xx, xy, yx, yy, zz]).
+def linear_stresses(C: Array, strain: Array) -> Array:
+    """Return (..., [sxx, syy, szz, sxy]) from strains (..., [exx, eyy, ezz, 2 exy]).
 
-    C is (4, 4), or (cells, 4, 4) for gradients (cells, ..., 5).
+    C is (4, 4), or (cells, 4, 4) for strains (cells, ..., 4).
     """
-    shear = gradient[..., 1] + gradient[..., 2]
-    strain = np.stack([gradient[..., 0], gradient[..., 3], gradient[..., 4], shear], axis=-1)
     if C.ndim == 2:
         return strain @ C.T
     return np.asarray(np.einsum("cij,c...j->c...i", C, strain))
 
 
-def free_gradient(material: Material) -> Array:
-    """Return the gradient [xx, xy, yx, yy, zz] of a unit thermal strain.
+def free_strain(material: Material) -> Array:
+    """Return [exx, eyy, ezz, 2 exy] of a unit thermal strain.
 
     In plane stress the strain along z is free and does not enter. In plane strain and axisymmetric
     it does: in plane strain the stress then has the factor 1 + nu of its free strain in the plane.
     """
-    return np.array([1.0, 0.0, 0.0, 1.0, float(material.kinematics != "plane stress")])
-
-
-def unit_stress(C: Array, material: Material) -> Array:
-    """Return the stress (..., [sxx, syy, szz, sxy]) that a unit thermal strain takes away."""
-    free = free_gradient(material)
-    return linear_stresses(C, free if C.ndim == 2 else np.tile(free, (len(C), 1)))
+    return np.array([1.0, 1.0, float(material.kinematics != "plane stress"), 0.0])

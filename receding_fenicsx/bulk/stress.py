@@ -1,4 +1,4 @@
-"""Stresses of a displacement field in cells and at vertices."""
+"""Stresses of a displacement field in cells and at vertices; values at points as sparse rows."""
 
 from __future__ import annotations
 
@@ -8,17 +8,17 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 import numpy as np
-import ufl
 from dolfinx import fem
 from numpy.typing import NDArray
 
-from receding_fenicsx.arrays import Array
+from receding_fenicsx.arrays import Array, Ints
 from receding_fenicsx.bulk import _dolfinx
 from receding_fenicsx.bulk.loads import thermal_strain
-from receding_fenicsx.bulk.material import free_gradient, linear_stresses, stiffness_in
+from receding_fenicsx.bulk.material import free_strain, linear_stresses, stiffness_in
 from receding_fenicsx.bulk.mesh.meshing import BodyMesh
 from receding_fenicsx.bulk.mesh.rectangle import POSITION_TOLERANCE
-from receding_fenicsx.mpi import given
+from receding_fenicsx.errors import MeshMisfit
+from receding_fenicsx.mpi import given, on_all
 from receding_fenicsx.scene.model import Scene
 
 STRESSES = ("sxx", "syy", "szz", "sxy", "von_mises", "max_shear")
@@ -51,6 +51,19 @@ class Stresses:
     nodal: dict[str, fem.Function]
 
 
+def _strains(bulk: Discretisation, gradient: Array, u_x: Array, r: Array | float) -> Array:
+    """Return (..., [exx, eyy, ezz, 2 exy]) from du_i/dx_j (..., 2, 2), with u_x and x (...).
+
+    In an axisymmetric body ezz is the hoop strain u_r / r, on the axis du_r/dr; else it is 0.
+    """
+    xx, yy = gradient[..., 0, 0], gradient[..., 1, 1]
+    hoop = np.zeros_like(xx)
+    if bulk.scene.axisymmetric:
+        on_axis = np.abs(r) <= POSITION_TOLERANCE * bulk.body.size
+        hoop = np.where(on_axis, xx, u_x / np.where(on_axis, 1.0, r))
+    return np.stack([xx, yy, hoop, gradient[..., 0, 1] + gradient[..., 1, 0]], axis=-1)
+
+
 def stresses(
     bulk: Discretisation, displacement: fem.Function, load: Array | None = None
 ) -> Stresses:
@@ -58,22 +71,26 @@ def stresses(
 
     The load factors, on every rank, are needed where the body has a thermal strain.
     """
-    corners = _dolfinx.reference_corners(bulk.body.cell)
-    points = np.vstack([corners, corners.mean(axis=0)])
-    gradient = _gradient(bulk, displacement, points)
+    cell, degree = bulk.body.cell, bulk.scene.mesh.degree
+    vertices = _dolfinx.reference_corners(cell)
+    at = np.vstack([vertices, vertices.mean(axis=0)])
+    shape, slopes = _dolfinx.tabulated(cell, degree, at)
+    points, jacobian = _dolfinx.mapped(cell, _dolfinx.cell_corners(bulk.body.mesh), at)
+    u = displacement.x.array.reshape(-1, 2)[_dolfinx.cell_dofs(bulk.space)[: len(points)]]
+    gradient = np.einsum("kqn,cni->cqik", slopes, u) @ np.linalg.inv(jacobian)
+    strain = _strains(bulk, gradient, (shape @ u)[..., 0], points[..., 0])
     if any(part.thermal_strain is not None for part in bulk.scene.loads):
         # at order 1 that of the midpoint, the last one
-        at = np.repeat(points[-1:], len(points), axis=0) if bulk.scene.mesh.degree == 1 else points
-        places = _dolfinx.evaluate_in_cells(ufl.SpatialCoordinate(bulk.body.mesh), at, bulk.space)
-        strain = thermal_strain(bulk.scene, bulk.load_names, places) @ given(load)
-        gradient -= strain[..., None] * free_gradient(bulk.scene.material)
+        places = points[:, -1:] if degree == 1 else points
+        thermal = thermal_strain(bulk.scene, bulk.load_names, places) @ given(load)
+        strain = strain - thermal[..., None] * free_strain(bulk.scene.material)
     constant = _dolfinx.scalar_space(bulk.body.mesh, "DG", 0)
     linear = _dolfinx.scalar_space(bulk.body.mesh, "Lagrange", 1)
-    cell_dofs = _dolfinx.cell_dofs(constant)[: len(gradient), 0]
-    vertex_dofs = _dolfinx.cell_dofs(linear)[: len(gradient)]
+    cell_dofs = _dolfinx.cell_dofs(constant)[: len(points), 0]
+    vertex_dofs = _dolfinx.cell_dofs(linear)[: len(points)]
     count = _sum_at_vertices(linear, vertex_dofs, np.ones(vertex_dofs.shape))
     in_cells, at_vertices = {}, {}
-    components = np.moveaxis(linear_stresses(stiffness_in(bulk.scene, bulk.body), gradient), -1, 0)
+    components = np.moveaxis(linear_stresses(stiffness_in(bulk.scene, bulk.body), strain), -1, 0)
     for name, value in named_stresses(*components).items():
         in_cells[name] = fem.Function(constant, name=name)
         in_cells[name].x.array[cell_dofs] = value[:, -1]
@@ -83,25 +100,6 @@ def stresses(
         _dolfinx.owned_values(at_vertices[name])[:] = total / count
         at_vertices[name].x.scatter_forward()
     return Stresses(in_cells, at_vertices)
-
-
-def _gradient(bulk: Discretisation, displacement: fem.Function, points: Array) -> Array:
-    """Return (cells, n, [xx, xy, yx, yy, zz]) displacement gradients at reference points.
-
-    The last is 0 in the plane; in an axisymmetric body it is the hoop strain u_r/r, on the axis
-    du_r/dr.
-    """
-    grad = ufl.grad(displacement)
-    if not bulk.scene.axisymmetric:
-        plane = _dolfinx.evaluate_in_cells(grad, points, bulk.space)
-        return np.concatenate([plane, np.zeros_like(plane[..., :1])], axis=-1)
-    x = ufl.SpatialCoordinate(bulk.body.mesh)
-    parts = [grad[0, 0], grad[0, 1], grad[1, 0], grad[1, 1], displacement[0], x[0]]
-    values = _dolfinx.evaluate_in_cells(ufl.as_vector(parts), points, bulk.space)
-    r = values[..., 5]
-    on_axis = np.abs(r) <= POSITION_TOLERANCE * bulk.body.size
-    hoop = np.where(on_axis, values[..., 0], values[..., 4] / np.where(on_axis, 1.0, r))
-    return np.concatenate([values[..., :4], hoop[..., None]], axis=-1)
 
 
 def named_stresses(sxx: Array, syy: Array, szz: Array, sxy: Array) -> dict[str, Array]:
@@ -117,9 +115,97 @@ def _sum_at_vertices(space: fem.FunctionSpace, local: NDArray[np.int32], values:
     index_map = space.dofmap.index_map
     sizes = (index_map.size_local, index_map.size_global)
     total = PETSc.Vec().createMPI(sizes, comm=space.mesh.comm)
-    numbers = index_map.local_to_global(local.ravel()).astype(PETSc.IntType)
+    numbers = _dolfinx.global_nodes(space, local).ravel().astype(PETSc.IntType)
     total.setValues(numbers, values.ravel(), addv=PETSc.InsertMode.ADD_VALUES)
     total.assemble()
     result = total.getArray().copy()
     total.destroy()
     return result
+
+
+@dataclass(frozen=True)
+class PointValues:
+    """Values [u_x, u_y, s_xx, s_yy, s_zz, s_xy] at points as sparse rows; alike on every rank."""
+
+    row: Ints  # (k,) row of each entry, 6 times the point's number plus the component's
+    dof: Ints  # (k,) global degree of freedom
+    value: Array  # (k,) coefficient
+    # (6m, n_loads) part of each load with factor 1 beside the displacements: the stress that a
+    # thermal strain takes away
+    of_loads: Array
+
+
+def point_values(bulk: Discretisation, points: Array, labels: list[str]) -> PointValues:
+    """Return displacements and stresses at points (m, 2) of the modelled body; collective.
+
+    Stresses jump from cell to cell: a point on several cells gets the mean over them. A point in no
+    cell is an error, by its label.
+    """
+    found = on_all(bulk.comm, lambda: _in_own_cells(bulk, points))
+    every = [part for parts in bulk.comm.allgather(found) for part in parts]
+    count = np.bincount([part[0] for part in every], minlength=len(points))
+    for point, label, n in zip(points, labels, count, strict=True):
+        if n == 0:
+            raise MeshMisfit(
+                f"{label}: ({point[0]:g}, {point[1]:g}) lies outside the mesh of the body; move it "
+                "inside"
+            )
+    rows = [np.repeat(6 * i + np.arange(6), len(dofs)) for i, dofs, _, _ in every]
+    of_loads = np.zeros((len(points), 6, len(bulk.load_names)))
+    for i, _, _, stress in every:
+        of_loads[i, 2:] -= stress / count[i]
+    return PointValues(
+        np.concatenate(rows),
+        np.concatenate([np.tile(dofs, 6) for _, dofs, _, _ in every]),
+        np.concatenate([value.ravel() / count[i] for i, _, value, _ in every]),
+        of_loads.reshape(6 * len(points), -1),
+    )
+
+
+def _in_own_cells(bulk: Discretisation, points: Array) -> list[tuple[int, Ints, Array, Array]]:
+    """Return point, dofs, values (6, dofs) and thermal stresses of this rank's cells at points."""
+    corners = _dolfinx.cell_corners(bulk.body.mesh)
+    numbers = _dolfinx.global_nodes(bulk.space, _dolfinx.cell_dofs(bulk.space)[: len(corners)])
+    low, high = corners.min(axis=1), corners.max(axis=1)
+    slack = 1e-9 * (high - low).max(axis=1, initial=0.0)[:, None]  # as in ``reference``
+    kind, degree = bulk.body.cell, bulk.scene.mesh.degree
+    midpoint = _dolfinx.reference_corners(kind).mean(axis=0)
+    stiffness = stiffness_in(bulk.scene, bulk.body)
+    found = []
+    for i, point in enumerate(points):
+        near = np.all((point >= low - slack) & (point <= high + slack), axis=1)
+        for cell in np.flatnonzero(near):
+            at = reference(kind, corners[cell], point)
+            if at is None:
+                continue
+            shape, slopes = (part[..., 0, :] for part in _dolfinx.tabulated(kind, degree, at[None]))
+            places, jacobian = _dolfinx.mapped(kind, corners[cell], np.stack([at, midpoint]))
+            # what each degree of freedom (n, 2) causes
+            gradient = np.einsum("ai,nk->naik", np.eye(2), slopes.T @ np.linalg.inv(jacobian[0]))
+            strain = _strains(bulk, gradient, np.outer(shape, [1.0, 0.0]), point[0])
+            C = stiffness if stiffness.ndim == 2 else stiffness[cell]
+            n = len(shape)
+            values = np.zeros((6, 2 * n))
+            values[0, ::2], values[1, 1::2] = shape, shape
+            values[2:] = linear_stresses(C, strain).reshape(2 * n, 4).T
+            where = point if degree > 1 else places[1]
+            thermal = thermal_strain(bulk.scene, bulk.load_names, where)
+            stress = np.outer(linear_stresses(C, free_strain(bulk.scene.material)), thermal)
+            dofs = (2 * numbers[cell][:, None] + np.arange(2)).ravel()
+            found.append((i, dofs, values, stress))
+    return found
+
+
+def reference(cell: str, corners: Array, point: Array) -> Array | None:
+    """Return the reference coordinates of a point in a cell or on its boundary to round-off."""
+    at = np.full(2, 0.5)
+    # Newton's method; the map of a triangle is linear
+    for _ in range(1 if cell == "triangle" else 20):
+        (place,), (jacobian,) = _dolfinx.mapped(cell, corners, at[None])
+        if np.linalg.det(jacobian) == 0.0:
+            return None
+        at = at + np.linalg.solve(jacobian, point - place)
+    off = _dolfinx.mapped(cell, corners, at[None])[0][0] - point
+    far = at.sum() if cell == "triangle" else at.max()
+    outside = max(np.abs(off).max() / np.ptp(corners, axis=0).max(), -at.min(), far - 1.0)
+    return at if outside <= 1e-9 else None  # over the size of the cell
