@@ -118,7 +118,8 @@ def critical_friction(
                 "close a node, or add a [[support]]"
             )
         follow = -np.linalg.solve(block, K[np.ix_(free, nodes)])
-    K_tt, K_nt = (K[np.ix_(i, nodes)] + K[np.ix_(i, free)] @ follow for i in (nodes, n + nodes))
+    rows = np.concatenate([nodes, n + nodes])
+    K_tt, K_nt = np.split(K[np.ix_(rows, nodes)] + K[np.ix_(rows, free)] @ follow, 2)
     if not _is_stiff(K_tt):
         raise InputError(
             "critical_friction: the body slides freely along its contact; hold it by a [[support]],"

@@ -56,7 +56,6 @@ class Certificate:
     """Judges sets of states of one contact; an answer depends on the set alone.
 
     Attributes:
-        system: the condensed body in 2N form.
         frictional: (N,) nodes with the full contact law.
         smooth: (N,) nodes without friction, or held tangentially.
         rubbing: the frictional nodes, as an integer.
@@ -252,46 +251,55 @@ def grouped(sets: Sequence[Sides]) -> list[list[Sides]]:
     return groups
 
 
-def halves(sets: Sequence[Sides]) -> tuple[list[Sides], list[Sides]]:
-    """Split a group of at least two: those with fewer open nodes, and the others."""
-    ranked = sorted(range(len(sets)), key=lambda k: sets[k].open.bit_count())
-    few, many = (sorted(part) for part in np.split(ranked, [len(sets) // 2]))
-    return [sets[k] for k in few], [sets[k] for k in many]
-
-
 def certify(judge: Certificate, sets: Sequence[Sides], margin: float) -> Pattern | None:
     """Certify sets of states with all friction multiplied by a margin.
 
-    Args:
-        judge: certificate of the contact.
-        sets: sets of states, whose slipping nodes are nodes with friction. Directions that differ
-            are those of the first.
-        margin: finite factor.
-
-    Returns:
-        A pattern, or None. It holds all sets unless too many nodes are turned round or touch. For a
-        single set in which none touches None means that it is not definite with this friction.
+    Slipping nodes of the sets are nodes with friction; directions that differ are those of the
+    first. The pattern holds all sets unless too many nodes are turned round or touch. Of a single
+    set in which none touches None means that it is not definite with this friction.
     """
     pattern, either, opened = Sides(), 0, sets[0].open
     for one in sets:
         either |= turned(pattern, one)
         pattern = joined(pattern, one)
         opened &= one.open
-    may_open, rubbing = pattern.open | pattern.touching, judge.rubbing
+    system, n, rubbing = judge.system, judge.system.n, judge.rubbing
+    may_open = pattern.open | pattern.touching
     varying = may_open & ~opened
     unsigned = varying & rubbing & ~(pattern.forward | pattern.backward)
     forward, backward = pattern.forward | unsigned, pattern.backward
-    n = judge.system.n
     state = Sides(forward, backward).states(n)
-    opening = np.flatnonzero(mask_of(varying, n) & ~judge.system.held[n:])
+    # the rows v and w, and K_n of the slipping nodes, on the same columns
+    slips, opening = judge.slipping(state), np.flatnonzero(mask_of(varying, n) & ~system.held[n:])
+    rows = np.concatenate([slips, n + opening, n + slips])
+    size, m = len(slips) + len(opening), len(slips)
+    c = margin * system.friction[slips].at_slip(state[slips])
     try:
-        matrix, K_n = _matrix(judge, (state, opening, opened), margin)
+        K = judge.condensed(rows, size, opened)
+        if np.any(np.diagonal(K) <= SINGULAR * np.diagonal(system.K)[rows[:size]]):
+            return None
+        matrix, K_n = K[:size], K[size:]
+        matrix[:m] += c[:, None] * K_n
+        largest = np.abs(c).max(initial=0.0)
+        # keeps (1 + alpha) K_tn + C K_nn, the coupling, small against alpha K_nn
+        balanced = np.hypot(1.0, largest / judge.coupling)
+        # weight of the rows w_i over c^2, from which on the slip of a node that may open is turned
+        # round in most cases: there |a| |b| is about c (K_nn / alpha K_tt)^(1/2)
+        matrix[m:] *= max(balanced, 10.0 * largest**2)
         lower = cholesky(0.5 * (matrix + matrix.T))
     except np.linalg.LinAlgError:
         return None
-    may_turn = np.flatnonzero(mask_of(either | pattern.touching & rubbing, n))
-    turning = _turning(judge, (state, may_turn), (lower, K_n), margin) if len(may_turn) else []
-    weights = dict(zip(may_turn.tolist(), turning, strict=True))
+    # what it takes to turn round the slip of a node, round-off included
+    turns = np.flatnonzero(mask_of(either | pattern.touching & rubbing, n))
+    if not len(turns):
+        return Pattern(forward, backward, opened, may_open, rubbing, {}, 0)
+    friction, now, at = system.friction[turns], state[turns], np.searchsorted(slips, turns)
+    change = friction.at_slip(np.where(now == FORWARD, BACKWARD, FORWARD)) - friction.at_slip(now)
+    e, k = np.zeros((size, len(turns))), (0.5 * margin * change[:, None] * K_n[at]).T
+    e[at, np.arange(len(turns))] = 1.0
+    a, b = np.hsplit(sla.solve_triangular(lower, np.hstack([e, -k]), lower=True), 2)
+    length = np.sqrt(np.sum(a * a, axis=0) * np.sum(b * b, axis=0))
+    weights = dict(zip(turns.tolist(), np.sum(a * b, axis=0) + length + SINGULAR, strict=True))
     either = sum(1 << i for i, weight in weights.items() if weight < 1.0)
     return Pattern(forward, backward, opened, may_open, rubbing, weights, either)
 
@@ -307,47 +315,3 @@ def definite(judge: Certificate, one: Sides, margin: float) -> bool:
     return one.touches_few and all(
         definite(judge, each, margin) for each in one.explicit(judge.rubbing)
     )
-
-
-def _matrix(
-    judge: Certificate, nodes: tuple[States, np.ndarray, int], margin: float
-) -> tuple[Array, Array]:
-    """Return the rows v and w, and K_n of the slipping nodes, on the same columns."""
-    (state, may_open, opened), n = nodes, judge.system.n
-    slips = judge.slipping(state)
-    rows = np.concatenate([slips, n + may_open, n + slips])
-    size, m = len(slips) + len(may_open), len(slips)
-    K = judge.condensed(rows, size, opened)
-    if np.any(np.diagonal(K) <= SINGULAR * np.diagonal(judge.system.K)[rows[:size]]):
-        raise np.linalg.LinAlgError
-    c = margin * judge.system.friction[slips].at_slip(state[slips])
-    matrix = K[:size]
-    matrix[:m] += c[:, None] * K[size:]
-    if size > m:
-        largest = np.abs(c).max(initial=0.0)
-        # keeps (1 + alpha) K_tn + C K_nn, the coupling, small against alpha K_nn
-        balanced = np.hypot(1.0, largest / judge.coupling)
-        # weight of the rows w_i over c^2, from which on the slip of a node that may open is turned
-        # round in most cases: there |a| |b| is about c (K_nn / alpha K_tt)^(1/2)
-        matrix[m:] *= max(balanced, 10.0 * largest**2)
-    return matrix, K[size:]
-
-
-def _turning(
-    judge: Certificate,
-    nodes: tuple[States, np.ndarray],
-    factored: tuple[Array, Array],
-    margin: float,
-) -> list[float]:
-    """Return what it takes to turn round the slip of each of some nodes, round-off included."""
-    (state, chosen), (lower, K_n) = nodes, factored
-    friction = judge.system.friction[chosen]
-    now = state[chosen]
-    change = friction.at_slip(np.where(now == FORWARD, BACKWARD, FORWARD)) - friction.at_slip(now)
-    at = np.searchsorted(judge.slipping(state), chosen)
-    e, k = np.zeros((len(lower), len(chosen))), (0.5 * margin * change[:, None] * K_n[at]).T
-    e[at, np.arange(len(chosen))] = 1.0
-    a, b = np.hsplit(sla.solve_triangular(lower, np.hstack([e, -k]), lower=True), 2)
-    size = np.sqrt(np.sum(a * a, axis=0) * np.sum(b * b, axis=0))
-    weights: list[float] = (np.sum(a * b, axis=0) + size + SINGULAR).tolist()
-    return weights

@@ -20,9 +20,6 @@ from receding_fenicsx.interface.law import BACKWARD, FORWARD, SEPARATION, STICK
 from receding_fenicsx.interface.system import Changes
 from receding_fenicsx.interface.tolerances import SIMULTANEOUS
 
-Change = tuple[int, int, int]
-"""Node, old state, new state."""
-
 States = NDArray[np.int8]
 
 
@@ -104,92 +101,56 @@ class Sides(NamedTuple):
                 one = one.put(1 << i, side)
             yield one
 
-    def after(self, changes: Iterable[Change]) -> Sides:
-        """Return the sides after several changes of state, one after the other."""
-        sides = self
-        for i, _, new in changes:
-            sides = sides.put(1 << i, new)
-        return sides
+
+class _Change(NamedTuple):
+    node: int
+    old: int
+    new: int
+    is_tie: bool
 
 
-class InstantsOfLegs:
-    """Finds the instants of legs that were not met before."""
+def instants(
+    start: States, events: Changes, ties: Changes, finite: Callable[[float], bool] | None = None
+) -> Iterator[tuple[float, Sides]]:
+    """Yield the instants of a leg: its start and where states change.
 
-    def __init__(self) -> None:
-        """Begin with none."""
-        self._met: dict[bytes, set[Sides]] = {}
+    Each is its place s, and the sides on which every node that may slip does so. A node that was
+    slipping, or that begins to, may slip or stick; so may a stuck one on a limit. One that comes
+    into contact or leaves it, or whose slip turns round at once, may do anything.
 
-    def new(
-        self,
-        direction: bytes,
-        start: States,
-        events: Changes,
-        ties: Changes,
-        finite: Callable[[float], bool] | None = None,
-    ) -> list[tuple[float, Sides]]:
-        """Return the instants of a leg not met before: its start and where states change.
-
-        Each is its place s, and the sides on which every node that may slip does so. A node that
-        was slipping, or that begins to, may slip or stick; so may a stuck one on a limit. One that
-        comes into contact or leaves it, or whose slip turns round at once, may do anything.
-
-        Args:
-            direction: of the leg.
-            start: (N,) states at its start.
-            events: its changes of state, in order.
-            ties: nodes on limits, as changes to other states that they may take there.
-            finite: says of a place s whether the states there change by a load step or a jump: only
-                the states after it are judged. None where none do.
-        """
-        met = self._met.setdefault(direction, set())
-        now = Sides.of(start)
-        found: list[tuple[float, Sides]] = []
-        for s, group in _together(events, ties):
-            before, made = now, [change for change, is_tie in group if not is_tie]
-            now = before.after(made)
-            alone = made[0][1:] if len(group) == len(made) == 1 else (SEPARATION, SEPARATION)
-            if finite is not None and finite(s):
-                sides = _loosest(now, [change for change, is_tie in group if is_tie])
-            elif STICK in alone and SEPARATION not in alone:
-                # mostly one node begins or ends to slip: it may slip or stick
-                sides = before if alone[1] == STICK else now
-            else:
-                sides = _loosest(before, [change for change, _ in group])
-            if sides not in met:
-                met.add(sides)
-                found.append((s, sides))
-        return found
-
-    def forget(self, direction: bytes, sides: Sides) -> None:
-        """Let an instant count as new where it is met again."""
-        self._met[direction].discard(sides)
-
-
-def in_order(events: Changes, ties: Changes) -> tuple[Changes, NDArray[np.bool_]]:
-    """Return ties and events in order of place, and which of them are ties."""
-    every, is_tie = Changes.joined(ties, events), np.arange(len(ties) + len(events)) < len(ties)
-    if not len(ties):
-        return events, is_tie
-    order = every.s.argsort(kind="stable")
-    return every.select(order), is_tie[order]
-
-
-def _together(events: Changes, ties: Changes) -> list[tuple[float, list[tuple[Change, bool]]]]:
-    """Return groups of simultaneous events and ties, first at the start; of each whether a tie."""
-    every, is_tie = in_order(events, ties)
-    groups, last = [(0.0, list[tuple[Change, bool]]())], 0.0
-    for (s, i, old, new), tie in zip(every, is_tie.tolist(), strict=True):
+    Args:
+        start: (N,) states at its start.
+        events: its changes of state, in order.
+        ties: nodes on limits, as changes to other states that they may take there.
+        finite: says of a place s whether the states there change by a load step or a jump: only the
+            states after it are judged. None where none do.
+    """
+    every = [(*row, is_tie) for rows, is_tie in ((ties, True), (events, False)) for row in rows]
+    groups, last = [(0.0, list[_Change]())], 0.0
+    for s, i, old, new, is_tie in sorted(every, key=lambda row: row[0]):
         if s - last > SIMULTANEOUS:
             groups.append((s, []))
-        groups[-1][1].append(((i, old, new), tie))
+        groups[-1][1].append(_Change(i, old, new, is_tie))
         last = s
-    return groups
+    now = Sides.of(start)
+    for s, group in groups:
+        before = now
+        for one in group:
+            now = now if one.is_tie else now.put(1 << one.node, one.new)
+        alone = [] if len(group) > 1 else [k for c in group if not c.is_tie for k in (c.old, c.new)]
+        if finite is not None and finite(s):
+            yield s, _loosest(now, [one for one in group if one.is_tie])
+        elif STICK in alone and SEPARATION not in alone:
+            # mostly one node begins or ends to slip: it may slip or stick
+            yield s, before if alone[1] == STICK else now
+        else:
+            yield s, _loosest(before, group)
 
 
-def _loosest(before: Sides, changes: list[Change]) -> Sides:
+def _loosest(before: Sides, changes: Iterable[_Change]) -> Sides:
     """Return the states in which all slip that may at simultaneous changes, and who touch."""
     sides, slipped = before, dict[int, int]()
-    for i, old, new in changes:
+    for i, old, new, _ in changes:
         if max(old, new) == STICK:
             continue
         turned = slipped.setdefault(i, max(old, new)) != max(old, new)

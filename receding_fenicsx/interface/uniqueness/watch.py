@@ -16,16 +16,14 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from receding_fenicsx.arrays import Array, Ints
+from receding_fenicsx.arrays import Array
 from receding_fenicsx.interface.exact.rest import carries_nothing, zero_crossing
 from receding_fenicsx.interface.exact.segments import Segments, ties_at
 from receding_fenicsx.interface.exact.static import end_in_states, states_by_newton
 from receding_fenicsx.interface.law import BACKWARD, FORWARD, SEPARATION, STICK
 from receding_fenicsx.interface.lcp.all_solutions import all_solutions
 from receding_fenicsx.interface.lcp.contact import Problem, Undecided
-from receding_fenicsx.interface.residual import (
-    largest_force,
-)
+from receding_fenicsx.interface.residual import largest_force
 from receding_fenicsx.interface.system import Changes, ContactState, ContactSystem, Leg, reactions
 from receding_fenicsx.interface.tolerances import JUMP_STEP, SAME_MARGIN, SAME_RATES, SIMULTANEOUS
 from receding_fenicsx.interface.uniqueness.certificate import (
@@ -34,14 +32,12 @@ from receding_fenicsx.interface.uniqueness.certificate import (
     certify,
     definite,
     grouped,
-    halves,
 )
 from receding_fenicsx.interface.uniqueness.instants import (
-    InstantsOfLegs,
     Sides,
     States,
     bits_of,
-    in_order,
+    instants,
     mask_of,
 )
 
@@ -109,7 +105,8 @@ class UniquenessWatch:
         """
         self.found, self.in_steps = found, in_steps
         self.certificate, self._segments = Certificate(system), Segments(system)
-        self._instants = InstantsOfLegs()
+        # instants met before, by direction of the leg
+        self._met: dict[bytes, set[Sides]] = {}
         self._patterns: list[Pattern] = []
         # of no smaller margin than the one that is found
         self._larger: list[Pattern] = []
@@ -117,20 +114,17 @@ class UniquenessWatch:
         self._measured: set[Sides] = set()
         self._jumps: list[float] = []
         self._doubtful: list[tuple[bytes, Sides]] = []
-        # keys of static problems and of legs that were judged, to be known where they come again
-        self._judged: set[tuple[bytes, ...]] = set()
-        # of the last leg in each direction: its start, its end, and its changes as rows
-        self._last: dict[bytes, tuple[States, States, Ints]] = {}
+        # static problems that were judged
+        self._judged: set[tuple[bytes, bytes]] = set()
         # doubtful instants whose solutions are counted before the next checkpoint
         self._left = 8
 
     def forget_doubts(self) -> None:
         """Judge and count doubtful instants anew, as a run does that is resumed here."""
         for way, sides in self._doubtful:
-            self._instants.forget(way, sides)
+            self._met[way].discard(sides)
         self._doubtful, self._left = [], 8
         self._judged.clear()
-        self._last.clear()
 
     def add(
         self,
@@ -223,75 +217,27 @@ class UniquenessWatch:
         direction: Array,
         path: tuple[States, Changes, Changes],
     ) -> None:
-        """Judge the rates along a leg, or a part of it, given as for ``InstantsOfLegs.new``."""
-        way, (start, events, ties) = direction.tobytes(), path
-        parts: tuple[bytes, ...] = ()
+        """Judge the rates along a leg, or a part of it: its start, events and ties."""
+        way, (start, events, ties), finite = direction.tobytes(), path, None
         if self._jumps or self.in_steps:
             # what an event has decided is no tie
             seen = {(s, i, state) for s, i, *states in events for state in states}
             ties = Changes.of(one for one in ties if (*one[:2], one[3]) not in seen)
-        else:
-            every, is_tie = in_order(events, ties)
-            later = np.diff(every.s, prepend=0.0) > SIMULTANEOUS
-            arrays = start, later, is_tie, every.node, every.old, every.new
-            parts = tuple(part.tobytes() for part in arrays)
-            # definite sets of states are so whatever the loads
-            if (b"", *parts) in self._judged or (way, *parts) in self._judged:
-                return
-            start, part = self._unlike_the_last(way, start, every, is_tie, later)
-            every, is_tie = every.select(part), is_tie[part]
-            events, ties = every.select(~is_tie), every.select(is_tie)
-        rubbing, finite = self.certificate.rubbing, None if parts else self._is_finite
-        instants = [
-            (s, sides, sides.of_nodes(rubbing))
-            for s, sides in self._instants.new(way, start, events, ties, finite)
-        ]
+            finite = self._is_finite
+        rubbing, met = self.certificate.rubbing, self._met.setdefault(way, set())
+        new = dict[Sides, float]()
+        for s, sides in instants(start, events, ties, finite):
+            if sides not in met:
+                met.add(sides)
+                new[sides] = s
+        sets = {sides: sides.of_nodes(rubbing) for sides in new}
         self.judge(
-            [one for _, _, one in instants if (one.forward | one.backward | one.touching) & rubbing]
+            [one for one in sets.values() if (one.forward | one.backward | one.touching) & rubbing]
         )
-        for s, sides, one in instants:
+        for sides, one in sets.items():
             if one in self.indefinite:
                 self._doubtful.append((way, sides))
-                self._doubt((*place, s), direction, sides)
-        if parts:
-            if len(self._judged) == 4096:
-                self._judged.clear()
-            self._judged.add((way if self.indefinite else b"", *parts))
-
-    def _unlike_the_last(
-        self,
-        way: bytes,
-        start: States,
-        every: Changes,
-        is_tie: NDArray[np.bool_],
-        later: NDArray[np.bool_],
-    ) -> tuple[States, slice]:
-        """Return which changes of a leg are not those of the last one, and the states before them.
-
-        All instants before and after these were met on the last leg in the direction.
-        """
-
-        def after(count: int) -> States:
-            state, made = start.copy(), ~is_tie[:count]
-            state[every.node[:count][made]] = every.new[:count][made]
-            return state
-
-        k, end = len(every), after(len(every))
-        rows = np.stack([every.node, every.old, every.new, is_tie, later], axis=1)
-        known, self._last[way] = self._last.get(way), (start, end, rows)
-        if known is None or not np.array_equal(known[0], start):
-            return start, slice(k)
-        before, m = known[2], min(k, len(known[2]))
-        same = np.append((rows[:m] == before[:m]).all(axis=1), False)
-        # the last group of simultaneous changes may be larger in the other leg
-        begins = np.flatnonzero(later[: same.argmin()])
-        first, last = int(begins[-1]) if len(begins) else 0, k
-        if np.array_equal(known[1], end):
-            same = np.append((rows[k - m :] == before[len(before) - m :]).all(axis=1)[::-1], False)
-            begin = max(first, k - int(same.argmin()))
-            begins = np.flatnonzero(later[begin:])
-            last = begin + int(begins[0]) if len(begins) else k
-        return after(first), slice(first, last)
+                self._doubt((*place, new[sides]), direction, sides)
 
     def _is_new(self, one: Sides) -> bool:
         """Return whether nothing is known of a set of states."""
@@ -323,8 +269,10 @@ class UniquenessWatch:
             if pattern is not None and pattern.holds(sets[0]):
                 made.append(pattern)
             elif len(sets) > 1:
-                for half in halves(sets):
-                    self._judge(half, made, seen)
+                # those with fewer open nodes, and the others
+                ranked = sorted(range(len(sets)), key=lambda k: sets[k].open.bit_count())
+                for half in np.split(ranked, [len(sets) // 2]):
+                    self._judge([sets[k] for k in sorted(half)], made, seen)
                 return
             else:
                 if not self._is_definite(sets[0], made):
