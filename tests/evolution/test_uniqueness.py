@@ -109,3 +109,16 @@ def test_no_path_is_certified_that_has_several_continuations(
     # within load steps nothing is proved but of contacts that are definite in all states
     if kind != "load steps":
         assert found["one, not certified"] <= 0.1 * found["one, certified"], found
+
+
+@pytest.mark.parametrize(
+    ("path", "certified"), [([[1, 0], [1, 1]], True), ([[1, 0], [0, 1]], False)]
+)
+def test_the_place_of_a_free_body_that_no_force_presses_is_not_certified(
+    path: list[list[float]], certified: bool
+) -> None:
+    # guided across the contact; the pull along it is in balance: any gap keeps all laws
+    body = small_system(
+        np.diag([1.0, 0.0]), {"press": [0, 1], "pull": [1, 0]}, 0.5, rigid=[[0.0, 1.0]]
+    )
+    assert found(body, table(body, [[0, 0], *path])).certified == certified

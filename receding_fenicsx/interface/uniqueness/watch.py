@@ -170,6 +170,10 @@ class UniquenessWatch:
                 self._static((*place, crossing or 0.0), (start, leg.end.state), b, near)
                 state, events, ties = leg.end.state, *[Changes.none()] * 2
         self._rates(place, b - a, (state, events, ties))
+        carried = largest_force(system, b, leg.end.r, scale)
+        if np.any(b) and system.rigid.shape[1] and carries_nothing(leg.end, carried):
+            # nothing says where a free body floats that no force presses
+            self.found = self.found.with_doubt((*place, 1.0), ())
         end = Sides.of(leg.end.state).of_nodes(self.certificate.rubbing)
         if (end.forward or end.backward) and end not in self._measured:
             self._measured.add(end)
