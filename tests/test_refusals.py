@@ -2,7 +2,8 @@
 
 A row is the name of a scene and changes of it, then the message, then perhaps its nearest neighbour
 that is accepted. Changes are parted by " & ": values as of --set, tables whose lines are parted by
-"; ", ">" and a file with its lines, or "$" and the command, which is check if none is named.
+"; ", ">" and a file with its lines, a text "->" its replacement, or "$" and the command, which is
+check if none is named.
 """
 
 import shlex
@@ -87,7 +88,22 @@ kind = "monotonic"
 [material.coat]
 young = 10.0
 """
+IMPORT = """
+stiffness = "K.txt"
+nodes = "nodes.csv"
+free = 3
+[[contact]]
+nodes = [1, 2]
+normal = [0.0, 1.0]
+friction = 0.3
+[[load]]
+name = "P"
+forces = "P.txt"
+"""
 FILES = {
+    "nodes.csv": "node,x,y\n1,0.0,0.0\n2,1.0,0.0\n3,0.0,1.0\n",
+    "K.txt": "1,1,1,1,1.0\n2,1,1,1,-1.0\n2,1,2,1,1.0\n1,2,1,2,0.0\n2,2,2,2,0.0\n",
+    "P.txt": "1,2,-0.5\n2,2,-0.5\n",
     "two.geo": """
 Point(1) = {0, 0, 0, 0.5}; Point(2) = {4, 0, 0, 0.5}; Point(3) = {4, 1, 0, 0.5};
 Point(4) = {0, 1, 0, 0.5}; Point(5) = {4, 2, 0, 0.5}; Point(6) = {0, 2, 0, 0.5};
@@ -97,7 +113,7 @@ Curve Loop(1) = {1, 2, 3, 4}; Plane Surface(1) = {1};
 Curve Loop(2) = {-3, 5, 6, 7}; Plane Surface(2) = {2};
 Physical Surface("coat") = {1}; Physical Surface("core") = {2};
 Physical Curve("foot") = {1}; Physical Curve("top") = {6};
-"""
+""",
 }
 SCENES: dict[str, str | rf.Scene] = {
     "block": BLOCK,
@@ -150,6 +166,7 @@ SCENES: dict[str, str | rf.Scene] = {
     "planes": PLANES,
     "fatigue": PLANES
     + '[[probe]]\nname = "edge"\nedge = "lower.top"\n[fatigue]\nyield_stress = 1.0\n',
+    "import": IMPORT,
     "signal": SHEARED + '[history]\nkind = "table"\nrows = {file = "signal.csv"}\n',
     "gap file": BLOCK.replace("gap = 0.0", 'gap = {file = "gap.csv"}'),
 }
@@ -166,6 +183,10 @@ def changed(base: str, changes: str) -> tuple[dict[str, str], list[str], list[st
     for change in changes.split(" & "):
         if change.startswith("$ "):
             command = shlex.split(change[2:])
+        elif " -> " in change:
+            old, new = change.split(" -> ")
+            assert old in text
+            text = text.replace(old, new.replace("; ", "\n"), 1)
         elif change.startswith("["):
             text += "\n" + change.replace("; ", "\n") + "\n"
         elif change.startswith("> "):

@@ -278,33 +278,6 @@ def turned(path: Path, old: str, new: str) -> None:
     path.write_text(text.replace(old, new, 1))
 
 
-@pytest.mark.parametrize(
-    ("old", "new", "told"),
-    [
-        ("free = 3", "free = 2", "leave 3 rigid motion(s) free"),
-        ("[7, 6", "[77, 6", "not in the file of the nodes"),
-        ("[7, 6", "[6, 6", "coincide"),
-        ('"P.txt"', '"none.txt"', "load 'P': its file has no force"),
-        ('forces = "P.txt"', "", "either forces or reactions"),
-        ("K.mtx", "nodes.csv", "is not a stiffness"),
-        ("0.0, 2.0", "0.0, 0.0", "must not be zero"),
-        ("free = 3", 'free = 3\norder = "components"', "rigid motion"),
-        ("friction", "weights = [1, 1, 1, 1, 1, 1, -1]\nfriction", "are not negative"),
-        ('forces = "P.txt"', 'reactions = "P.txt"', "needs a matrix of contact nodes"),
-    ],
-)
-def test_bad_specifications_are_one_line(
-    old: str, new: str, told: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    path = specification(tmp_path, Block())
-    turned(path, old, new)
-    (tmp_path / "none.txt").write_text("*CLOAD\n1,2,0.0\n")
-    assert cli.main(["import", str(path), "--out", str(tmp_path / "system.h5")]) == 2
-    text = capsys.readouterr().err
-    assert told in text and len(text.strip().splitlines()) == 1
-    assert not (tmp_path / "system.h5").exists()
-
-
 def at(A: np.ndarray, i: int, j: int, value: float) -> np.ndarray:
     """Return a matrix like A that has one entry."""
     one = np.zeros_like(A)
@@ -350,47 +323,6 @@ def test_a_triangle_of_the_wrong_length_is_refused(tmp_path: Path) -> None:
     (tmp_path / name).write_text("1 1 2.0\n2 2")
     with pytest.raises(rf.InputError, match="is not a stiffness"):
         rf.import_system(specification(tmp_path, block, name))
-
-
-BANNER = "%%MatrixMarket matrix array real general\n"
-
-
-@pytest.mark.parametrize(
-    ("text", "told"),
-    [
-        ("1,2,3,4", "line 1: 4 numbers, not 3"),
-        ("1,2,0.5\n\n2,2,1.0,7", "line 3: 4 numbers, not 3"),
-        ("1,2,1e999", 'line 1: "1e999" is not a finite number'),
-        ("1,2,0.5\n99,2,1.0", "has no freedom 2 of node 99"),
-        (BANNER, "ends before"),
-        (BANNER + "28 2\n" + 56 * "1.0\n", "it is 28 by 2, not one column"),
-        (BANNER.replace("real", "pattern"), "has none"),
-    ],
-)
-def test_loads_with_other_columns_or_text_are_refused(text: str, told: str, tmp_path: Path) -> None:
-    path = specification(tmp_path, Block())
-    (tmp_path / "P.txt").write_text(text)
-    with pytest.raises(rf.InputError, match=f"P.txt: is not a load .*{told}"):
-        rf.import_system(path)
-
-
-@pytest.mark.parametrize(
-    ("text", "told"),
-    [
-        ("1,1,1,1,2.0\n1,1,2,1,1.0,9", "line 2: 6 numbers, not 5"),
-        ("1,1,1,1.5,2.0", "have to be whole"),
-        ("1,1,1,1,2.0\n1,1,1,1,1.0", "an entry is given twice"),
-        (BANNER + "2 1\n1.0\n1.0\n", "it is 2 by 1, not square"),
-        ("*USER ELEMENT,UNSYMM\n*MATRIX,TYPE=STIFFNESS\n1.0", "is unsymmetric"),
-        ("*USER ELEMENT\n*MATRIX,TYPE=MASS\n1.0", "with one .*STIFFNESS is needed"),
-    ],
-)
-def test_stiffnesses_with_other_columns_or_text_are_refused(
-    text: str, told: str, tmp_path: Path
-) -> None:
-    (tmp_path / "K.mtx").write_text(text)
-    with pytest.raises(rf.InputError, match=f"K.mtx: is not a stiffness .*{told}"):
-        rf.import_system(specification(tmp_path, Block(), "K.mtx"))
 
 
 def test_exported_matrices_can_be_imported_again(
