@@ -34,7 +34,7 @@ from receding_fenicsx.interface.law import SEPARATION, SLIP_SIGN, STATE_NAMES, S
 from receding_fenicsx.interface.mirror import mirror_of
 from receding_fenicsx.interface.system import ContactState, ContactSystem, Leg, frictional_form
 from receding_fenicsx.interface.tolerances import ON_LIMIT
-from receding_fenicsx.interface.uniqueness.watch import UNKNOWN, Uniqueness, UniquenessWatch
+from receding_fenicsx.interface.uniqueness.watch import Uniqueness, UniquenessWatch
 
 log = logging.getLogger(__name__)
 
@@ -68,7 +68,7 @@ class RunState:
         self.steady = steady_watch(problem.system, problem.solver, cycles)
         self.solver = make_solver(self.model, problem.solver, problem.chooser)
         self.position = self._end_of(len(cycles) - 1)
-        begin = Uniqueness() if problem.judged else UNKNOWN
+        begin = Uniqueness(certified=problem.judged, proved=problem.judged)
         found = cycles[-1].uniqueness if cycles else begin
         in_steps = problem.solver.method != "events"
         # what is not judged is watched by its friction alone

@@ -1,6 +1,6 @@
 r"""Uniqueness of a path: one solution of every rate problem, or several.
 
-1. **Instants** (`instants.InstantsOfLegs`). The rates are decided anew at the start of a leg and
+1. **Instants** (`instants.instants`). The rates are decided anew at the start of a leg and
    wherever states change. All nodes on a limit there are undecided together, whether the path
    changes their states or not: at the start they are read from the state, at events the path notes
    them (`exact.segments.tied`). A slipping node, one that begins to slip, or a stuck one at its

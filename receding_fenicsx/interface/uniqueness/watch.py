@@ -60,7 +60,7 @@ class Uniqueness:
     # largest number of rates found at one instant, or of solutions of a static problem
     solutions: int = 1
     # cycle, leg, s: place of the first doubt, -1 without one. A path that is not certified and has
-    # no such place is ``UNKNOWN``: it began before uniqueness was judged
+    # no such place began before uniqueness was judged
     cycle: int = -1
     leg: int = -1
     s: float = -1.0
@@ -80,10 +80,6 @@ class Uniqueness:
         return replace(changed, cycle=place[0], leg=place[1], s=place[2], nodes=named)
 
 
-UNKNOWN = Uniqueness(certified=False, proved=False)
-"""Uniqueness of a path that was not judged."""
-
-
 class UniquenessWatch:
     """Judges the legs of a path one after the other.
 
@@ -96,13 +92,7 @@ class UniquenessWatch:
     """
 
     def __init__(self, system: ContactSystem, found: Uniqueness, in_steps: bool = False) -> None:
-        """Continue from what was found before.
-
-        Args:
-            system: the condensed body in 2N form.
-            found: uniqueness up to here.
-            in_steps: events are ends of load steps, not the places where states change.
-        """
+        """Continue; ``in_steps`` if events are ends of load steps, not where states change."""
         self.found, self.in_steps = found, in_steps
         self.certificate, self._segments = Certificate(system), Segments(system)
         # instants met before, by direction of the leg
@@ -134,14 +124,9 @@ class UniquenessWatch:
         leg: Leg,
         static: bool = False,
     ) -> None:
-        """Judge a leg.
+        """Judge a leg, given with cycle and number, state and load factors at its start.
 
-        Args:
-            place: cycle and leg.
-            start: state at its start.
-            ends: (n_loads,) load factors at its start and at its end.
-            leg: the leg.
-            static: it is one static problem, with slip counted from the start.
+        ``static``: it is one static problem, with slip counted from the start.
         """
         system, n, (a, b) = self.certificate.system, self.certificate.system.n, ends
         segments, scale = self._segments, leg.force_scale
@@ -167,7 +152,18 @@ class UniquenessWatch:
             near = system.held[n:] | (gap <= segments.limit[n : 2 * n] * scale)
             at_rest = not np.any(a) and near.all() and carries_nothing(start, scale)
             if static or crossing is not None or at_rest:
-                self._static((*place, crossing or 0.0), (start, leg.end.state), b, near)
+                key = start.u.tobytes(), b.tobytes()
+                if key not in self._judged:
+                    self._judged.add(key)
+                    states, proved = solutions_from_rest(
+                        self.certificate, segments, start, leg.end.state, b, near
+                    )
+                    count = max(1, len(states))  # the path has found one
+                    most, proved = max(self.found.static, count), self.found.proved and proved
+                    self.found = replace(self.found, static=most, proved=proved)
+                    if count > 1:
+                        at = *place, crossing or 0.0
+                        self.found = self.found.with_doubt(at, _differing(states), count)
                 state, events, ties = leg.end.state, *[Changes.none()] * 2
         self._rates(place, b - a, (state, events, ties))
         carried = largest_force(system, b, leg.end.r, scale)
@@ -193,27 +189,6 @@ class UniquenessWatch:
     def _is_finite(self, s: float) -> bool:
         """Return whether states change at s by a load step or a jump."""
         return self.in_steps or any(0.0 <= s - at <= 2.0 * JUMP_STEP for at in self._jumps)
-
-    def _static(
-        self,
-        place: tuple[int, int, float],
-        path: tuple[ContactState, States],
-        load: Array,
-        near: NDArray[np.bool_],
-    ) -> None:
-        """Judge a static problem from rest, given with the states at its end."""
-        start, end = path
-        key = (start.u.tobytes(), load.tobytes())
-        if key in self._judged:
-            return
-        self._judged.add(key)
-        found = solutions_from_rest(self.certificate, self._segments, start, end, load, near)
-        states, proved = found
-        count = max(1, len(states))  # the path has found one
-        static = max(self.found.static, count)
-        self.found = replace(self.found, static=static, proved=self.found.proved and proved)
-        if count > 1:
-            self.found = self.found.with_doubt(place, _differing(states), count)
 
     def _rates(
         self,
@@ -255,9 +230,7 @@ class UniquenessWatch:
     def judge(self, sets: Sequence[Sides], made: list[Pattern] | None = None) -> None:
         """Certify sets of states in which something slips; note those that are not definite.
 
-        Args:
-            sets: the sets of states.
-            made: takes the patterns that are made; they are kept when it is left out.
+        ``made`` takes the patterns that are made; they are kept when it is left out.
         """
         found = [] if made is None else made
         for group in grouped(list(filter(self._is_new, sets))):
@@ -343,21 +316,11 @@ def solutions_from_rest(
     load: Array,
     near: NDArray[np.bool_],
 ) -> tuple[NDArray[np.int8], bool]:
-    """Find the solutions of a static problem, and say whether there are no others.
+    """Return (k, N) states of the solutions of a static problem, and whether there are no others.
 
-    Without friction there is one, the problem being convex.
-
-    Args:
-        certificate: of the contact.
-        segments: of the contact.
-        start: state without reactions that slip is counted from.
-        known: (N,) states of the solution that the path has found.
-        load: (n_loads,) load factors.
-        near: (N,) nodes without gap; others stay open.
-
-    Returns:
-        (k, N) states of all nodes, a row for each solution with different reactions; and whether
-        it is proved that there are no others.
+    Without friction there is one, the problem being convex. Slip is counted from ``start``, a state
+    without reactions; ``known`` are the (N,) states that the path has found. Nodes that are not
+    ``near``, those with a gap, stay open. Each row has other reactions.
     """
     system, n = certificate.system, certificate.system.n
     rubbing = near & certificate.frictional
