@@ -14,7 +14,7 @@ from receding_fenicsx.errors import InputError
 from receding_fenicsx.evolution.record_data import RecordData, States
 from receding_fenicsx.interface.law import friction_of
 from receding_fenicsx.interface.measures.tractions import Tractions, recover
-from receding_fenicsx.interface.measures.zones import Zone, contact_zones
+from receding_fenicsx.interface.measures.zones import Zone, zones
 
 SAME_LOAD = 1e-9
 """Difference of load factors, over their largest, below which they count as equal."""
@@ -66,7 +66,7 @@ class Moment:
         """Zones of equal state as (name, from, to), from the smallest x to the greatest."""
         branches, ones = (self.cohesion, self.shear_limit), np.ones(len(self.x))
         rubs = friction_of(self.f, self.f_backward, ones, branches).present
-        return contact_zones(self.x, self.state, rubs, self.begins_on_axis)
+        return zones(self.x, self.state, self.begins_on_axis, rubs)
 
 
 def moment_of(record: RecordData, table: States, row: int) -> Moment:

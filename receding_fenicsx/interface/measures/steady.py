@@ -10,22 +10,8 @@ import numpy as np
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.interface.law import Friction
 
-REPEATED_SLIP = 100.0
-"""Change of the dissipation and of the slips per period, over themselves, below which they repeat;
-over the tolerance of the forces. Where slips decay they change by a few times as much as those."""
-
 SHAKEDOWN, CYCLIC_SLIP, RATCHETTING = "shakedown", "cyclic slip", "ratchetting"
 NOT_REACHED = "not reached"
-UNLOADED_FORCE = 1e-3
-"""Largest force at the end of a cycle, over the largest so far, below which the contact is
-unloaded: the change of its forces is then relative to the largest, as its own are round-off."""
-
-FORCE_ROUND_OFF = 32.0 * 2.0**-52
-"""Round-off of a force over its terms."""
-
-NO_SLIP = 1e-11
-"""Slip of a node in a cycle times K_ii, over the terms sum_j |K_ij u_j| of its force, that is none:
-where a limit is found its drifts are some 1e-12 of these off."""
 
 
 @dataclass(frozen=True)
@@ -56,17 +42,11 @@ def fit_power_law(N: Array, y: Array) -> PowerLaw:
 
 
 def limit_of_decay(values: Array) -> tuple[str, float, float]:
-    """Extrapolate a slowly converging sequence from its last differences.
+    """Extrapolate a slowly converging sequence (n,), n >= 8, from its last differences.
 
     The differences are fitted over the second half of the sequence by a power N^-m and by a rate
-    exp(-a N); the better fit is summed to infinity.
-
-    Args:
-        values: (n,) sequence, n >= 8.
-
-    Returns:
-        "power" or "rate", the exponent (negative) or the factor per term, and the limit; the limit
-        is nan when the fitted differences have no finite sum.
+    exp(-a N); the better fit is summed to infinity. Returned are "power" or "rate", the exponent
+    (negative) or the factor per term, and the limit: nan where the sum is not finite.
     """
     steps = np.diff(values)
     N = np.arange(2, len(values) + 1, dtype=float)
@@ -107,12 +87,12 @@ class SteadyWatch:
     With A_n = max |r_n - r_(n-T)| / max |r| at the ends of cycles n, for periods T = 1 and 2, the
     forces repeat where A_n is below the tolerance, or the round-off of their terms
     sum_j |K_ij u_j|, for two periods running. Where a cycle ends without force, max |r| is taken
-    over the whole history, times ``UNLOADED_FORCE``.
+    over the whole history, times 1e-3: the contact's own forces are then round-off.
 
     Forces that repeat tell little of slips that are small beside the displacements they belong to.
     So slips are judged by themselves: a node slips by s = D_i / (f P)_i in a cycle, if K_ii s is
-    more than ``NO_SLIP`` of the largest terms sum_j |K_ij u_j| of the forces of the nodes to which
-    it is coupled, and than the residual.
+    more than 1e-11 of the largest terms sum_j |K_ij u_j| of the forces of the nodes to which
+    it is coupled, and than the residual: where a limit is found its drifts are some 1e-12 off.
     The state is steady at the first n at which the forces repeat and
 
     * no node has slipped for two periods running: shakedown; or
@@ -122,22 +102,15 @@ class SteadyWatch:
     * they gain no more than c times the largest slip, and the dissipation repeats, |D_n - D_(n-T)|
       <= c D_n: cyclic slip,
 
-    with c = ``REPEATED_SLIP`` times the tolerance. Slips that decay are not steady before they are
-    that small beside others that do not, or round-off.
+    with c = 100 times the tolerance: where slips decay they change by a few times as much as the
+    forces. Slips that decay are not steady before they are that small beside others that do not, or
+    round-off.
     """
 
     def __init__(self, tolerance: float, K: Array, friction: Friction) -> None:
-        """Start with no cycles seen.
-
-        Args:
-            tolerance: bound of A_n.
-            K: (N, 2N) tangential rows of the stiffness.
-            friction: law of friction of the N nodes.
-        """
+        """Start with no cycles seen: bound of A_n, (N, 2N) tangential rows of K, and friction."""
         self.tolerance, self.friction, self._terms = tolerance, friction, np.abs(K)
-        self._largest_terms = float(self._terms.sum(axis=1).max(initial=0.0))
-        coupled = self._terms[:, : len(K)] > 0.0
-        self._coupled = None if coupled.all() else coupled
+        self._coupled = self._terms[:, : len(K)] > 0.0
         self.ends: list[CycleEnd] = []
         self.change: list[float] = []
         self.change_2: list[float] = []
@@ -148,7 +121,7 @@ class SteadyWatch:
         self.ends = [*self.ends[-4:], end]
         if len(self.ends) == 1:
             return False
-        largest = max(float(np.abs(end.r).max(initial=0.0)), UNLOADED_FORCE * end.force)
+        largest = max(_largest(end.r), 1e-3 * end.force)
         for period, change in ((1, self.change), (2, self.change_2)):
             known = len(self.ends) > period
             change.append(_largest(end.r - self.ends[~period].r) if known else np.inf)
@@ -167,23 +140,18 @@ class SteadyWatch:
             return True
         # forces of a nearly rigid body are small differences of their terms
         end = self.ends[-1]
-        if change >= FORCE_ROUND_OFF * self._largest_terms * _largest(end.reach):
-            return False
-        noise = FORCE_ROUND_OFF * _largest(self._terms @ end.reach)
+        noise = 32.0 * 2.0**-52 * _largest(self._terms @ end.reach)
         return change < min(noise, 1e-6 * largest)
 
     def _slips(self, end: CycleEnd) -> tuple[Array, Array]:
         """Return the (N,) slips in a cycle, zero where they are round-off, and the least ones."""
         terms, stiffness = self._terms @ end.reach, self._terms.diagonal()
         # round-off of all nodes to which one is coupled reaches it
-        if self._coupled is None:
-            terms = np.full_like(terms, terms.max(initial=0.0))
-        else:
-            terms = np.maximum(terms, np.where(self._coupled, terms, 0.0).max(axis=1, initial=0.0))
+        terms = np.maximum(terms, np.where(self._coupled, terms, 0.0).max(axis=1, initial=0.0))
         # a smaller largest P counts as none
         limit = self.friction.largest_limit(np.maximum(end.pressed, 1e-9 * terms))
         slip = np.divide(end.dissipation, limit, out=np.zeros_like(limit), where=limit > 0.0)
-        least = np.maximum(NO_SLIP * terms, end.residual * end.force)
+        least = np.maximum(1e-11 * terms, end.residual * end.force)
         least = np.divide(least, stiffness, out=np.zeros_like(least), where=stiffness > 0.0)
         return np.where(slip > least, slip, 0.0), least
 
@@ -194,7 +162,7 @@ class SteadyWatch:
         moving = slips > 0.0
         if not np.any(moving):
             return SHAKEDOWN
-        bound = REPEATED_SLIP * self.tolerance
+        bound = 100.0 * self.tolerance
         now, before, first = (end.v[moving] for end in self.ends[::-period][:3])
         gain, change = now - before, now - 2.0 * before + first
         drift = max(_largest(gain), _largest(gain - change))

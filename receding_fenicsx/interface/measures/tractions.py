@@ -22,7 +22,7 @@ from scipy.interpolate import CubicSpline
 
 from receding_fenicsx.arrays import Array, Ints
 from receding_fenicsx.interface.law import Friction, State, friction_of
-from receding_fenicsx.interface.measures.zones import begins_on_axis
+from receding_fenicsx.interface.measures.zones import Flags, begins_on_axis
 
 
 @dataclass(frozen=True)
@@ -59,10 +59,7 @@ class Tractions:
 def midside_nodes(x: Array, weight: Array, radius: Array | None = None) -> Ints:
     """Return the midside nodes with a neighbour on both sides; none on elements of order 1.
 
-    Args:
-        x: (N,) positions, increasing.
-        weight: (N,) integrals of the shape functions along the edge, times r when axisymmetric.
-        radius: (N,) distances from the axis when axisymmetric.
+    ``radius`` are distances from the axis when axisymmetric: the weights have the factor r then.
     """
     none = np.zeros(0, dtype=np.int64)
     if len(x) < 3:
@@ -86,15 +83,7 @@ def cell_means(x: Array, weight: Array, force: Array, midside: Ints) -> tuple[Ar
     On elements of order 2 lumped tractions err by opposite amounts at vertices and midside nodes;
     an element's share of the nodal forces over its length is its mean traction to fourth order.
     On elements of order 1 a cell reaches half-way to the neighbouring nodes, to second order.
-
-    Args:
-        x: (N,) positions, increasing.
-        weight: (N,) integrals of the shape functions.
-        force: (N,) nodal forces.
-        midside: midside nodes, as :func:`midside_nodes` finds them.
-
-    Returns:
-        Left ends, right ends and means, (n,) each.
+    ``midside`` is that of :func:`midside_nodes`. Returned are left ends, right ends and means.
     """
     if len(midside):
         left, right = x[midside - 1], x[midside + 1]
@@ -129,21 +118,12 @@ def traction_at(x: Array, weight: Array, force: Array, points: ArrayLike) -> Arr
     return np.asarray(CubicSpline(np.append(left, right[-1]), so_far)(points, 1))
 
 
-Flags = NDArray[np.bool_]
-
-
 def recover(at: Tractions) -> tuple[Array, Array]:
     """Return recovered tractions p and q at the nodes of one contact edge.
 
     sum(weight p) = sum(P), sum(weight q) = sum(Q), p >= 0, |q| <= f p, and |q| = f p at slipping
     nodes hold as for nodal forces over weights, which are returned on elements of order 1 and
     beside ends of zones.
-
-    Args:
-        at: nodal forces and states of one instant.
-
-    Returns:
-        p and q, (N,) each.
     """
     P, Q = at.P, at.Q
     middle = midside_nodes(at.x, at.weight, at.radius)

@@ -40,7 +40,6 @@ from receding_fenicsx.arrays import Array
 from receding_fenicsx.interface.law import MIRRORED, SLIP_SIGN, State
 from receding_fenicsx.interface.measures.tractions import Tractions, cell_means, midside_nodes
 from receding_fenicsx.interface.measures.zones import (
-    NO_NODES,
     NodeRange,
     contact_zone,
     half_width,
@@ -54,18 +53,10 @@ def fit_end(
     """Fit d^m (A_0 + A_1 d + ...) to means over cells, by least squares of the relative error.
 
     For each candidate end the coefficients follow from linear least squares; the end with the
-    smallest error is searched for.
-
-    Args:
-        near: (k,) distance of each cell's nearer end from the zone's last node.
-        far: (k,) the same of its further end.
-        mean: (k,) mean values over the cells.
-        law: m, and the number of terms.
-        search: range of the end's distance beyond the last node.
-
-    Returns:
-        Distance of the end beyond the last node; None when a value is not positive, or when the
-        best end lies at the edge of the range.
+    smallest error is searched for. ``near`` and ``far`` are distances (k,) of each cell's ends from
+    the zone's last node, ``law`` is m and the number of terms, ``search`` the range of the end's
+    distance beyond the last node. That distance is returned; None when a value is not positive, or
+    when the best end lies at the edge of the range.
     """
     if np.any(mean <= 0.0):
         return None
@@ -108,15 +99,10 @@ def misfit(bases: Array) -> Array:
 
 
 def corner_exponent_fit(at: Tractions, side: int) -> float | None:
-    """Fit m at an end of the contact edge.
+    """Return m at an end of the contact edge: side 1 at the greatest x, -1 at the smallest.
 
-    Args:
-        at: nodal forces and states of one instant.
-        side: 1 for the end at the greatest x, -1 for that at the smallest.
-
-    Returns:
-        m; None where the corner is separated, too few elements lie in the zone beside it, or the
-        pressure there follows no power.
+    None where the corner is separated, too few elements lie in the zone beside it, or the pressure
+    there follows no power.
     """
     order = np.arange(len(at.x)) if side < 0 else np.arange(len(at.x))[::-1]
     d, state = np.abs(at.x[order] - at.x[order[0]]), np.asarray(at.state)[order]
@@ -182,10 +168,12 @@ def dundurs_beta(
         body: Young's modulus, Poisson's ratio and kinematics of the body.
         other: the same of the other body; None when it is rigid.
     """
-    shear, kappa = _shear_kappa(*body)
+    young, nu, kinematics = body
+    shear, kappa = 0.5 * young / (1.0 + nu), kolosov(nu, kinematics)
     if other is None:
         return (kappa - 1.0) / (kappa + 1.0)
-    shear_b, kappa_b = _shear_kappa(*other)
+    young, nu, kinematics = other
+    shear_b, kappa_b = 0.5 * young / (1.0 + nu), kolosov(nu, kinematics)
     return (shear_b * (kappa - 1.0) - shear * (kappa_b - 1.0)) / (
         shear_b * (kappa + 1.0) + shear * (kappa_b + 1.0)
     )
@@ -196,10 +184,6 @@ def kolosov(poisson: float, kinematics: str = "plane strain") -> float:
     if kinematics == "plane stress":
         return (3.0 - poisson) / (1.0 + poisson)
     return 3.0 - 4.0 * poisson
-
-
-def _shear_kappa(young: float, nu: float, kinematics: str) -> tuple[float, float]:
-    return 0.5 * young / (1.0 + nu), kolosov(nu, kinematics)
 
 
 def contact_half_width_estimate(at: Tractions) -> ZoneEnd:
@@ -213,7 +197,7 @@ def stick_half_width_estimate(at: Tractions) -> ZoneEnd:
     Where no node sticks, but slip turns round in the middle, the zone is between two nodes.
     """
     zone = stick_zone(at.x, at.state, at.friction.present, at.begins_on_axis)
-    if zone == NO_NODES:
+    if zone == (0, -1):
         sign, middle = SLIP_SIGN[at.state], 0.5 * (at.x[0] + at.x[-1])
         for i in np.flatnonzero(sign[:-1] * sign[1:] < 0.0):
             width = at.x[i + 1] - at.x[i]
@@ -224,18 +208,18 @@ def stick_half_width_estimate(at: Tractions) -> ZoneEnd:
 
 def zone_ends(at: Tractions) -> list[ZoneEnd]:
     """Estimate where each zone of equal state ends and the next one begins, from left to right."""
-    last = np.flatnonzero(np.diff(at.state))
+
+    def between(i: int) -> ZoneEnd:
+        # fitted on the side where tractions vanish
+        end = zone_end(at, i, 1)
+        return end if end.fitted else zone_end(at, i + 1, -1)
+
+    last = np.flatnonzero(np.diff(at.state)).tolist()
     if not at.half:
-        return [_between(at, int(i)) for i in last]
-    right = [_between(at, int(i)) for i in last if at.x[i] + at.x[i + 1] > 0.0]
-    middle = [_between(at, int(i)) for i in last if at.x[i] + at.x[i + 1] == 0.0]
+        return [between(i) for i in last]
+    right = [between(i) for i in last if at.x[i] + at.x[i + 1] > 0.0]
+    middle = [between(i) for i in last if at.x[i] + at.x[i + 1] == 0.0]
     return [_turned(end) for end in reversed(right)] + middle + right
-
-
-def _between(at: Tractions, last: int) -> ZoneEnd:
-    """Return the end of the zone up to a node, fitted on the side where tractions vanish."""
-    end = zone_end(at, last, 1)
-    return end if end.fitted else zone_end(at, last + 1, -1)
 
 
 def _turned(end: ZoneEnd) -> ZoneEnd:
@@ -245,7 +229,7 @@ def _turned(end: ZoneEnd) -> ZoneEnd:
 
 def _half_width(at: Tractions, zone: NodeRange | None, stick: bool = False) -> ZoneEnd:
     """Estimate the half width of a zone, known to a node, within a fraction of a node."""
-    if zone is None or zone == NO_NODES:
+    if zone is None or zone == (0, -1):
         width = half_width(at.x, zone)
         return ZoneEnd(width, width, width, fitted=False)
     first, last = zone
@@ -262,17 +246,11 @@ def _half_width(at: Tractions, zone: NodeRange | None, stick: bool = False) -> Z
 
 
 def zone_end(at: Tractions, last: int, side: int, stick: bool = False) -> ZoneEnd:
-    """Estimate where a zone ends beyond its last node.
+    """Estimate where a zone ends beyond its last node, towards greater x (side 1) or smaller (-1).
 
-    Args:
-        at: tractions of the instant.
-        last: the zone's last node.
-        side: 1 when the zone ends towards greater x, -1 towards smaller x.
-        stick: whether it is a zone of stick; it matters where it reaches the edge's end.
-
-    Returns:
-        The end; where the zone has the edge's last node, the edge's own end, with an interval to
-        the node before if the traction falls so much that it may vanish between them.
+    Where the zone has the edge's last node it is the edge's own end, with an interval to the node
+    before if the traction falls so much that it may vanish between them: the pressure, or of a zone
+    of ``stick`` the margin of the friction law.
     """
     if side < 0:
         return _turned(zone_end(_mirrored(at), len(at.x) - 1 - last, 1, stick))
@@ -337,6 +315,7 @@ def zone_end(at: Tractions, last: int, side: int, stick: bool = False) -> ZoneEn
 
 
 def _mirrored(at: Tractions) -> Tractions:
+    cohesion, limit = (None if part is None else part[::-1] for part in at.branches)
     return Tractions(
         -at.x[::-1],
         at.weight[::-1],
@@ -348,10 +327,7 @@ def _mirrored(at: Tractions) -> Tractions:
         at.half,
         None if at.radius is None else at.radius[::-1],
         at.friction.forward[::-1],
-        branches=(
-            None if at.branches[0] is None else at.branches[0][::-1],
-            None if at.branches[1] is None else at.branches[1][::-1],
-        ),
+        branches=(cohesion, limit),
     )
 
 

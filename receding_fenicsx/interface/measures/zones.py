@@ -7,8 +7,6 @@ it, and the first zone begins there, though at order 2 no contact node lies on t
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -24,26 +22,31 @@ Zone = tuple[str, float, float]
 """Name of the state, and the two ends."""
 
 
-def zones(x: Array, state: NDArray[np.integer], begins_on_axis: bool = False) -> list[Zone]:
+def zones(
+    x: Array,
+    state: NDArray[np.integer],
+    begins_on_axis: bool = False,
+    f: Array | Flags | None = None,
+) -> list[Zone]:
     """Split the contact edge into zones of equal state.
 
     Args:
         x: (N,) positions, increasing.
         state: (N,) values of :class:`State`.
         begins_on_axis: the edge begins on the axis r = 0, at x = 0.
+        f: (N,) coefficient of friction, or whether there is any: a node without friction has no
+            limit to stick below; closed, it slides freely, in a zone named "contact".
 
     Returns:
         The zones from the smallest x to the greatest; each begins where the one before ends.
     """
-    return _split(x, state, {int(k): name for k, name in STATE_NAMES.items()}, begins_on_axis)
-
-
-def _split(
-    x: Array, values: NDArray[np.integer], names: dict[int, str], begins_on_axis: bool
-) -> list[Zone]:
-    """Split the contact edge into zones of equal value, with the name of each value."""
     if len(x) == 0:
         return []
+    names = {int(k): name for k, name in STATE_NAMES.items()} | {0: FRICTIONLESS_CONTACT}
+    values = np.asarray(state)
+    if f is not None:
+        slides = (values == State.STICK) & (np.asarray(f, dtype=float) <= 0.0)
+        values = np.where(slides, 0, values)
     starts = np.flatnonzero(np.diff(values)) + 1
     begin = [0.0] if begins_on_axis else x[:1]
     ends = np.concatenate([begin, 0.5 * (x[starts - 1] + x[starts]), x[-1:]])
@@ -52,24 +55,6 @@ def _split(
         (names[int(values[i])], float(a), float(b))
         for i, a, b in zip(first, ends[:-1], ends[1:], strict=True)
     ]
-
-
-def contact_zones(
-    x: Array, state: NDArray[np.integer], f: Array | Flags, begins_on_axis: bool = False
-) -> list[Zone]:
-    """Return the zones of :func:`zones`, with "contact" in place of "stick" without friction.
-
-    A node without friction has no limit to stick below: closed, it slides freely.
-
-    Args:
-        x: (N,) positions, increasing.
-        state: (N,) values of :class:`State`.
-        f: (N,) coefficient of friction, or whether there is any: zero at nodes without friction.
-        begins_on_axis: the edge begins on the axis r = 0, at x = 0.
-    """
-    names = {int(k): name for k, name in STATE_NAMES.items()} | {0: FRICTIONLESS_CONTACT}
-    slides = (np.asarray(state) == State.STICK) & (np.asarray(f, dtype=float) <= 0.0)
-    return _split(x, np.where(slides, 0, state), names, begins_on_axis)
 
 
 def contact_half_width(x: Array, state: NDArray[np.integer], begins_on_axis: bool = False) -> float:
@@ -95,9 +80,7 @@ def stick_half_width(
 
 
 NodeRange = tuple[int, int]
-"""First and last node of a zone."""
-NO_NODES: NodeRange = (0, -1)
-"""Range of a zone without nodes."""
+"""First and last node of a zone; (0, -1) of one without nodes."""
 
 
 def half_width(x: Array, zone: NodeRange | None, begins_on_axis: bool = False) -> float:
@@ -106,7 +89,7 @@ def half_width(x: Array, zone: NodeRange | None, begins_on_axis: bool = False) -
     NaN where there are such nodes, but no zone of them that has a half width: see
     :func:`central_zone`.
     """
-    if zone is None or zone == NO_NODES:
+    if zone is None or zone == (0, -1):
         return np.nan if zone is None else 0.0
     left, right = _midway(x, *zone)
     return right if begins_on_axis else 0.5 * (right - left)
@@ -128,10 +111,7 @@ def stick_zone(
     f: Array | Flags | None = None,
     begins_on_axis: bool = False,
 ) -> NodeRange | None:
-    """Return :func:`central_zone` of the sticking nodes.
-
-    The arguments are those of :func:`stick_half_width`.
-    """
+    """Return :func:`central_zone` of the sticking nodes; arguments as :func:`stick_half_width`."""
     sticks = np.asarray(state) == State.STICK
     if f is not None:
         sticks &= np.asarray(f, dtype=float) > 0.0
@@ -146,11 +126,11 @@ def central_zone(
     Where the edge begins on the axis, the zone does.
 
     Returns:
-        Its first and last node; ``NO_NODES`` when no node is marked; None when some are, but none
+        Its first and last node; (0, -1) when no node is marked; None when some are, but none
         of their zones lies around the middle, or that one is not symmetric.
     """
     if not np.any(inside):
-        return NO_NODES
+        return (0, -1)
     centre = 0.5 * (x[0] + x[-1])
     first = 0
     for last in np.append(np.flatnonzero(np.diff(inside)), len(x) - 1):
@@ -170,21 +150,13 @@ def _midway(x: Array, first: int, last: int) -> tuple[float, float]:
     return float(low), float(0.5 * (x[last] + x[min(last + 1, len(x) - 1)]))
 
 
-def pattern(found: Sequence[Zone]) -> list[str]:
-    """Return the names of the zones in their order."""
-    return [name for name, _, _ in found]
-
-
 def begins_on_axis(radius: Array, weight: Array) -> bool:
     """Return whether an axisymmetric contact edge begins on the axis r = 0.
 
     At order 2 the node on the axis has no weight and is left out. The next one is the middle of an
     element from r = 0 to h = 2 r_0, with a weight in proportion to h^2 / 3; the node behind it has
-    h (h + h') / 6, with h' of the next element, 0 where there is none.
-
-    Args:
-        radius: (N,) distance of the edge's contact nodes from the axis, in their order.
-        weight: (N,) integrals of the shape functions times r.
+    h (h + h') / 6, with h' of the next element, 0 where there is none. Weights are integrals of the
+    shape functions times r.
     """
     if len(radius) == 0 or radius[0] <= 1e-6 * radius[-1]:
         return len(radius) > 0
@@ -197,17 +169,10 @@ def begins_on_axis(radius: Array, weight: Array) -> bool:
 
 
 def on_axis(x: Array, values: Array) -> Array:
-    """Return the value at r = 0 of a field that is even in r, by least squares of a + b r^2.
+    """Return the value at r = 0 of fields (..., N) that are even in r, fitted by a + b r^2.
 
     A node on the axis itself is left out: its weight is the smallest by far (at order 2 it has
     none), and so its traction is the least certain.
-
-    Args:
-        x: (N,) distances from the axis along the edge, increasing.
-        values: (N,) or (n, N) tractions or normal displacements.
-
-    Returns:
-        The value on the axis, or (n,) of them.
     """
     near = np.flatnonzero(x > 0.0)[:5]
     basis = np.stack([np.ones(len(near)), (x[near] / x[near[-1]]) ** 2], axis=1)

@@ -11,7 +11,7 @@ import numpy as np
 
 from receding_fenicsx.arrays import aligned
 from receding_fenicsx.evolution.record import Record
-from receding_fenicsx.interface.measures.zones import contact_zones, on_axis
+from receding_fenicsx.interface.measures.zones import on_axis, zones
 from receding_fenicsx.interface.uniqueness.watch import LARGE_MARGIN
 from receding_fenicsx.measures import ends
 from receding_fenicsx.measures.ends import is_singular
@@ -39,7 +39,7 @@ def turning_points(record: Record) -> dict[str, Any]:
 def _turning_point(record: Record, i: int, betas: tuple[float, ...]) -> dict[str, Any]:
     table = record.turning_points
     x, cycle = record.x, table.cycle
-    found = contact_zones(x, table.state[i], record.friction.present, record.begins_on_axis)
+    found = zones(x, table.state[i], record.begins_on_axis, record.friction.present)
     point: dict[str, Any] = {
         "cycle": int(cycle[i]),
         "leg": int(table.leg[i]),

@@ -34,7 +34,7 @@ from receding_fenicsx.evolution.probes import history_of, probe_names
 from receding_fenicsx.evolution.record import DISSIPATION_ROUND_OFF, Record
 from receding_fenicsx.interface.law import State
 from receding_fenicsx.interface.measures.zone_ends import zone_end
-from receding_fenicsx.interface.measures.zones import NO_NODES, contact_zone, on_axis, stick_zone
+from receding_fenicsx.interface.measures.zones import contact_zone, on_axis, stick_zone
 from receding_fenicsx.measures.ends import contact_betas, corners_of, estimates_at, tractions
 from receding_fenicsx.scene.model import Scene
 from receding_fenicsx.studies.accuracy.meshes import is_graded
@@ -119,7 +119,7 @@ def _of_edge(record: Record, row: int) -> Iterator[tuple[str, Number]]:
         ("contact", contact_zone(x, state)),
         ("stick", stick_zone(x, state, record.friction.present)),
     ):
-        if zone is None or zone == NO_NODES:
+        if zone is None or zone[1] < 0:  # no such zone
             continue
         for side, last, sign in (("left", zone[0], -1), ("right", zone[1], 1)):
             ends = [zone_end(at, last, sign, name == "stick") for at in found]

@@ -5,7 +5,7 @@ import pytest
 from nodal import nodal_forces, with_middles
 
 import receding_fenicsx as rf
-from receding_fenicsx.interface.measures.zones import begins_on_axis, contact_zones
+from receding_fenicsx.interface.measures.zones import begins_on_axis
 
 
 def coded(states: str) -> np.ndarray:
@@ -62,8 +62,8 @@ def test_closed_nodes_without_friction_are_in_contact_and_do_not_stick() -> None
         ("forward slip", 3.5, 4.5),
         ("separation", 4.5, 5.0),
     ]
-    assert contact_zones(x, closed, f) == expected
-    assert contact_zones(x[1:], closed[1:], f[1:], True)[0] == ("contact", 0.0, 2.5)
+    assert rf.zones(x, closed, f=f) == expected
+    assert rf.zones(x[1:], closed[1:], True, f[1:])[0] == ("contact", 0.0, 2.5)
 
 
 @pytest.mark.parametrize("degree", [1, 2])
