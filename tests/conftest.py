@@ -4,6 +4,7 @@ After each phase of each test the ranks exchange their outcomes by a non-blockin
 communicator of their own. What fails on one rank fails on every rank, so that they stay in step.
 A rank that has failed waits for the others for ``rank_wait`` seconds only: if they do not come they
 are held in a collective that will never be complete, so it prints its traceback and ends the job.
+mpi-pytest hangs there under ``mpirun``, or starts MPI and DOLFINx anew for each test.
 """
 
 from __future__ import annotations
