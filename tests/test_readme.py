@@ -55,6 +55,10 @@ def programs(name: str) -> list[str]:
     return re.findall(r"```python\n(.*?)```", text_of(name), re.S)
 
 
+def scenes(name: str) -> list[str]:
+    return re.findall(r"```toml\n(.*?)```", text_of(name), re.S)
+
+
 def commands() -> list[list[str]]:
     """Return the words of each command that stands in a line of its own."""
     lines = [line for name in DOCUMENTS for line in text_of(name).splitlines()]
@@ -74,7 +78,8 @@ def beside_demos(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def test_program_in_the_readme_prints_what_it_says(
     beside_demos: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    (program,) = programs("README.md")
+    (program,), (scene,) = programs("README.md"), scenes("README.md")
+    (beside_demos / "block.toml").write_text(scene, encoding="utf-8")
     exec(compile(program, "README.md", "exec"), {})
     printed = capsys.readouterr().out.splitlines()
     (told,) = re.findall(r"```text\n(.*?)```", text_of("README.md"), re.S)
@@ -98,8 +103,9 @@ def test_program_of_several_frictions_runs(
 
 
 @pytest.mark.parametrize("name", NOTEBOOKS)
-def test_notebooks_run(beside_demos: Path, name: str) -> None:
-    run_program(beside_demos, text_of(name))
+def test_notebooks_run(beside_demos: Path, monkeypatch: pytest.MonkeyPatch, name: str) -> None:
+    monkeypatch.setattr(rf.figures, "FIGURES", dict(rf.figures.FIGURES))  # one registers a figure
+    exec(compile(text_of(name), name, "exec"), {"__name__": "__main__"})
 
 
 BEFORE = {
@@ -127,19 +133,14 @@ def test_programs_of_a_how_to_page_run_one_after_another(beside_demos: Path, pag
 
 @pytest.mark.parametrize("page", ["assemblies", "half_planes"])
 def test_scene_of_a_how_to_page_is_valid(beside_demos: Path, page: str) -> None:
-    (scene,) = re.findall(r"```toml\n(.*?)```", text_of(f"docs/{page}.md"), re.S)
+    (scene,) = scenes(f"docs/{page}.md")
     (beside_demos / "scene.toml").write_text(scene, encoding="utf-8")
     assert cli.main(["check", "scene.toml"]) == 0
 
 
 def test_keys_of_the_scenes_in_the_documents_are_known() -> None:
     # parts of scenes lack bodies and files; no key of them is unknown, and no value of a wrong kind
-    parts = [
-        part
-        for name in DOCUMENTS
-        if name != "docs/exchange.md"
-        for part in re.findall(r"```toml\n(.*?)```", text_of(name), re.S)
-    ]
+    parts = [part for name in DOCUMENTS if name != "docs/exchange.md" for part in scenes(name)]
     assert len(parts) > 12
     for part in parts:
         try:
@@ -210,14 +211,15 @@ def test_a_body_condensed_out_of_core_is_the_same(beside_demos: Path) -> None:
         re.M,
     )[0]
     words = command.replace("SCENE", "demos/block.toml").split()
-    systems = []
-    for variables in ({}, {"PETSC_OPTIONS": options, "MUMPS_OOC_TMPDIR": str(beside_demos)}):
-        subprocess.run(
-            [sys.executable, "-m", "receding_fenicsx", *words, *CHEAPER["condense"], "--overwrite"],
-            env=child_environment() | variables,
-            check=True,
-        )
-        systems.append(rf.read_system("FILE.h5"))
+    words += CHEAPER["condense"]
+    assert cli.main(words) == 0
+    systems = [rf.read_system("FILE.h5")]
+    subprocess.run(
+        [sys.executable, "-m", "receding_fenicsx", *words, "--overwrite"],
+        env=child_environment() | {"PETSC_OPTIONS": options, "MUMPS_OOC_TMPDIR": str(beside_demos)},
+        check=True,
+    )
+    systems.append(rf.read_system("FILE.h5"))
     np.testing.assert_allclose(systems[1].K, systems[0].K, atol=1e-13 * abs(systems[0].K).max())
     np.testing.assert_allclose(systems[1].r_star, systems[0].r_star, atol=1e-13)
 
@@ -241,7 +243,7 @@ def test_recipe_for_snakemake_runs_by_its_local_executor(beside_demos: Path) -> 
 def test_first_scene_of_a_newcomer_runs_by_the_command_beside_it(
     beside_demos: Path, name: str
 ) -> None:
-    (scene,) = re.findall(r"```toml\n(.*?)```", text_of(name), re.S)
+    (scene,) = scenes(name)
     (beside_demos / "block.toml").write_text(scene, encoding="utf-8")
     (line,) = re.findall(r"^receding-fenicsx (run .*)$", text_of(name), re.M)
     assert cli.main([*line.split(), *CHEAPER["run"]]) == 0
