@@ -303,6 +303,31 @@ class Leg:
     stops: list[tuple[float, Array]] = field(default_factory=list)
     ties: Changes = field(default_factory=Changes.none)
 
+    def placed(self, scale: float, offset: float = 0.0) -> Leg:
+        """Return the same leg with its places s at ``offset + scale * s``."""
+        return replace(
+            self,
+            samples=[(offset + scale * s, state) for s, state in self.samples],
+            events=self.events.placed(scale, offset),
+            jumps=[(offset + scale * s, energy) for s, energy in self.jumps],
+            stops=[(offset + scale * s, u) for s, u in self.stops],
+            ties=self.ties.placed(scale, offset),
+        )
+
+    def add(self, found: Leg) -> None:
+        """Add a piece that begins where this one ends, its places on the same leg."""
+        self.end = found.end
+        self.dissipation = self.dissipation + found.dissipation
+        self.work += found.work
+        self.residual = max(self.residual, found.residual)
+        self.force_scale = max(self.force_scale, found.force_scale)
+        self.sweeps += found.sweeps
+        self.samples = self.samples + found.samples
+        self.events = Changes.joined(self.events, found.events)
+        self.jumps = self.jumps + found.jumps
+        self.stops = self.stops + found.stops
+        self.ties = Changes.joined(self.ties, found.ties)
+
 
 def reactions(system: ContactSystem, load: Array, u: Array) -> Array:
     """Return r = sum_k lambda_k r*_k + K u (eq. 11), evaluated afresh.

@@ -131,6 +131,19 @@ def test_a_stuck_node_opens_where_it_has_closed(coupling: float, shear: float) -
     assert record.dissipation_first_loading == 0.0
 
 
+def test_of_two_bonds_that_are_pulled_one_opens_and_presses_the_other() -> None:
+    """A free lever on a spring: pulled by (1, 2), P0 = 1 once node 1 is open, Q0 = 2 up to 1."""
+    K = np.block([[np.eye(2) - 0.5, np.zeros((2, 2))], [np.zeros((2, 2)), np.ones((2, 2))]])
+    rigid = [[1.0, 1.0, 0.0, 0.0], [0.0, 0.0, -1.0, 1.0]]
+    lever = small_system(K, {"pull": [2.0, 0.0, -1.0, -2.0]}, 0.3, rigid=rigid)
+    lever = branched(lever, 2.0, 1.0)
+    end = evolve(lever, table(lever, [0.0, 0.4])).turning_points
+    assert end.w[0] == pytest.approx([0.0, 0.8])
+    assert (end.P[0, 0], end.Q[0, 0], end.v[0, 0]) == pytest.approx((0.4, 0.8, 0.0))
+    with pytest.raises(rf.NoEquilibrium, match="gross sliding at pull = 0.5"):
+        evolve(lever, table(lever, [0.0, 1.0]))
+
+
 def test_a_bond_forms_in_contact_and_breaks_without_shear_alone() -> None:
     """Gap 1, K = 1, c = 1/2: opened under Q = 0.3 the node springs back, 0.3^2 / 2 is released."""
     system = replace(ONE, f=np.zeros(1), g0=np.ones(1), cohesion=np.array([0.5]))

@@ -13,7 +13,7 @@ from receding_fenicsx.interface.exact.legs import PathPoint
 from receding_fenicsx.interface.exact.segments import Segments, States
 from receding_fenicsx.interface.exact.static import solve_static
 from receding_fenicsx.interface.law import SEPARATION
-from receding_fenicsx.interface.system import ContactState, ContactSystem
+from receding_fenicsx.interface.system import Changes, ContactState, ContactSystem, Leg
 
 MAX_JUMPS = 100
 """Jumps on one leg after which an error is raised."""
@@ -54,6 +54,15 @@ def jump_between(
     stored = 0.5 * float(change @ system.K @ (end.u + start.u))
     work = float(load @ system.r_star @ change)
     return Jump(end, work, -stored - work)
+
+
+def add_jump(leg: Leg, part: tuple[float, float], jump: Jump) -> None:
+    """Add a jump between two places to what has been followed of a leg."""
+    jumped = Changes.between(part[1], leg.end.state, jump.end.state)
+    leg.events = Changes.joined(leg.events, jumped)
+    leg.stops.append((part[1], jump.end.u))
+    leg.jumps.append((part[0], jump.released))
+    leg.end, leg.work = jump.end, leg.work + jump.work
 
 
 def no_state_beyond(system: ContactSystem, place: Array) -> NoQuasiStaticContinuation:

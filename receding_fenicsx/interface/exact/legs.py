@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from receding_fenicsx.arrays import Array
-from receding_fenicsx.interface.system import Changes, ContactState, ContactSystem, Leg
+from receding_fenicsx.interface.system import ContactState, ContactSystem, Leg
 
 EVENTS_WITHOUT_PROGRESS = 20
 """Events per node within ``SIMULTANEOUS`` of one place after which there is no end of them."""
@@ -128,33 +128,4 @@ def unchanged(problem: LegProblem) -> Leg:
         dissipation=np.zeros(len(problem.start.state)),
         force_scale=problem.force_scale,
         samples=[(s, problem.start) for s in problem.samples],
-    )
-
-
-def joined(first: Leg, second: Leg, s0: float, scale: float = 1.0) -> Leg:
-    """Return two successive legs as one.
-
-    Args:
-        first: leg up to s0; its own places are multiplied by ``scale``.
-        second: leg from s0 to 1, whose own places run from 0 to 1.
-        s0: place where they meet.
-        scale: s0 where the places of the first run from 0 to 1, 1 where they run from 0 to s0.
-    """
-
-    def late(s: float) -> float:
-        return s0 + s * (1.0 - s0)
-
-    return Leg(
-        end=second.end,
-        dissipation=first.dissipation + second.dissipation,
-        work=first.work + second.work,
-        residual=max(first.residual, second.residual),
-        force_scale=second.force_scale,
-        samples=[(s * scale, state) for s, state in first.samples]
-        + [(late(s), state) for s, state in second.samples],
-        events=Changes.joined(first.events.placed(scale), second.events.placed(1.0 - s0, s0)),
-        ties=Changes.joined(first.ties.placed(scale), second.ties.placed(1.0 - s0, s0)),
-        jumps=[(s * scale, energy) for s, energy in first.jumps]
-        + [(late(s), energy) for s, energy in second.jumps],
-        stops=[(s * scale, u) for s, u in first.stops] + [(late(s), u) for s, u in second.stops],
     )

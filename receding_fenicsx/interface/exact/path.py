@@ -13,6 +13,7 @@ from receding_fenicsx.errors import NoEquilibrium, NoQuasiStaticContinuation, So
 from receding_fenicsx.interface.equilibrium import Limit, furthest, is_balanced
 from receding_fenicsx.interface.exact.free_motions import at_rest
 from receding_fenicsx.interface.exact.jumps import (
+    add_jump,
     check_jumps,
     find_jump,
     lost_by_loose_motion,
@@ -22,7 +23,6 @@ from receding_fenicsx.interface.exact.legs import (
     Chooser,
     LegProblem,
     evenly_spaced,
-    joined,
     unchanged,
 )
 from receding_fenicsx.interface.exact.pivot_matrix import SingularExchange
@@ -143,7 +143,9 @@ class EventPath:
         zero = np.zeros_like(a)
         first = self.trace(problem.piece(start, (a, zero), problem.force_scale, (0.0, s0)))
         second = self.trace(problem.piece(first.end, (zero, b), first.force_scale, (s0, 1.0)))
-        return joined(first, second, s0, s0)
+        leg = first.placed(s0)
+        leg.add(second.placed(1.0 - s0, s0))
+        return leg
 
     def _from_rest(self, problem: LegProblem) -> Leg:
         """Follow a leg from rest, or jump to its end, by one static problem."""
@@ -234,19 +236,15 @@ class EventPath:
         """Pass the jump at which a walk has ended, and follow the rest of the leg."""
         place = walk.point.load
         check_jumps(self.system, problem.jumps, place)
-        before = walk.stop_here()
+        leg = walk.stop_here()
         s = walk.s + JUMP_STEP
         if s >= 1.0:
             raise no_state_beyond(self.system, place)
         (a, b), load = problem.ends, problem.load(s)
-        jump = find_jump(self.segments, before.end, load, place)
-        rest = self.trace(problem.piece(jump.end, (load, b), before.force_scale, (s, 1.0), jumps=1))
-        jumped = Changes.between(s, before.end.state, jump.end.state)
-        before.events = Changes.joined(before.events, jumped)
-        before.stops += [(walk.s, before.end.u), (s, jump.end.u)]
-        leg = joined(before, rest, s)
-        leg.work += jump.work
-        leg.jumps = [(walk.s, jump.released), *leg.jumps]
+        leg.stops.append((walk.s, leg.end.u))
+        add_jump(leg, (walk.s, s), find_jump(self.segments, leg.end, load, place))
+        rest = self.trace(problem.piece(leg.end, (load, b), leg.force_scale, (s, 1.0), jumps=1))
+        leg.add(rest.placed(1.0 - s, s))
         self._remember(b - a, leg)
         return leg
 

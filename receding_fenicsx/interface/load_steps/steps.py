@@ -29,7 +29,7 @@ from receding_fenicsx.errors import (
     SolveError,
 )
 from receding_fenicsx.interface.equilibrium import Limit
-from receding_fenicsx.interface.exact.jumps import check_jumps, find_jump
+from receding_fenicsx.interface.exact.jumps import add_jump, check_jumps, find_jump
 from receding_fenicsx.interface.exact.legs import LegProblem
 from receding_fenicsx.interface.exact.rest import is_at_rest, is_closed, load_from_rest, stops_short
 from receding_fenicsx.interface.exact.segments import Segments
@@ -169,28 +169,23 @@ class LegInSteps:
 
     def add(self, found: Leg, part: tuple[float, float]) -> None:
         """Add an accepted step, or a piece of the exact path, between two places."""
-        leg = self.leg
-        leg.work += found.work
-        leg.ties = Changes.joined(leg.ties, found.ties)
-        seen = seen_changes(found, leg.end, part[1], [part[0]])
-        leg.events = Changes.joined(leg.events, *seen)
-        leg.dissipation = leg.dissipation + found.dissipation
-        leg.residual = max(leg.residual, found.residual)
-        leg.force_scale = max(leg.force_scale, found.force_scale)
-        leg.end = found.end
-        leg.stops.append((part[1], found.end.u))
+        seen = Changes.joined(*seen_changes(found, self.leg.end, part[1], [part[0]]))
+        stops = [(part[1], found.end.u)]
+        # sweeps are counted where they are spent, also those of steps that are not accepted
+        self.leg.add(replace(found, events=seen, stops=stops, samples=[], sweeps=0))
 
     def replace(self, found: Leg, s: float) -> None:
         """Replace everything so far by the exact path from the start of the leg to s."""
         leg = self.leg
-        leg.samples, leg.stops = found.samples, [*found.stops, (s, found.end.u)]
         at_start = leg.events.select(leg.events.s == 0.0)
-        stops = [place for place, _ in found.samples]
-        seen = seen_changes(found, self.problem.start, s, stops)
-        leg.events = Changes.joined(at_start, *seen)
-        leg.dissipation, leg.work, leg.end = found.dissipation, found.work, found.end
-        leg.ties = found.ties
-        leg.residual = max(leg.residual, found.residual)
+        seen = seen_changes(found, self.problem.start, s, [place for place, _ in found.samples])
+        self.leg = replace(
+            found,
+            events=Changes.joined(at_start, *seen),
+            stops=[*found.stops, (s, found.end.u)],
+            residual=max(leg.residual, found.residual),
+            sweeps=leg.sweeps,
+        )
 
     def add_jump(
         self, segments: Segments, part: tuple[float, float], on_jump: str, error: SolveError
@@ -206,19 +201,11 @@ class LegInSteps:
         if on_jump != "static" or not isinstance(error, NoQuasiStaticContinuation):
             raise error
         leg, system, load, start = self.leg, self.system, self.load(part[1]), self.end
-        check_jumps(self.system, len(leg.jumps), load)
-        jump = find_jump(segments, start, load, load)
-        leg.jumps.append((part[0], jump.released))
-        leg.work += jump.work
-        jumped = Changes.between(part[1], start.state, jump.end.state)
-        leg.events = Changes.joined(leg.events, jumped)
-        slip = (jump.end.u - start.u)[: system.n]
-        residual = relative_residual(
-            system, jump.end, slip, system.local_stiffness, leg.force_scale
-        )
+        check_jumps(system, len(leg.jumps), load)
+        add_jump(leg, part, find_jump(segments, start, load, load))
+        slip = (leg.end.u - start.u)[: system.n]
+        residual = relative_residual(system, leg.end, slip, system.local_stiffness, leg.force_scale)
         leg.residual = max(leg.residual, residual)
-        leg.end = jump.end
-        leg.stops.append((part[1], jump.end.u))
 
 
 def seen_changes(found: Leg, start: ContactState, s: float, stops: list[float]) -> list[Changes]:

@@ -121,9 +121,11 @@ class Cones:
         return Branches(branch, bonded)
 
     def on_branches(self, now: Branches, state: ContactState, close: float) -> NDArray[np.int8]:
-        """Return the states (N,), stick where a slipping node is not at the limit in use."""
+        """Return the states (N,) on branches: bonds formed and broken, no slip off the limits."""
         c, force = self.coulomb(now)
         n = len(state.state)
         off = state.Q + force[:n] + c.friction.at_slip(state.state) * (state.P + force[n:])
         stuck = (SLIP_SIGN[state.state] != 0.0) & self._special & (np.abs(off) > close)
-        return np.where(stuck, STICK, state.state).astype(np.int8)
+        stuck |= self.cohesive & now.bonded & (state.state == SEPARATION)
+        opened = self.cohesive & ~now.bonded
+        return np.select([opened, stuck], [SEPARATION, STICK], state.state).astype(np.int8)

@@ -11,6 +11,7 @@ from receding_fenicsx.arrays import Array
 from receding_fenicsx.errors import NoEquilibrium, NoQuasiStaticContinuation, SolveError
 from receding_fenicsx.interface.exact.free_motions import at_rest
 from receding_fenicsx.interface.exact.jumps import (
+    add_jump,
     check_jumps,
     jump_between,
     lost_by_loose_motion,
@@ -33,11 +34,28 @@ from receding_fenicsx.interface.tolerances import (
     STEP_ON_LIMIT,
 )
 
-CACHE_BYTES = 2**28
-"""Memory for the paths of sets of branches that have been met before."""
 
-TRIES = 4
-"""Changes of branch per node at one place after which none is taken."""
+class Tried:
+    """Sets of branches that were tried at one place, and others that are left to try there."""
+
+    def __init__(self, cones: Cones) -> None:
+        """Start with nothing tried."""
+        self.cones, self.keys, self.left = cones, set[bytes](), list[Branches]()
+
+    def following(self, now: Branches, wrong: list[tuple[int, int]]) -> Branches | None:
+        """Return a set of branches that was not tried, None where all of them were.
+
+        Margins that are passed change it, all of them or one; then those left over are tried.
+        """
+        self.keys.add(now.key)
+        if wrong:
+            choices = wrong, *([one] for one in wrong)
+            self.left += [self.cones.passed(now, some) for some in reversed(choices)]
+        while self.left and len(self.keys) <= 4 * len(now.branch) + 16:
+            new = self.left.pop()
+            if new.key not in self.keys:
+                return new
+        return None
 
 
 class BranchedPath:
@@ -67,10 +85,6 @@ class BranchedPath:
         self.system, self.cones, self.on_jump = system, Cones(system), on_jump
         self.sweeps, self.steps = sweeps, steps
         self._paths: dict[bytes, tuple[EventPath | GaussSeidelPath, Array]] = {}
-        # that of a set of branches: matrices of its tableau, rates of its first sets of states
-        size = 96 * system.n**2 + 2**13 * system.n
-        self._kept = max(4, CACHE_BYTES // size)
-        self._exact = self if sweeps is None else BranchedPath(system, on_jump)
 
     def trace_leg(
         self, start: ContactState, ends: tuple[Array, Array], force_scale: float, samples: int = 0
@@ -81,7 +95,7 @@ class BranchedPath:
         if self.steps:
             stored = {round((j + 1) * self.steps / samples) for j in range(samples)}
             places = tuple(k / self.steps for k in sorted(stored))
-        whole = LegProblem(start, ends, scale, places)
+        whole = LegProblem(start, ends, scale, () if self.steps else places)
         crossing = zero_crossing(ends)
         targets = {k / self.steps for k in range(1, self.steps + 1)} | {crossing or 1.0, 1.0}
         leg = Leg(start, np.zeros(self.system.n), force_scale=scale, stops=[(0.0, start.u)])
@@ -98,6 +112,8 @@ class BranchedPath:
             follow = self._follow if self.sweeps is None else self._step
             follow(leg, whole, (s, target))
             s = target
+            if self.steps and s in places:
+                leg.samples.append((s, leg.end))
         if leg.samples:
             leg.samples[-1] = (places[-1], leg.end)
         return leg
@@ -108,65 +124,86 @@ class BranchedPath:
         Raises:
             SolveError: no state that satisfies the contact law was found.
         """
+        return self._static(start, ends, force_scale, self.sweeps)
+
+    def _static(
+        self,
+        start: ContactState,
+        ends: tuple[Array, Array],
+        force_scale: float,
+        sweeps: GaussSeidelOptions | None = None,
+    ) -> Leg:
         scale = max(largest_force(self.system, load, start.r, force_scale) for load in ends)
         problem, now = LegProblem(start, ends, scale), self.cones.branches_of(start)
-        tried: set[bytes] = set()
+        tried = Tried(self.cones)
         while True:
-            path, force, inner = self._inner(now, problem)
-            tried.add(now.key)
+            path, force, inner = self._inner(now, problem, sweeps)
             found = path.static_leg(inner.start, inner.ends, scale)
             found = self._outer(found, problem, force, 1.0)
             wrong = self._violated(now, found.end, scale)
-            lands = self.cones.cohesive & ~now.bonded & (found.end.state != SEPARATION)
-            if not wrong and not lands.any():
+            if not wrong:
                 touches = (found.end.state != SEPARATION) & ~self.system.held[: self.system.n]
                 slip = np.where(touches, found.end.v - start.v, 0.0)
                 found.dissipation = -0.5 * (start.Q + found.end.Q) * slip
                 self._check(found)
                 return found
-            wrong += [(FORMS, i) for i in np.flatnonzero(lands).tolist()]
-            now = self._passed(now, wrong, tried, ends[1])
+            new = tried.following(now, wrong)
+            if new is None:
+                raise self._no_branch(wrong[0][1], ends[1])
+            now = new
 
     # -- exact path
 
     def _follow(self, leg: Leg, whole: LegProblem, part: tuple[float, float]) -> None:
         """Add the exact path between two places of a leg to what has been followed."""
-        (s, target), tried = part, set[bytes]()
-        now = self.cones.branches_of(leg.end)
+        s, target = part
+        now, tried = self.cones.branches_of(leg.end), Tried(self.cones)
+        lost: SolveError | None = None
         while s < target:
-            tried.add(now.key)
             problem = replace(whole, start=leg.end, s_start=s, force_scale=leg.force_scale)
             trial, end, error = self._piece(now, problem, target)
             no_way = isinstance(error, NoQuasiStaticContinuation)
             at, wrong, ahead = self._first_passed(now, problem, (trial, end), no_way)
+            tried.keys.add(now.key)
             # the branches in use may be changed before as well: fewer pieces
-            new = self.cones.passed(now, ahead)
-            if ahead and new.key not in tried and len(tried) <= TRIES * self.system.n:
-                now = new
+            sooner = self.cones.passed(now, ahead)
+            if sooner.key not in tried.keys and len(tried.keys) <= 4 * self.system.n:
+                now = sooner
                 continue
-            ends = error is not None and not wrong
-            try:
-                if ends or at > s + END_TOLERANCE:
-                    if not ends and at >= target - END_TOLERANCE:
-                        at, error = target, None
-                    elif not ends:
-                        trial, at, error = self._piece(now, problem, at)
-                    self._add(leg, trial, (s, at))
-                    s, tried = at, {now.key}
-                    if error is not None:
-                        raise error
-                if s < target:
-                    now = self._changed(leg, s, now, wrong, (tried, whole.load(s)))
-            except NoQuasiStaticContinuation as lost:
+            error = None if wrong else error
+            if at > s + END_TOLERANCE or (error is None and not wrong):
+                if error is None and at >= target - END_TOLERANCE:
+                    at = target
+                elif error is None:
+                    trial, at, error = self._piece(now, problem, at)
+                self._add(leg, trial, (s, at))
+                s, tried, lost = at, Tried(self.cones), None
+            if error is None and (not wrong or s >= target):
+                continue
+            if error is not None:
+                wrong = []
+            Q, none, load = leg.end.Q, self._slack(leg.end, leg.force_scale), whole.load(s)
+            for node in (i for kind, i in wrong if kind == BREAKS and abs(Q[i]) > none):
+                wrong = [one for one in wrong if one != (BREAKS, node)]
+                error = NoQuasiStaticContinuation(
+                    f"no quasi-static continuation at {self.system.load_text(load)}: node {node} "
+                    f"(x = {self.system.x[node]:.6g}) opens under the shear force of its "
+                    "cohesion, which it loses at once; reduce [contact] cohesion or the load range"
+                )
+            lost = lost or error
+            new = tried.following(now, wrong)
+            if new is None:
+                lost = lost or self._no_branch(wrong[0][1], load)
                 s = self._jump(leg, whole, (s, target), lost)
-                now, tried = self.cones.branches_of(leg.end), set()
+                new, tried, lost = self.cones.branches_of(leg.end), Tried(self.cones), None
+            now = new
 
     def _jump(
         self, leg: Leg, whole: LegProblem, part: tuple[float, float], error: SolveError
     ) -> float:
         """Pass a jump, where that is asked for, by a static problem; return the place after it."""
         (s, target), start = part, leg.end
-        if self.on_jump != "static":
+        if self.on_jump != "static" or not isinstance(error, NoQuasiStaticContinuation):
             raise error
         place, beyond = whole.load(s), s + JUMP_STEP
         check_jumps(self.system, len(leg.jumps), place)
@@ -174,15 +211,10 @@ class BranchedPath:
         try:
             if beyond >= target:
                 raise error
-            end = self.static_leg(start, (place, load), leg.force_scale).end
+            end = self._static(start, (place, load), leg.force_scale).end
         except SolveError as lost:
             raise no_state_beyond(self.system, place) from lost
-        jump = jump_between(self.system, start, end, load)
-        jumped = Changes.between(beyond, start.state, end.state)
-        leg.events = Changes.joined(leg.events, jumped)
-        leg.stops.append((beyond, end.u))
-        leg.jumps.append((s, jump.released))
-        leg.end, leg.work = end, leg.work + jump.work
+        add_jump(leg, (s, beyond), jump_between(self.system, start, end, load))
         return beyond
 
     def _piece(
@@ -203,11 +235,9 @@ class BranchedPath:
             whole = inner.piece(begun, (inner.load(s), inner.load(target)), scale, (s, target))
             part = tuple((place - s) / (target - s) for place in inner.samples)
             with suppress(SolveError):
-                found = path.trace(replace(whole, samples=part))
-                found.events = found.events.placed(target - s, s)
+                found = path.trace(replace(whole, samples=part)).placed(target - s, s)
                 one = (state for _, state in found.samples)
                 found.samples = list(zip(inner.samples, one, strict=False))
-                found.stops = [(s + at * (target - s), u) for at, u in found.stops]
         if found is None:
             walk = path.walk(inner)
             try:
@@ -272,51 +302,9 @@ class BranchedPath:
             return begin, [(FORMS, node) for node in set(events.node[forms].tolist())], []
         return min(first, end), wrong, ahead
 
-    def _changed(
-        self,
-        leg: Leg,
-        s: float,
-        now: Branches,
-        wrong: list[tuple[int, int]],
-        tried: tuple[set[bytes], Array],
-    ) -> Branches:
-        """Return the branches beyond a place; form and break bonds there."""
-        new = self._passed(now, wrong, *tried)
-        opened, bonds = now.bonded & ~new.bonded, new.bonded & ~now.bonded
-        state = np.where(bonds, STICK, np.where(opened, SEPARATION, leg.end.state)).astype(np.int8)
-        sheared = opened & (np.abs(leg.end.Q) > self._slack(leg.end, leg.force_scale))
-        if sheared.any():
-            node = int(np.flatnonzero(sheared)[0])
-            raise NoQuasiStaticContinuation(
-                f"no quasi-static continuation at {self.system.load_text(tried[1])}: node {node} "
-                f"(x = {self.system.x[node]:.6g}) opens under the shear force of its cohesion, "
-                "which it loses at once; reduce [contact] cohesion or the load range"
-            )
-        if not np.array_equal(state, leg.end.state):
-            leg.events = Changes.joined(leg.events, Changes.between(s, leg.end.state, state))
-            leg.end = replace(leg.end, state=state)
-        return new
-
-    def _passed(
-        self,
-        now: Branches,
-        wrong: list[tuple[int, int]],
-        tried: set[bytes],
-        load: Array,
-    ) -> Branches:
-        """Return branches that were not tried: changed where margins are passed, or at one node.
-
-        Raises:
-            NoQuasiStaticContinuation: all of them were tried.
-        """
-        if not wrong:
-            return now
-        for some in (wrong, *([one] for one in wrong)):
-            new = self.cones.passed(now, some)
-            if new.key not in tried and len(tried) <= TRIES * self.system.n + 16:
-                return new
-        node = wrong[0][1]
-        raise NoQuasiStaticContinuation(
+    def _no_branch(self, node: int, load: Array) -> NoQuasiStaticContinuation:
+        """Return the error where all branches were tried."""
+        return NoQuasiStaticContinuation(
             f"no quasi-static continuation at {self.system.load_text(load)}: no branch of the "
             f"shear limit of node {node} (x = {self.system.x[node]:.6g}) leads on; reduce the "
             "friction or the load range"
@@ -326,62 +314,58 @@ class BranchedPath:
 
     def _step(self, leg: Leg, whole: LegProblem, part: tuple[float, float]) -> None:
         """Add one load step: solved in the branches at its end, or exactly where bonds change."""
-        found, target = self._solved(leg, whole, part), part[1]
+        found = self._solved(leg, whole, part)
         if found is not None:
             self._add(leg, found, part)
-        else:
-            events, leg.events = leg.events, Changes.none()
-            self._exact._follow(leg, whole, part)
-            # those at its start belong to the step too
-            at = np.maximum(leg.events.s, np.nextafter(part[0], 1.0))
-            leg.events = Changes.joined(events, replace(leg.events, s=at))
-        if any(abs(target - place) <= END_TOLERANCE for place in whole.samples):
-            leg.samples = [(at, one) for at, one in leg.samples if at < target - END_TOLERANCE]
-            leg.samples.append((target, leg.end))
+            return
+        events, leg.events = leg.events, Changes.none()
+        self._follow(leg, whole, part)
+        # those at its start belong to the step too
+        at = np.maximum(leg.events.s, np.nextafter(part[0], 1.0))
+        leg.events = Changes.joined(events, replace(leg.events, s=at))
 
     def _solved(self, leg: Leg, whole: LegProblem, part: tuple[float, float]) -> Leg | None:
         """Return one load step, None where bonds change or no step is found."""
-        (s, target), tried = part, set[bytes]()
-        start, scale, load = leg.end, leg.force_scale, whole.load(target)
-        now = self.cones.branches_of(start)
-        problem = replace(whole, start=start, s_start=s, force_scale=scale)
+        (s, target), tried = part, Tried(self.cones)
+        now: Branches | None = self.cones.branches_of(leg.end)
+        problem = replace(whole, start=leg.end, s_start=s, force_scale=leg.force_scale)
         # a node that lands begins on its friction
-        while not np.any(now.branch[start.state == SEPARATION]):
-            tried.add(now.key)
-            path, force, inner = self._inner(now, problem)
+        while now is not None and not np.any(now.branch[leg.end.state == SEPARATION]):
+            path, force, inner = self._inner(now, problem, self.sweeps)
             assert isinstance(path, GaussSeidelPath)
-            steps = path.begin(replace(inner, samples=(), s_start=0.0))
+            steps = path.begin(replace(inner, s_start=0.0))
             try:
                 path.advance(steps, s, target)
             except (NoEquilibrium, NoQuasiStaticContinuation):
                 return None
             found = self._outer(steps.leg, problem, force, target)
-            if not np.array_equal(inner.start.state, start.state):
-                found.events = Changes.between(target, start.state, found.end.state)
-            wrong = self._violated(now, found.end, scale)
-            touched = found.end.state != SEPARATION
-            if np.any(self.cones.cohesive & (now.bonded != touched)) or BREAKS in dict(wrong):
+            if not np.array_equal(inner.start.state, leg.end.state):
+                found.events = Changes.between(target, leg.end.state, found.end.state)
+            wrong = self._violated(now, found.end, leg.force_scale)
+            if any(kind in (BREAKS, FORMS) for kind, _ in wrong):
                 return None
             if not wrong:
                 return found
-            now = self._passed(now, wrong, tried, load)
+            now = tried.following(now, wrong)
         return None
 
     # -- both
 
     def _inner(
-        self, now: Branches, problem: LegProblem
+        self, now: Branches, problem: LegProblem, sweeps: GaussSeidelOptions | None = None
     ) -> tuple[EventPath | GaussSeidelPath, Array, LegProblem]:
         """Return the path of a set of branches, its constant force (2N,), and the problem of it."""
-        if now.key not in self._paths:
-            if len(self._paths) >= self._kept:
+        key, n = (b"" if sweeps is None else b"steps") + now.key, self.system.n
+        if key not in self._paths:
+            # 256 MiB of them: matrices of a tableau, rates of its first sets of states
+            if len(self._paths) >= max(4, 2**28 // (96 * n**2 + 2**13 * n)):
                 del self._paths[next(iter(self._paths))]
             system, force = self.cones.coulomb(now)
-            path: EventPath | GaussSeidelPath = EventPath(system)
-            if self.sweeps is not None:
-                path = GaussSeidelPath(system, self.sweeps, 1)
-            self._paths[now.key] = path, force
-        path, force = self._paths[now.key]
+            self._paths[key] = (
+                EventPath(system) if sweeps is None else GaussSeidelPath(system, sweeps, 1),
+                force,
+            )
+        path, force = self._paths[key]
         start, (a, b) = problem.start, problem.ends
         state = self.cones.on_branches(now, start, STEP_ON_LIMIT * problem.force_scale)
         if np.any(force):
@@ -392,26 +376,31 @@ class BranchedPath:
 
     def _outer(self, found: Leg, problem: LegProblem, force: Array, end: float) -> Leg:
         """Return a piece up to an end as one of the contact: without the force of its cones."""
-        if not np.any(force):
-            return found
         n, change = self.system.n, found.end.u - problem.start.u
 
         def outer(s: float, one: ContactState) -> ContactState:
             r = reactions(self.system, problem.load(s), one.u)
             return ContactState(one.u, r, one.state)
 
+        last = outer(end, found.end)
         return replace(
             found,
-            end=outer(end, found.end),
+            end=last,
             dissipation=found.dissipation + force[:n] * change[:n],
             work=found.work - float(force @ change),
             samples=[(s, outer(s, one)) for s, one in found.samples],
+            # the constant force is none of the contact
+            force_scale=max(problem.force_scale, float(np.abs(last.r).max(initial=0.0))),
+            residual=0.0,
+            ties=Changes.none(),
         )
 
     def _violated(self, now: Branches, end: ContactState, scale: float) -> list[tuple[int, int]]:
-        """Return kind and node of the other margins that are passed at the end of a step."""
+        """Return kind and node of the margins passed and the bonds formed at the end of a step."""
         margins = self.cones.other_margins(now, end.r[None])[0][0]
-        return [(int(k), int(i)) for k, i in np.argwhere(margins < -self._slack(end, scale))]
+        lands = self.cones.cohesive & ~now.bonded & (end.state != SEPARATION)
+        wrong = np.argwhere(margins < -self._slack(end, scale)).tolist()
+        return [(k, i) for k, i in wrong] + [(FORMS, i) for i in np.flatnonzero(lands).tolist()]
 
     def _slack(self, state: ContactState, scale: float) -> float:
         """Return a force of round-off."""
@@ -419,14 +408,8 @@ class BranchedPath:
 
     def _add(self, leg: Leg, found: Leg, part: tuple[float, float]) -> None:
         """Add a piece between two places to what has been followed."""
-        leg.end = found.end
-        leg.dissipation = leg.dissipation + found.dissipation
-        leg.work += found.work
-        leg.sweeps += found.sweeps
-        leg.events = Changes.joined(leg.events, found.events)
-        leg.stops += [(s, u) for s, u in found.stops if s > part[0]] + [(part[1], found.end.u)]
-        leg.samples += found.samples
-        leg.force_scale = max(leg.force_scale, float(np.abs(found.end.r).max(initial=0.0)))
+        stops = [(s, u) for s, u in found.stops if s > part[0]] + [(part[1], found.end.u)]
+        leg.add(replace(found, stops=stops))
         self._check(leg)
 
     def _check(self, leg: Leg) -> None:
