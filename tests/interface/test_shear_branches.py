@@ -140,7 +140,7 @@ def test_of_two_bonds_that_are_pulled_one_opens_and_presses_the_other() -> None:
     end = evolve(lever, table(lever, [0.0, 0.4])).turning_points
     assert end.w[0] == pytest.approx([0.0, 0.8])
     assert (end.P[0, 0], end.Q[0, 0], end.v[0, 0]) == pytest.approx((0.4, 0.8, 0.0))
-    with pytest.raises(rf.NoEquilibrium, match="gross sliding at pull = 0.5"):
+    with pytest.raises(rf.NoEquilibrium, match=r"gross sliding at pull = 0\.5"):
         evolve(lever, table(lever, [0.0, 1.0]))
 
 

@@ -16,7 +16,8 @@ with the weight $m$ of the node; an open node has $Q = 0$.
 2. **Other margins** (`Cones.other_margins`). Those of the branches that are not in use are linear
    between two events. The first that reaches zero ends the piece; its branch is used from there
    (`path`: `BranchedPath`). A slipping node goes on slipping on the other branch or sticks: the
-   rates decide in the new branches. Where they take it back at once, other nodes are taken first.
+   rates decide in the new branches. Where no rates lead on there, the branches of other nodes are
+   changed instead (`path`: `Tried`).
 3. **Bonds.** Cohesion acts while a node touches. A node that opens under shear loses a force at
    once: no quasi-static path leads on, the contact jumps.
 4. **Load steps.** A step is solved in the branches that limit $Q$ at its end; one in which a bond
