@@ -28,6 +28,7 @@ DEMOS = sorted((ROOT / "demos").rglob("*.py"))
 NOTEBOOKS = sorted((ROOT / "docs" / "tutorials").glob("*.py"))
 DOCUMENTS = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md"))]
 DOCUMENTS += NOTEBOOKS
+TESTS = sorted((ROOT / "tests").rglob("test_*.py"))
 
 
 def is_inside(name: str) -> bool:
@@ -77,3 +78,9 @@ def test_names_used_by_demos_and_documents_are_public() -> None:
     texts = [path.read_text(encoding="utf-8") for path in (*DEMOS, *DOCUMENTS)]
     used = {name for text in texts for name in re.findall(r"\brf\.(\w+)", text)}
     assert used <= {*rf.__all__, "__version__"}
+
+
+def test_names_of_figures_are_in_their_list() -> None:
+    texts = [path.read_text(encoding="utf-8") for path in (*DEMOS, *DOCUMENTS, *TESTS)]
+    used = {name for text in texts for name in re.findall(r"\brf\.figures\.(\w+)", text)}
+    assert used <= set(rf.figures.__all__)

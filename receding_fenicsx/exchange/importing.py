@@ -214,7 +214,8 @@ def _along(edge: Edge, points_of: Points) -> tuple[Array, Array, Array, Array]:
     label = f"contact '{edge.name}'"
     lost = [node for node in edge.nodes if node not in points_of]
     if lost or not edge.nodes:
-        raise InputError(f"{label}: node {lost[:1] or ''} is not in the file of the nodes")
+        which = f"node {lost[0]:g} is not in the file of the nodes" if lost else "has no nodes"
+        raise InputError(f"{label}: {which}")
     length = float(np.hypot(*edge.normal))
     if not length > 0.0:
         raise InputError(f"{label} normal: must not be zero")

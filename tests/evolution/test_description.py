@@ -94,6 +94,9 @@ def test_a_notebook_shows_the_zones_of_the_last_cycle_to_scale() -> None:
         left, width = (float(box.get(key, "")) for key in ("x", "width"))
         assert (left - LEFT) / WIDTH == pytest.approx((a - found.x[0]) / length, abs=1e-4)
         assert width / WIDTH == pytest.approx((b - a) / length, abs=1e-4)
+    shown = {(span.tail or "").strip(): str(span.get("style")) for span in page.iter("span")}
+    assert set(shown) == {state for state, *_ in zones}
+    assert all(f"background:{colours[state]};" in style for state, style in shown.items())
     # texts are escaped
     named = replace(found, edge_names=("<b>&",))
     ET.fromstring(named._repr_html_().replace("&emsp;", ""))

@@ -3,6 +3,7 @@
 import base64
 import dataclasses
 import io
+import json
 import re
 from functools import cache
 from html import unescape
@@ -229,6 +230,16 @@ def test_the_card_of_the_steady_state_names_its_kind_and_its_first_cycle() -> No
     summary = run()[1]
     steady = {**summary["steady"], "reached": True, "cycle": 7, "kind": "cyclic slip"}
     assert "cyclic slip, from cycle 7" in report_html({**summary, "steady": steady})
+
+
+@pytest.mark.parametrize("name", ["well", "doubts"])
+def test_the_whole_text_of_a_run_of_everything(name: str) -> None:
+    """Of a made-up summary, all of whose numbers differ; beside it the text is to be read."""
+    folder = Path(__file__).parent / "reports"
+    summary = json.loads((folder / f"{name}.json").read_text(encoding="utf-8"))
+    text = rf.run_table(summary, everything=True) + "\n\n-- on the console --\n\n"
+    known = (folder / f"{name}.txt").read_text(encoding="utf-8")
+    assert (text + rf.run_table(summary) + "\n").splitlines() == known.splitlines()
 
 
 def test_texts_of_the_scene_cannot_break_the_page() -> None:
