@@ -59,11 +59,10 @@ def half_widths(record: Record, row: int) -> dict[str, float | None]:
 
     A contact without force has none; its states are the limit of those under a load.
     """
-    x, state, on_axis = record.x, record.turning_points.state[row], record.begins_on_axis
-    widths = {
-        "contact_half_width": contact_half_width(x, state, on_axis),
-        "stick_half_width": stick_half_width(x, state, record.friction.present, on_axis),
-    }
+    x, state, axis = record.x, record.turning_points.state[row], record.begins_on_axis
+    contact = contact_half_width(x, state, axis)
+    stick = stick_half_width(x, state, record.friction.present, axis)
+    widths = {"contact_half_width": contact, "stick_half_width": stick}
     bears = _bears(record, row)
     return {key: width if bears and np.isfinite(width) else None for key, width in widths.items()}
 
@@ -129,14 +128,9 @@ def contact_betas(record: Record) -> tuple[float, ...]:
 
 
 def _shown(ends: Sequence[ZoneEnd]) -> dict[str, Any]:
-    return {
-        "value": sum(float(end.value) for end in ends) / len(ends),
-        "interval": [
-            min(float(end.low) for end in ends),
-            max(float(end.high) for end in ends),
-        ],
-        "fitted": all(end.fitted for end in ends),
-    }
+    interval = min(float(end.low) for end in ends), max(float(end.high) for end in ends)
+    value = sum(float(end.value) for end in ends) / len(ends)
+    return {"value": value, "interval": [*interval], "fitted": all(end.fitted for end in ends)}
 
 
 def corners_of(record: Record, row: int) -> dict[str, Any]:
@@ -165,8 +159,7 @@ def is_singular(corner: Mapping[str, Any]) -> bool:
     """Return whether stresses are infinite at a corner of :func:`corners_of`."""
     exact, fitted = corner["exponent"], corner["fitted"]
     if exact is None:
-        # fitted exponent below which a corner counts as singular where no closed form is known
-        return fitted is not None and fitted < -0.05
+        return fitted is not None and fitted < -0.05  # below the uncertainty of fits of 0
     return bool(exact < 0.0 and (fitted is None or fitted < 0.0))
 
 

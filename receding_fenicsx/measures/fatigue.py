@@ -177,12 +177,9 @@ class EdgeCrack:
 
 
 def edge_crack(stress: Array, points: Array, options: FatigueOptions) -> EdgeCrack:
-    """Return cracks along points (m, 2) on a straight line from the surface inwards.
+    """Return cracks along three or more points (m, 2) on a straight line from the surface inwards.
 
-    Args:
-        stress: (n, m, 4) stresses [s_xx, s_yy, s_zz, s_xy] of a cycle, linear between the points.
-        points: three at least.
-        options: threshold and fatigue limit.
+    Stresses (n, m, 4) of a cycle, [s_xx, s_yy, s_zz, s_xy], are linear between the points.
 
     Raises:
         InputError: the points are not on a straight line.
@@ -259,10 +256,9 @@ def fatigue(record: Record) -> dict[str, dict[str, Parameter]]:
 def life_by_pylife(record: Record, curve: Mapping[str, float]) -> dict[str, Array]:
     """Return the cycles at the points of each probe by a line of pylife, which must be installed.
 
-    Args:
-        record: a record with a table [fatigue] in its scene.
-        curve: the line, as pylife's WoehlerCurve has it: ``k_1``, ``k_2``, ``SD``, ``ND`` and
-            others. Its stress is sqrt(E swt), Smith's, Watson's and Topper's.
+    The ``curve`` is the line as pylife's WoehlerCurve has it: ``k_1``, ``k_2``, ``SD``, ``ND`` and
+    others. Its stress is sqrt(E swt), Smith's, Watson's and Topper's; the scene of the record needs
+    a table [fatigue].
     """
     optional("pylife.materiallaws")
     woehler = optional("pandas").Series(dict(curve)).woehler
@@ -308,9 +304,8 @@ def _ruiz(record: Record, probe: ProbeHistory, cycle: int) -> dict[str, Paramete
     rows = [np.flatnonzero(table.cycle == cycle) for table in tables]
 
     def both(key: str) -> Array:
-        return np.concatenate(
-            [getattr(table, key)[row] for table, row in zip(tables, rows, strict=True)]
-        )
+        parts = zip(tables, rows, strict=True)
+        return np.concatenate([getattr(table, key)[row] for table, row in parts])
 
     start = record.start_row(cycle)
     v = both("v")[:, node]
@@ -350,7 +345,6 @@ def life(swt: float, young: float, options: FatigueOptions) -> float | None:
     """
     if options.strength is None:
         return None
-
     a, b, c = options.strength, options.strength_exponent, options.ductility_exponent
 
     def excess(log: float) -> float:
@@ -366,11 +360,8 @@ def life(swt: float, young: float, options: FatigueOptions) -> float | None:
 def fatigue_summary(record: Record, coarse: Record | None = None) -> dict[str, Any]:
     """Return the key "fatigue" of the summary: the worst point of each parameter.
 
-    Args:
-        record: the record.
-        coarse: the same of a mesh of half as many elements. At edges of the contact errors fall
-            with the square root of the element size, so that the difference over sqrt(2) - 1 is the
-            estimate.
+    ``coarse`` is the record of a mesh of half as many elements. At edges of the contact errors fall
+    with the square root of the element size: the difference over sqrt(2) - 1 is the estimate.
     """
     every, asked = fatigue(record), _asked(record)
     if not every or asked is None:
@@ -385,14 +376,9 @@ def fatigue_summary(record: Record, coarse: Record | None = None) -> dict[str, A
         value, angle = here[probe].value, here[probe].angle
         points = record.probe(probe).points
         k = int(value.argmax())
-        row: dict[str, Any] = {
-            "max": float(value[k]),
-            "x": float(points[k, 0]),
-            "y": float(points[k, 1]),
-            "probe": probe,
-            "angle": float(angle[k]),
-            "estimate": None,
-        }
+        x, y = points[k].tolist()
+        row: dict[str, Any] = {"max": float(value[k]), "x": x, "y": y, "probe": probe}
+        row |= {"angle": float(angle[k]), "estimate": None}
         if name in other:
             row["estimate"] = abs(row["max"] - other[name]["max"]) / (np.sqrt(2.0) - 1.0)
         if options.average is not None and len(points) > 1:

@@ -40,8 +40,8 @@ def as_shown(record: Record, system: ContactSystem, instant: Instant) -> Instant
     """Return an instant of the modelled nodes with the states that pictures show."""
     if not is_settled(record, instant.cycle):
         return instant
-    stuck = stuck_nodes(record, instant.cycle)[~mirror_of(system).left]
-    return instant._replace(shown=without_slip(instant.state.state, stuck))
+    own = ~mirror_of(system).left
+    return instant._replace(shown=shown_states(record, instant.cycle, instant.state.state, own))
 
 
 def is_settled(record: Record, cycle: int) -> bool:
@@ -66,20 +66,21 @@ def stuck_nodes(record: Record, cycle: int) -> NDArray[np.bool_]:
     return closed & (span <= NEGLIGIBLE_SLIP * largest) & record.friction.present
 
 
-def shown_states(record: Record, cycle: int, state: NDArray[np.integer]) -> NDArray[np.int8]:
-    """Return (N,) states of an instant of a cycle as pictures show them.
+def shown_states(
+    record: Record,
+    cycle: int,
+    state: NDArray[np.integer],
+    nodes: NDArray[np.bool_] | slice = slice(None),
+) -> NDArray[np.int8]:
+    """Return states of some nodes at an instant of a cycle as pictures show them.
 
     In a settled cycle the nodes of :func:`stuck_nodes` stick.
     """
     shown = np.asarray(state, dtype=np.int8)
     if not is_settled(record, cycle):
         return shown
-    return without_slip(shown, stuck_nodes(record, cycle))
-
-
-def without_slip(state: NDArray[np.int8], stuck: NDArray[np.bool_]) -> NDArray[np.int8]:
-    """Return (N,) states with stick in place of the slip of some nodes."""
-    return np.where(np.isin(state, SLIP) & stuck, State.STICK, state).astype(np.int8)
+    stuck = stuck_nodes(record, cycle)[nodes]
+    return np.where(np.isin(shown, SLIP) & stuck, State.STICK, shown).astype(np.int8)
 
 
 def limit_nodes(record: Record, cycle: int) -> LimitNodes:
@@ -98,17 +99,14 @@ def limit_nodes(record: Record, cycle: int) -> LimitNodes:
     beyond = (table.Q[rows] <= low) | (table.Q[rows] >= high)
     at_limit = stuck & (table.P[rows] > 0.0) & beyond
     reached = at_limit.any(axis=0)
-    if record.method == "events":
-        # a node may reach the limit and leave it between two samples
-        events = record.events
-        slip = np.isin(events.new, SLIP)
-        here = (events.cycle == cycle) & slip
-        reached[events.node[here]] = True
+    # a node may reach the limit and leave it between two samples
+    events = record.events
+    here = (events.cycle == cycle) & np.isin(events.new, SLIP) & (record.method == "events")
+    reached[events.node[here]] = True
     node = np.flatnonzero(reached & stuck)
     row = rows[np.argmax(at_limit[:, node], axis=0)]
     leg, s = table.leg[row], table.s[row].copy()
-    if record.method == "events":
-        for k, i in enumerate(node):
-            for first in np.flatnonzero(here & (events.node == i))[:1]:
-                leg[k], s[k] = events.leg[first], events.s[first]
+    for k, i in enumerate(node):
+        for first in np.flatnonzero(here & (events.node == i))[:1]:
+            leg[k], s[k] = events.leg[first], events.s[first]
     return LimitNodes(stuck, node, leg, s, not bool(np.any(slips[node])))
