@@ -30,9 +30,9 @@ Pair = tuple[Number, Number]
 
 
 class OneOf:
-    """Annotation of a value with its choices; static types stay ``str`` or ``int``."""
+    """Annotation of a text with its choices; the static type stays ``str``."""
 
-    def __init__(self, *choices: str | int) -> None:
+    def __init__(self, *choices: str) -> None:
         """Set the choices."""
         self.choices = choices
 

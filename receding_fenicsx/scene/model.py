@@ -199,7 +199,7 @@ class MeshOptions(Table):
     # fewer than 4 cannot show stick, slip and separation side by side
     contact_elements: Annotated[int, Ge(4), Le(MAX_CONTACT_ELEMENTS)] = 160
     cell: Annotated[str, OneOf("triangle", "quadrilateral")] = "triangle"
-    degree: Annotated[int, OneOf(1, 2)] = 2
+    degree: Annotated[int, Ge(1), Le(2)] = 2
     growth: Growth = 1.25
     refine: tuple[Refinement, ...] | None = None
     refinements: Annotated[int, Ge(0), Le(6)] | None = None

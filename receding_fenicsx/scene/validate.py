@@ -15,6 +15,7 @@ from receding_fenicsx.scene.checks import (
     check_name,
     one_of,
     refuse,
+    unused,
 )
 from receding_fenicsx.scene.history import history_from_scene
 from receding_fenicsx.scene.model import Probe, Scene, SolverOptions
@@ -97,9 +98,12 @@ def scene_warnings(scene: Scene) -> list[str]:
 
 
 def of_solver(solver: SolverOptions) -> Rules:
-    """The method finds the branch that is taken."""
+    """The method has the options that are given."""
     if solver.branch != "first" and solver.method != "events":
         yield '[solver] branch: load steps find one continuation only; use method "events"'
+    sweeps = ("over_relaxation", "polish", "change_tolerance", "residual_tolerance", "max_sweeps")
+    only = 'is for method = "gauss-seidel" only, not "events"'
+    yield from unused(solver, "[solver]", [(solver.method == "events", sweeps, only)])
 
 
 def _of_units(scene: Scene) -> Rules:

@@ -133,6 +133,10 @@ def of_half_planes(scene: Scene) -> Rules:
 def of_mesh(scene: Scene) -> Rules:
     """The table [mesh]."""
     mesh, meshed = scene.mesh, [body.mesh is not None for body in scene.bodies]
+    flat, graded = all(body.is_half_plane for body in scene.bodies), bool(mesh.refine)
+    table = [(flat, ("cell", "degree"), "half-planes have no cells")]
+    table += [(flat and not graded, ("growth",), "half-planes have no cells")]
+    yield from unused(mesh, "[mesh]", table)
     if mesh.contact_elements % 2 and not all(meshed):
         yield f"[mesh] contact_elements: {mesh.contact_elements} is odd; use an even number"
     if mesh.refinements and not any(meshed):
@@ -227,6 +231,9 @@ def of_contact(scene: Scene, number: int) -> Rules:
     contact, at = scene.contacts[number], scene.joint_labels[number]
     body, edge = scene.find_edge(contact.edge)
     forward, backward = directions(contact.friction, f"{at} friction")
+    rough = contact.friction != 0.0 or contact.cohesion is not None
+    without = "without friction and cohesion there is no shear traction"
+    yield from unused(contact, at, [(not rough, ("shear_limit",), without)])
     profiles = {"friction": forward}
     if forward != backward:
         profiles = {"friction forward": forward, "friction backward": backward}

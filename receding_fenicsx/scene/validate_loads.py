@@ -198,18 +198,26 @@ def of_effect(scene: Scene, load: Load) -> checks.Rules:
     kind = next(kind for kind in KINDS if checks.is_given(load, kind))
     if load.on_body or kind in ("tension", "gap", "displacement"):
         return
-    edge, value = scene.find_edge(load.edge), getattr(load, kind)
-    on_edge = [s for s in scene.supports if s.edge and scene.find_edge(s.edge) == edge]
-    held = {axis for support in on_edge for axis in support.fix}
+    acts = _normal(scene, load.edge)
     if kind != "pressure":
+        value = getattr(load, kind)
         acts = {axis for axis, part in zip("xy", value, strict=True) if part != 0.0}
-    elif edge[0].mesh is not None:  # its normal is not known before meshing
-        acts = {"x", "y"}
-    else:
-        acts = {"y" if symmetry.is_horizontal(scene, load.edge) else "x"}
-    if acts and acts <= held:
+    if acts and acts <= _held(scene, load.edge, scene.supports):
         held_by = f'a support holds "{load.edge}" in the direction of the {kind}'
         yield f"{load.label} edge: {held_by}, which has no effect; load or hold another edge"
+
+
+def _held(scene: Scene, edge: str, supports: Sequence[Support]) -> set[str]:
+    """Return the directions in which supports hold the whole of an edge."""
+    on = [s for s in supports if s.edge and scene.find_edge(s.edge) == scene.find_edge(edge)]
+    return {axis for support in on for axis in support.fix}
+
+
+def _normal(scene: Scene, edge: str) -> set[str]:
+    """Return the direction of an edge's normal; both where it is not known before meshing."""
+    if has_mesh_file(scene, edge):
+        return {"x", "y"}
+    return {"y" if symmetry.is_horizontal(scene, edge) else "x"}
 
 
 def of_bolt(scene: Scene, bolt: Bolt) -> checks.Rules:
@@ -245,6 +253,9 @@ def of_support(scene: Scene, support: Support) -> checks.Rules:
     yield from checks.unused(support, at, [(True, ("body",), "is not for an edge")])
     yield from of_edge(scene, support.edge, f"{at} edge")
     edge = scene.find_edge(support.edge)
+    earlier = scene.supports[: scene.supports.index(support)]
+    if set(support.fix) <= _held(scene, support.edge, earlier):
+        yield f'{at}: another one holds "{support.edge}" in this direction; remove one'
     if any(scene.find_edge(c.edge) == edge and c.span is None for c in scene.joints):
         yield f'{at} edge: "{support.edge}" is a contact edge or tied; use another edge'
 
@@ -270,6 +281,13 @@ def of_spring(scene: Scene, spring: Spring) -> checks.Rules:
             yield f"{at} against: must be an edge of another body"
     if max(getattr(spring, key) for key in keys) < checks.SMALLEST:
         yield f"{at}: has no stiffness; give {keys[0]}, {keys[1]} or both"
+    if spring.edge and spring.against is None:
+        normal = _normal(scene, spring.edge)
+        acts = (normal if spring.normal else set()) | (
+            {*"xy"} - normal if spring.tangential else set()
+        )
+        if acts and acts <= _held(scene, spring.edge, scene.supports):
+            yield f'{at}: a support holds "{spring.edge}" in its direction; remove it'
 
 
 def _of_point(scene: Scene, part: Support | Spring, at: str) -> checks.Rules:

@@ -29,7 +29,7 @@ def test_cyclic_history_runs_maximum_minimum_maximum() -> None:
 
 
 def test_monotonic_history_has_no_cycles() -> None:
-    history = made('kind = "monotonic"\nmaximum = 3.0\ncycles = 5')
+    history = made('kind = "monotonic"\nmaximum = 3.0')
     np.testing.assert_array_equal(history.path, [[0.0], [3.0]])
     assert history.loop.shape == (0, 1)
     assert history.cycles == 0

@@ -26,6 +26,7 @@ def test_written_scene_reads_back_equal() -> None:
         "history.initial_slip=1e-3*x",
         "history.until=steady",
         "output.cycles=[0, 5]",
+        "solver.method=gauss-seidel",
         "solver.polish=false",
         "material.young=210e9",
         extra='[[support]]\nedge = "left"\nfix = "x"\n[[support]]\npoint = [0, 1]\nfix = "xy"\n',

@@ -21,7 +21,6 @@ edge = "top"
 traction = [1.0, 0.0]
 [history]
 kind = "table"
-cycles = 2
 """
 ROWS = ((1.0, 0.25), (1.5, -0.5), (1.0, 0.5))
 FILE = 'rows = {file = "signal.csv"}\n'
