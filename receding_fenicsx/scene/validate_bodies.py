@@ -134,8 +134,8 @@ def of_mesh(scene: Scene) -> Rules:
     """The table [mesh]."""
     mesh, meshed = scene.mesh, [body.mesh is not None for body in scene.bodies]
     flat, graded = all(body.is_half_plane for body in scene.bodies), bool(mesh.refine)
-    table = [(flat, ("cell", "degree"), "half-planes have no cells")]
-    table += [(flat and not graded, ("growth",), "half-planes have no cells")]
+    no = "half-planes have no cells"
+    table = ((flat, ("cell", "degree"), no), (flat and not graded, ("growth",), no))
     yield from unused(mesh, "[mesh]", table)
     if mesh.contact_elements % 2 and not all(meshed):
         yield f"[mesh] contact_elements: {mesh.contact_elements} is odd; use an even number"

@@ -202,7 +202,11 @@ def test_cylinders_of_different_materials_stick_by_dundurs_beta() -> None:
     # Hertz's a^2 = 4 P R / (pi E*), to be 1, with 1 / E* = c1a + c1b
     radius = np.pi / 4.0 / (1.0 + compliance * (1.0 - nu_b**2)) / 0.01
     changes += [f"contact.initial_gap=x**2 / {2.0 * radius}", "load.P.force=[0.0, -0.01]"]
-    changes += ["history.rows=[[1.0, 0.0], [1.0, 1e-9]]", "history.cycle_rows=[]"]
+    changes += [
+        "history.rows=[[1.0, 0.0], [1.0, 1e-9]]",
+        "history.cycle_rows=[]",
+        "history.cycles=0",
+    ]
     record = played(rf.from_toml(PAIR.replace("2.4", "2.2"), changes))
     state = record.turning_points.state[0]
     stick = np.abs(record.x[state == rf.State.STICK]).max()

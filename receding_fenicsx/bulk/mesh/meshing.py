@@ -85,6 +85,9 @@ def raw_meshes(scene: Scene, half: bool) -> list[RawMesh]:
             meshes = read_user_meshes(alike, part_of(scene, body).mesh, scene.axisymmetric)
             for each, mesh in zip(alike, meshes, strict=True):
                 found[each.name] = with_radii(mesh) if scene.axisymmetric else mesh
+    corners = {mesh.cells.shape[1] for mesh in found.values()}
+    if scene.mesh.cell == "quadrilateral" and corners == {3}:
+        raise InputError("[mesh] cell: the mesh files have triangles; remove cell, or recombine")
     return [found[body.name] for body in scene.bodies]
 
 

@@ -313,7 +313,7 @@ def takes_elements(body: Body) -> bool:
 
 
 def words_of(path: Path) -> set[str]:
-    """Return the words of a .geo file, and of the .geo files that it includes."""
+    """Return the words of a .geo file but comments and strings, and of files that it includes."""
     words: set[str] = set()
     read, todo = set(), [path]
     while todo:
@@ -322,7 +322,8 @@ def words_of(path: Path) -> set[str]:
             continue
         read.add(file)
         text = file.read_text(encoding="utf-8", errors="replace")
-        words |= set(re.findall(r"[A-Za-z_]\w*", text))
+        text = re.sub(r"(?s)//[^\n]*|/\*.*?\*/", "", text)
+        words |= set(re.findall(r"[A-Za-z_]\w*", re.sub(r'"[^"]*"', "", text)))
         included = re.findall(r'(?:Include|Merge)\s*"([^"]+\.geo)"', text)
         todo += [(file.parent / name).resolve() for name in included]
     return words
