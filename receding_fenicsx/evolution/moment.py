@@ -64,8 +64,8 @@ class Moment:
     @property
     def zones(self) -> list[Zone]:
         """Zones of equal state as (name, from, to), from the smallest x to the greatest."""
-        branches, ones = (self.cohesion, self.shear_limit), np.ones(len(self.x))
-        rubs = friction_of(self.f, self.f_backward, ones, branches).present
+        branches = self.cohesion, self.shear_limit
+        rubs = friction_of(self.f, self.f_backward, branches=branches).present
         return zones(self.x, self.state, self.begins_on_axis, rubs)
 
 

@@ -279,8 +279,7 @@ class RecordData:
 
     def traction_law(self, unit: float) -> Friction:
         """Return the law of friction of the nodes in tractions over a unit."""
-        ones = np.full(len(self.x), 1.0 / unit)
-        return friction_of(self.f, self.f_backward, ones, (self.cohesion, self.shear_limit))
+        return friction_of(self.f, self.f_backward, 1.0 / unit, (self.cohesion, self.shear_limit))
 
     @property
     def radius(self) -> Array | None:

@@ -20,7 +20,7 @@ vanishes. The solvers know cones only;
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import IntEnum
 from typing import Any
 
@@ -55,7 +55,7 @@ MIRRORED = np.array([0, STICK, SEPARATION, BACKWARD, FORWARD], np.int8)
 
 @dataclass(frozen=True)
 class Friction:
-    """Coefficients of friction for forward and backward slip, arrays of equal shape.
+    """Coefficients of friction for forward and backward slip, cohesion and shear limit as forces.
 
     Methods broadcast the nodes along the last axis of reactions; ``friction[nodes, None]`` serves
     matrices whose rows are nodes.
@@ -63,32 +63,30 @@ class Friction:
         >>> friction = Friction(np.array([0.5]), np.array([0.25]))
         >>> Q, P = np.array([-1.0]), np.array([4.0])
         >>> A, B = friction.margins(Q, P)
-        >>> A.tolist(), B.tolist(), friction.clip(np.array([-3.0]), P).tolist()
+        >>> A.tolist(), B.tolist(), friction.limits(P)[0].tolist()
         ([1.0], [2.0], [-2.0])
     """
 
     forward: Array
     backward: Array
-    cohesion: Array | None = None
-    shear_limit: Array | None = None
+    cohesion: Array | float = 0.0
+    shear_limit: Array | float = np.inf
 
     def __getitem__(self, key: Any) -> Friction:
         """Return the coefficients of some nodes."""
-        branches = (None if part is None else part[key] for part in self.branches)
-        return Friction(self.forward[key], self.backward[key], *branches)
+        parts: list[Any] = [self.forward, self.backward, self.cohesion, self.shear_limit]
+        return Friction(*(part[key] if isinstance(part, np.ndarray) else part for part in parts))
 
     @property
-    def branches(self) -> tuple[Array | None, Array | None]:
-        """Cohesion and shear limit; both None for a cone."""
-        return self.cohesion, self.shear_limit
+    def is_cone(self) -> bool:
+        """Whether there is neither cohesion nor shear limit."""
+        return bool(np.all(np.isinf(self.shear_limit)) and not np.any(self.cohesion))
 
     @property
     def present(self) -> NDArray[np.bool_]:
         """True at nodes with friction in either direction."""
-        present: NDArray[np.bool_] = (self.forward > 0.0) | (self.backward > 0.0)
-        if self.cohesion is None or self.shear_limit is None:
-            return present
-        return (present | (self.cohesion > 0.0)) & (self.shear_limit > 0.0)
+        rubs = (self.forward > 0.0) | (self.backward > 0.0) | (np.asarray(self.cohesion) > 0.0)
+        return rubs & (np.asarray(self.shear_limit) > 0.0)
 
     @property
     def mean(self) -> Array:
@@ -118,41 +116,27 @@ class Friction:
     @property
     def mirrored(self) -> Friction:
         """Friction of the mirror image, whose forward slip is backward slip here."""
-        return Friction(self.backward, self.forward, *self.branches)
+        return replace(self, forward=self.backward, backward=self.forward)
 
     def margins(self, Q: Array, P: Array) -> tuple[Array, Array]:
         """Return the distances A = Q + f_forward P and B = f_backward P - Q from both limits."""
-        if self.cohesion is not None:
-            return Q + self._limit(self.forward, P), self._limit(self.backward, P) - Q
-        return Q + self.forward * P, self.backward * P - Q
+        return Q + self._limit(self.forward, P), self._limit(self.backward, P) - Q
 
-    def _limit(self, coefficient: Array, P: Array) -> Array:
-        """Return the size of one limit."""
-        if self.cohesion is None or self.shear_limit is None:
-            return coefficient * P
-        return np.minimum(coefficient * P + self.cohesion, self.shear_limit)
+    def _limit(
+        self, coefficient: Array, P: Array, touches: NDArray[np.bool_] | bool = True
+    ) -> Array:
+        """Return the size of one limit; without contact there is no cohesion."""
+        return np.minimum(coefficient * P + self.cohesion * touches, self.shear_limit)
 
     def opening(self, P: Array) -> Array:
         """Return A + B = (f_forward + f_backward) P, the distance between both limits."""
         return (self.forward + self.backward) * P
 
-    def limits(self, P: Array) -> tuple[Array, Array]:
+    def limits(self, P: Array, touches: NDArray[np.bool_] | bool = True) -> tuple[Array, Array]:
         """Return the lowest and the highest Q, -f_forward P+ and f_backward P+, P+ = max(P, 0)."""
-        pressing = np.maximum(P, 0.0)
-        return -self._limit(self.forward, pressing), self._limit(self.backward, pressing)
-
-    def clip(self, Q: Array, P: Array, touches: NDArray[np.bool_] | bool = True) -> Array:
-        """Return the tangential reaction nearest to Q within the limits at the pressure P.
-
-        Args:
-            Q: tangential reactions.
-            P: normal reactions.
-            touches: nodes in contact; the others have no cohesion.
-        """
-        low, high = self.limits(P)
-        if self.cohesion is not None:
-            low, high = np.where(touches, low, 0.0), np.where(touches, high, 0.0)
-        return np.minimum(np.maximum(Q, low), high)
+        slopes, pressing = (self.forward, self.backward), np.maximum(P, 0.0)
+        forward, backward = (self._limit(slope, pressing, touches) for slope in slopes)
+        return -forward, backward
 
     def at_slip(self, state: NDArray[np.integer]) -> Array:
         """Return the signed coefficient c of slipping nodes, Q = -c P; 0 in other states."""
@@ -161,8 +145,6 @@ class Friction:
 
     def slip_force(self, state: NDArray[np.integer], P: Array) -> Array:
         """Return the tangential reaction of slipping nodes; 0 in other states."""
-        if self.cohesion is None:
-            return -self.at_slip(state) * P
         forward, backward = self._limit(self.forward, P), self._limit(self.backward, P)
         return np.where(state == FORWARD, -forward, np.where(state == BACKWARD, backward, 0.0))
 
@@ -170,23 +152,16 @@ class Friction:
 def friction_of(
     f: Array,
     f_backward: Array | None,
-    weight: Array | None = None,
+    weight: Array | float = 1.0,
     branches: tuple[Array | None, Array | None] = (None, None),
 ) -> Friction:
-    """Return the law of nodes.
-
-    Args:
-        f: coefficients of friction.
-        f_backward: those of backward slip; None stands for ``f``.
-        weight: lengths of the nodes, needed for the branches.
-        branches: cohesion and shear limit as tractions; None where there is none.
-    """
-    backward = f if f_backward is None else f_backward
-    if weight is None or (branches[0] is None and branches[1] is None):
-        return Friction(f, backward)
-    cohesion = weight * (0.0 if branches[0] is None else branches[0])
+    """Return the law of nodes from their weights, and cohesion and shear limit as tractions."""
+    backward, (cohesion, limit) = f if f_backward is None else f_backward, branches
     return Friction(
-        f, backward, cohesion, weight * (np.inf if branches[1] is None else branches[1])
+        f,
+        backward,
+        0.0 if cohesion is None else weight * cohesion,
+        np.inf if limit is None else weight * limit,
     )
 
 

@@ -52,10 +52,10 @@ class Mirror:
         """Return coefficients of friction: forward and backward change places when reflected."""
         reflected = a.mirrored[self.index]
         here = a[self.index]
-        return Friction(
-            np.where(self.left, reflected.forward, here.forward),
-            np.where(self.left, reflected.backward, here.backward),
-            *here.branches,
+        return replace(
+            here,
+            forward=np.where(self.left, reflected.forward, here.forward),
+            backward=np.where(self.left, reflected.backward, here.backward),
         )
 
     def nodes(self, i: NDArray[np.intp]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:

@@ -114,7 +114,7 @@ def law_residual(
     n = system.n
     k_t, k_n = stiffness
     Q, P, gap = r[..., :n], r[..., n:], system.g0 + u[..., n:]
-    tangential = np.abs(Q - system.law.clip(Q - k_t * slip, P, touches))
+    tangential = np.abs(Q - np.clip(Q - k_t * slip, *system.law.limits(P, touches)))
     normal = np.abs(P - np.maximum(0.0, P - k_n * gap))
     both = np.concatenate([tangential, normal], axis=-1)
     both[..., system.held] = 0.0

@@ -128,7 +128,7 @@ def recover(at: Tractions) -> tuple[Array, Array]:
     P, Q = at.P, at.Q
     middle = midside_nodes(at.x, at.weight, at.radius)
     # at a shear limit q does not follow p, with a cohesion it is not proportional
-    if len(middle) > 2 and at.friction.cohesion is None:
+    if len(middle) > 2 and at.friction.is_cone:
         values = _middle_values(at, middle)
         active = np.ones(len(middle), dtype=bool)
         while np.any(active):

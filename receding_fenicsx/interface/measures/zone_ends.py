@@ -338,7 +338,7 @@ def _vanishing(at: Tractions, last: int) -> tuple[Array, tuple[float, ...], int]
     other = np.flatnonzero(np.asarray(at.state[: last + 1]) != at.state[last])
     first = int(other[-1]) + 1 if len(other) else 0
     friction = at.friction[last]
-    if at.friction.cohesion is not None:
+    if not at.friction.is_cone:
         return None  # powers are known for a cone only
     if beyond == State.SEPARATION:
         if not friction.present:

@@ -42,8 +42,7 @@ class Cones:
     def __init__(self, system: ContactSystem) -> None:
         """Write the law of ``system`` so that every node has a branch that grows with P."""
         self.system, n, law = system, system.n, system.law
-        cohesion, limit = law.branches
-        assert cohesion is not None and limit is not None
+        cohesion, limit = law.cohesion, law.shear_limit
         rubs = law.present & ~system.held[:n] & ~system.held[n:]
         self._c = np.where(rubs, np.minimum(cohesion, limit), 0.0)
         self._special = rubs & ((cohesion > 0.0) | np.isfinite(limit))

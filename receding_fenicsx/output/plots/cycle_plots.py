@@ -210,7 +210,7 @@ def trajectories(
     handles: list[Any] = _cycle_handles(paths)
     if np.any(record.friction.present[chosen]):
         cone = r"$|q| \leq f p$"
-        if record.friction.cohesion is not None:
+        if not record.friction.is_cone:
             cone = r"$|q| \leq \min(f p + c, t)$"
         elif record.f_backward is not None:
             cone = r"$-f_\mathrm{forward} p \leq q \leq f_\mathrm{backward} p$"
@@ -233,7 +233,7 @@ def _draw_traction_path(
     law = record.traction_law(unit)[node]
     low, high = (float(limit) for limit in law.limits(np.asarray(top)))
     reach = 1.15 * max(abs(left), abs(right), -low, high) or 1.0
-    if law.cohesion is None:
+    if law.is_cone:
         axes.fill_between([low, 0.0, high], [top, 0.0, top], top, zorder=0, **style.CONE)
     else:
         p = np.linspace(0.0, top, 200)

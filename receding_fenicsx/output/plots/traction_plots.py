@@ -69,7 +69,7 @@ def tractions(
     if np.any(record.friction.present):
         cone = rf"$\pm f p{scales.divided}$"
         # two coefficients need no formula: the cone is drawn between both limits
-        cone_alone = record.f_backward is None and record.friction.cohesion is None
+        cone_alone = record.f_backward is None and record.friction.is_cone
         label = f"friction cone, {cone}" if cone_alone else "friction limits"
         curves = [
             Line2D([], [], color=style.PRESSURE_COLOUR, label=f"$p{scales.divided}$"),

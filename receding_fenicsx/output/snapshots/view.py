@@ -310,7 +310,7 @@ def _contact(
         None if profile is None else evaluate(profile, argument) / units.traction
         for profile in (first.cohesion, first.shear_limit)
     )
-    return tuple(strips), p, q, friction_of(forward, backward, np.ones(len(p)), (cohesion, limit))
+    return tuple(strips), p, q, friction_of(forward, backward, 1.0, (cohesion, limit))
 
 
 def units_of(bulk: Stack, fields: list[Fields], load: Array, symbol: str = "") -> Units:

@@ -174,9 +174,8 @@ class NodePairs:
         # a node that opens in the cycle may have little pressure where that is largest in all
         steady = (E > 0.0) & (P > 0.0) & (E <= 4.0 * row["path"] * limit)
         grows = np.where(steady, E, 0.0)
-        if law.cohesion is not None and law.shear_limit is not None:
-            grows[law.largest * P + law.cohesion > law.shear_limit] = 0.0
-            grows *= np.divide(law.largest * P, limit, out=np.zeros(n), where=limit > 0.0)
+        grows[law.largest * P + law.cohesion > law.shear_limit] = 0.0
+        grows *= np.divide(law.largest * P, limit, out=np.zeros(n), where=limit > 0.0)
         new = (E == 0.0) & (P == 0.0)
         slip = np.where(new, slides, np.divide(grows, P, out=np.zeros(n), where=steady))
         added, fixed = cycles * self.rate * slip, cycles * self.rate * (E - grows)
