@@ -117,10 +117,8 @@ def recovered_tractions(record: RecordData, moment: Moment) -> tuple[Array, Arra
             P=moment.P,
             Q=moment.Q,
             state=moment.state,
-            f=record.f,
+            friction=record.friction,
             radius=record.radius,
-            f_backward=record.f_backward,
-            branches=(record.cohesion, record.shear_limit),
         )
     )
 

@@ -92,12 +92,10 @@ def tractions(record: Record, row: int, beta: float | None = None) -> Tractions:
         table.P[row],
         table.Q[row],
         table.state[row],
-        record.f,
+        record.friction,
         beta,
         record.half,
         record.radius,
-        record.f_backward,
-        (record.cohesion, record.shear_limit),
     )
 
 

@@ -12,6 +12,7 @@ from demo_runs import sheared_block
 from nodal import nodal_forces, with_middles
 
 import receding_fenicsx as rf
+from receding_fenicsx.interface.law import friction_of
 from receding_fenicsx.interface.measures.tractions import Tractions
 from receding_fenicsx.interface.measures.zone_ends import corner_exponent_fit, kolosov
 from receding_fenicsx.measures.ends import corners_of
@@ -86,7 +87,8 @@ def test_fit_takes_no_power_for_the_second_term_of_that_below_it(m: float, side:
         P = nodal_forces(x, 2, lambda d, a=slope: d**m * (1.0 + a * d))  # type: ignore[misc]
         for noise in (0.0, 1e-4, -1e-4):
             force = P * (1.0 + noise * np.cos(np.arange(len(x))))
-            at = Tractions(x if side < 0 else -x, weight, force, 0.0 * x, state, 0.3 + 0.0 * x)
+            law = friction_of(0.3 + 0.0 * x, None)
+            at = Tractions(x if side < 0 else -x, weight, force, 0.0 * x, state, law)
             if side > 0:
                 at = replace(at, x=at.x[::-1], weight=weight[::-1], P=force[::-1])
             assert corner_exponent_fit(at, side) == pytest.approx(m, abs=0.01)

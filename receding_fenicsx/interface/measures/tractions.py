@@ -21,7 +21,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import CubicSpline
 
 from receding_fenicsx.arrays import Array, Ints
-from receding_fenicsx.interface.law import Friction, State, friction_of
+from receding_fenicsx.interface.law import Friction, State
 from receding_fenicsx.interface.measures.zones import Flags, begins_on_axis
 
 
@@ -35,25 +35,16 @@ class Tractions:
     P: Array
     Q: Array
     state: NDArray[np.integer]  # (N,) values of :class:`State`
-    f: Array  # (N,) coefficient of friction
+    friction: Friction  # law of friction of the nodes, in forces
     # Dundurs' constant of the body against the other side; None when it is not known
     beta: float | None = None
     half: bool = False  # True when all is its own mirror image about x = 0
     radius: Array | None = None  # (N,) distances of the nodes from the axis when axisymmetric
-    # (N,) coefficient of friction for backward slip; None stands for ``f``
-    f_backward: Array | None = None
-    # (N,) cohesion and shear limit as tractions; None for none
-    branches: tuple[Array | None, Array | None] = (None, None)
 
     @property
     def begins_on_axis(self) -> bool:
         """Whether the contact edge begins on the axis r = 0."""
         return self.radius is not None and begins_on_axis(self.radius, self.weight)
-
-    @property
-    def friction(self) -> Friction:
-        """Law of friction of the nodes, in forces."""
-        return friction_of(self.f, self.f_backward, self.weight, self.branches)
 
 
 def midside_nodes(x: Array, weight: Array, radius: Array | None = None) -> Ints:

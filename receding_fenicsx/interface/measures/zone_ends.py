@@ -90,11 +90,8 @@ def _searched(
 
 def misfit(bases: Array) -> Array:
     """Return (n,) squared distances of the vector of ones from the spans of (n, k, terms) bases."""
-    rest = np.ones(bases.shape[:2])
-    for j in range(bases.shape[2]):
-        direction = bases[:, :, j] / np.sqrt(np.sum(bases[:, :, j] ** 2, axis=1))[:, None]
-        bases = bases - direction[:, :, None] * np.einsum("nk,nkt->nt", direction, bases)[:, None]
-        rest = rest - direction * np.sum(direction * rest, axis=1)[:, None]
+    Q = np.linalg.qr(bases)[0]
+    rest = 1.0 - np.einsum("nkt,nt->nk", Q, Q.sum(axis=1))
     return np.asarray(np.sum(rest**2, axis=1))
 
 
@@ -315,19 +312,11 @@ def zone_end(at: Tractions, last: int, side: int, stick: bool = False) -> ZoneEn
 
 
 def _mirrored(at: Tractions) -> Tractions:
-    cohesion, limit = (None if part is None else part[::-1] for part in at.branches)
+    x, weight, P, Q = (part[::-1] for part in (at.x, at.weight, at.P, at.Q))
+    radius = None if at.radius is None else at.radius[::-1]
+    friction = at.friction[::-1].mirrored
     return Tractions(
-        -at.x[::-1],
-        at.weight[::-1],
-        at.P[::-1],
-        -at.Q[::-1],
-        MIRRORED[np.asarray(at.state)[::-1]],
-        at.friction.backward[::-1],
-        at.beta,
-        at.half,
-        None if at.radius is None else at.radius[::-1],
-        at.friction.forward[::-1],
-        branches=(cohesion, limit),
+        -x, weight, P, -Q, MIRRORED[at.state[::-1]], friction, at.beta, at.half, radius
     )
 
 

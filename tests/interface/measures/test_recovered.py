@@ -11,6 +11,7 @@ from nodal import nodal_forces, with_middles
 
 import receding_fenicsx as rf
 from receding_fenicsx.evolution.moment import moment_of
+from receding_fenicsx.interface.law import friction_of
 from receding_fenicsx.interface.measures.tractions import Tractions, midside_nodes, recover
 
 Array = np.ndarray
@@ -28,7 +29,8 @@ def nodal(corners: Array, traction: Any, radius: Any = None) -> tuple[Array, Arr
 
 
 def sliding(f: Array, x: Array, weight: Array, P: Array, **parts: Any) -> Tractions:
-    return Tractions(x, weight, P, -f * P, np.full(len(x), FORWARD), f, **parts)
+    law = friction_of(f, None)
+    return Tractions(x, weight, P, -f * P, np.full(len(x), FORWARD), law, **parts)
 
 
 RADII = {
@@ -67,7 +69,7 @@ def test_no_recovery_breaks_the_law_that_the_nodal_forces_keep() -> None:
         state = np.repeat(rng.choice([STICK, FORWARD, BACKWARD], 11), 3)
         share = np.where(state == STICK, np.repeat(rng.choice([-1.0, -0.99, 0.99], 11), 3), 1.0)
         Q = f * P * np.where(state == FORWARD, -1.0, share)
-        p, q = recover(Tractions(x, weight, P, Q, state, f))
+        p, q = recover(Tractions(x, weight, P, Q, state, friction_of(f, None)))
         assert np.all(p >= 0.0) and np.all(np.abs(q) <= f * p + 1e-13), seed
         assert weight @ p == pytest.approx(P.sum(), rel=1e-13)
         assert weight @ q == pytest.approx(Q.sum(), abs=1e-13)

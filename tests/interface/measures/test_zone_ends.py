@@ -9,7 +9,7 @@ import pytest
 from nodal import nodal_forces, with_middles
 
 from receding_fenicsx.arrays import Array
-from receding_fenicsx.interface.law import State
+from receding_fenicsx.interface.law import State, friction_of
 from receding_fenicsx.interface.measures.tractions import Tractions
 from receding_fenicsx.interface.measures.zone_ends import (
     contact_half_width_estimate,
@@ -40,7 +40,8 @@ def pressed(c: float, m: float, degree: int, x: Array, f: float = 0.0) -> Tracti
     slip = np.where(x > 0, FORWARD, BACKWARD) if f else np.full(len(x), STICK)
     state = np.where(touching, slip, OPEN)
     weight = forces(x, degree, np.ones_like)
-    return Tractions(x, weight, P, -f * np.sign(x) * P, state, np.full(len(x), f), beta=0.25)
+    law = friction_of(np.full(len(x), f), None)
+    return Tractions(x, weight, P, -f * np.sign(x) * P, state, law, beta=0.25)
 
 
 @pytest.mark.parametrize(("degree", "stretch"), [(1, 0.0), (2, 0.0), (2, 0.5), (1, 0.5)])
@@ -79,7 +80,8 @@ def stuck(c: float, power: float, x: Array, degree: int, a: float = 0.9) -> Trac
     P = forces(x, degree, lambda s: np.sqrt(np.maximum(a**2 - s**2, 0.0)))
     y = forces(x, degree, lambda s: (1.0 + s**2) * np.maximum(c**2 - s**2, 0.0) ** power)
     state = np.select([np.abs(x) < c, np.abs(x) < a], [STICK, FORWARD], OPEN)
-    return Tractions(x, weight, P, 0.05 * y - f * P, state, np.full(len(x), f), beta=0.25)
+    law = friction_of(np.full(len(x), f), None)
+    return Tractions(x, weight, P, 0.05 * y - f * P, state, law, beta=0.25)
 
 
 @pytest.mark.parametrize("degree", [1, 2])
@@ -127,7 +129,8 @@ def test_intervals_hold_zones_narrower_than_a_spacing(degree: int, elements: int
 
 def test_where_no_power_is_known_there_is_the_nodal_bracket() -> None:
     x, one = edge(2, 100), np.ones(1)
-    single = Tractions(0.0 * one, one, one, 0.0 * one, np.array([STICK]), one)
+    law = friction_of(one, None)
+    single = Tractions(0.0 * one, one, one, 0.0 * one, np.array([STICK]), law)
     none = replace(pressed(0.33, 0.5, 2, x), state=np.full(len(x), OPEN))
     whole = pressed(1.5, 0.5, 2, x)
     for at, end in ((single, 0.0), (replace(none, P=0.0 * none.P), 0.0), (whole, 1.0)):
