@@ -46,7 +46,6 @@ from receding_fenicsx.studies.accuracy.study import Solved
 from receding_fenicsx.studies.runner import Runner, StudyOptions, check_workers, on_ranks
 from receding_fenicsx.studies.starts import (
     STARTS,
-    check_landings,
     check_starts,
     starts_summary,
     steady_states,
@@ -176,9 +175,6 @@ def _found(
 
     def solve(meshed: Scene) -> Solved:
         system, extra = _system(meshed, comm, timer, folder, options.system_file)
-        if options.starts:
-            with timer("starts"):
-                mpi.on_root(comm, lambda: check_landings(mpi.given(system), meshed, options.starts))
         with timer("evolve"):
             record, failure = mpi.on_root(
                 comm, lambda: run_history(meshed, mpi.given(system), folder, timer.say)

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping
-from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -15,7 +14,7 @@ from receding_fenicsx.arrays import Array, described
 from receding_fenicsx.errors import InputError, SolveError
 from receding_fenicsx.evolution.evolve import evolve
 from receding_fenicsx.evolution.histories import tightened
-from receding_fenicsx.evolution.problem import problem_of_scene, system_for
+from receding_fenicsx.evolution.problem import problem_of_scene
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.interface.law import State
 from receding_fenicsx.interface.measures.steady import NOT_REACHED
@@ -46,8 +45,8 @@ class SteadyStates:
         kind: kind of each steady state: "shakedown", "cyclic slip", "ratchetting", "not reached",
             "failed".
         state: (n, M) state of each node over the last cycle: a direction of slip (the last one)
-            where it dissipates, separation where it opens, else stick.
-        cycles: (n,) cycles played.
+            where it dissipates, separation where it opens, else stick; 0 of a failed start.
+        cycles: (n,) cycles played, 0 of a failed start.
         errors: reason of each failed start, by its name.
     """
 
@@ -125,40 +124,36 @@ def steady_states(
         for name, slip in named.items()
     ]
     outcomes = (runner or Runner(STARTS)).outcomes(cases, play_start)
-    lost = next((outcome.error for outcome in outcomes if outcome.error), "")
+    lost = next((outcome.error for outcome in outcomes if not outcome.final), "")
     if lost:
         raise SolveError(lost)
-    found = [outcome.cells for outcome in outcomes]
+    x = mirror_of(system).odd(system.x)
+    none = {"kind": "failed", "dissipation": np.nan, "cycles": 0, "state": [0] * len(x)}
+    found = [outcome.cells or none for outcome in outcomes]
+    pairs = zip(named, outcomes, strict=True)
     return SteadyStates(
-        mirror_of(system).odd(system.x),
+        x,
         tuple(named),
         np.array(list(named.values())),
         np.array([row["dissipation"] for row in found]),
         tuple(row["kind"] for row in found),
         np.array([row["state"] for row in found], dtype=np.int8),
         np.array([row["cycles"] for row in found]),
-        {name: row["failure"] for name, row in zip(named, found, strict=True) if row["failure"]},
+        {name: outcome.error for name, outcome in pairs if outcome.error},
     )
 
 
 def play_start(
     system: ContactSystem, history: History, solver: SolverOptions | None, slip: Array
 ) -> dict[str, Any]:
-    """Play a history from an initial slip; a path that ends after its first leg has a failure."""
-    failure = ""
-    try:
-        record = evolve(system, history, solver, OutputOptions(1, ()), initial_slip=slip)
-    except SolveError as error:
-        if not isinstance(error.record, Record):
-            raise
-        record, failure = error.record, str(error)
+    """Play a history from an initial slip."""
+    record = evolve(system, history, solver, OutputOptions(1, ()), initial_slip=slip)
     D = record.cycles.dissipation
     return {
-        "kind": "failed" if failure else record.steady.kind,
-        "dissipation": np.nan if failure or not len(D) else float(D[-1]),
+        "kind": record.steady.kind,
+        "dissipation": float(D[-1]) if len(D) else np.nan,
         "cycles": len(D),
         "state": _states(record).tolist(),
-        "failure": failure,
     }
 
 
@@ -191,24 +186,20 @@ def initial_slips(
 
 def _states(record: Record) -> NDArray[np.int8]:
     """Return the state of each node over the last cycle of a record."""
-    table, cycles = record.turning_points, record.cycles
+    table, density = record.turning_points, record.cycles.dissipation_density
     state = np.full(len(record.x), State.STICK, dtype=np.int8)
-    if not len(cycles.dissipation):
+    if not len(density):
         return state
-    cycle = len(cycles.dissipation)
-    last = table.state[table.cycle == cycle]
-    density = cycles.dissipation_density
-    slips = density[-1] > 1e-9 * density.max()
-    for rows in last:
-        moving = np.isin(rows, (State.FORWARD_SLIP, State.BACKWARD_SLIP))
-        state = np.where(moving & slips, rows, state)
-    opens = np.any(last == State.SEPARATION, axis=0)
+    rows = table.cycle == len(density)
+    last, slips = table.state[rows], density[-1] > 1e-9 * density.max()
     # a node that slips between the turning points only: v moves by slip alone
-    moves = np.diff(table.v[np.flatnonzero(table.cycle == cycle)[0] - 1 :][: len(last) + 1], axis=0)
+    moves = np.diff(table.v[np.flatnonzero(rows)[0] - 1 :][: len(last) + 1], axis=0)
     largest = np.take_along_axis(moves, np.abs(moves).argmax(axis=0)[None], axis=0)[0]
-    between = np.where(largest >= 0.0, State.FORWARD_SLIP, State.BACKWARD_SLIP)
-    state = np.where(slips & (state == State.STICK), between, state)
-    return np.where(opens & ~slips, np.int8(State.SEPARATION), state).astype(np.int8)
+    state = np.where(largest >= 0.0, State.FORWARD_SLIP, State.BACKWARD_SLIP)
+    for at in last:
+        state = np.where(np.isin(at, (State.FORWARD_SLIP, State.BACKWARD_SLIP)), at, state)
+    rest = np.where(np.any(last == State.SEPARATION, axis=0), State.SEPARATION, State.STICK)
+    return np.where(slips, state, rest).astype(np.int8)
 
 
 def steady_states_figure(states: SteadyStates) -> Figure:
@@ -231,12 +222,11 @@ def steady_states_figure(states: SteadyStates) -> Figure:
         style.ticks(left.xaxis, 4)
         left.legend(loc="lower right")
         left.set(xlabel="dissipation per cycle of the steady state", ylabel="starts, sorted")
-        found = np.unique(states.state)
+        found = np.unique(states.state[states.state > 0])
         colours = mpl.colors.ListedColormap([style.STATE_COLOURS[s] for s in State])
         places = np.arange(len(states.x)) if len(states.x) < 2 else states.x
-        right.pcolormesh(
-            places, rows, states.state[order], cmap=colours, vmin=0.5, vmax=4.5, rasterized=True
-        )
+        shown = np.ma.masked_equal(states.state[order], 0)
+        right.pcolormesh(places, rows, shown, cmap=colours, vmin=0.5, vmax=4.5, rasterized=True)
         right.set(xlabel="$x$")
         figure.legend(
             handles=style.state_patches(found), loc="outside upper center", ncols=len(found)
@@ -253,23 +243,6 @@ def check_starts(scene: Scene, starts: int) -> None:
         raise InputError(f"--starts: {starts} given; give at least 2, or leave it out")
     if starts and scene.history.until != "limit":
         raise InputError('--starts: needs [history] until = "limit"; set it, or leave out --starts')
-
-
-def check_landings(system: ContactSystem, scene: Scene, starts: int) -> None:
-    """Raise InputError, before the run, where it cannot be played from so many initial slips."""
-    if not np.any(system_for(scene, system).g0 > 0.0):
-        return
-    problem = problem_of_scene(system, tightened(system, scene))
-    system, history = problem.system, problem.history
-    leg = replace(ended_by(history, None), path=history.path[:2], loop=history.loop[:0], cycles=0)
-    _, *slips = initial_slips(system, history, starts, None).values()  # rest may land
-    try:
-        for slip in slips:
-            with suppress(SolveError):  # of a start that fails the reason is told with the others
-                evolve(system, leg, problem.solver, OutputOptions(1, ()), initial_slip=slip)
-    except InputError as error:
-        # a node with an initial gap lands on it: where its slip begins is not defined
-        raise InputError(f"--starts: every start but rest is an initial slip; {error}") from error
 
 
 def starts_summary(states: SteadyStates) -> dict[str, Any]:

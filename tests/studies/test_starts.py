@@ -59,6 +59,17 @@ def test_a_run_reports_the_limits_from_many_starts(
     assert cli.main(["run", str(scene), "--out", str(out), "--resume", "--starts=1"]) == 2
 
 
+def test_a_start_that_fails_is_reported_beside_the_others(scene: Path) -> None:
+    # the nodes of the gap land on their initial slip, where it begins is not defined
+    out = scene.parent / "out"
+    gap = ["--set", 'contact.initial_gap="0.01*x**2"']
+    assert cli.main(["run", str(scene), "--out", str(out), "--starts=3", *gap]) == 0
+    starts = json.loads((out / "summary.json").read_text())["limit"]["starts"]
+    assert not starts["same"] and starts["kinds"]["failed"] == 2
+    assert set(starts["errors"]) == {"forward", "backward"}
+    assert all("has an initial gap" in text for text in starts["errors"].values())
+
+
 def test_a_run_that_its_limit_has_ended_is_not_played_again(
     scene: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
