@@ -128,7 +128,12 @@ def steady_states(
     if lost:
         raise SolveError(lost)
     x = mirror_of(system).odd(system.x)
-    none = {"kind": "failed", "dissipation": np.nan, "cycles": 0, "state": [0] * len(x)}
+    none: dict[str, Any] = {
+        "kind": "failed",
+        "dissipation": np.nan,
+        "cycles": 0,
+        "state": [0] * len(x),
+    }
     found = [outcome.cells or none for outcome in outcomes]
     pairs = zip(named, outcomes, strict=True)
     return SteadyStates(

@@ -171,14 +171,10 @@ def _energies(record: Record) -> dict[str, Number]:
     return found
 
 
-MIN_LEVELS = 3
-"""Smallest number of meshes of an accepted estimate."""
 MIN_RATIO = 1.4
 """Smallest ratio of the sizes of two meshes that are compared."""
 ORDERS = (0.5, 1.6)
 """Range of orders that an estimate assumes on equal elements."""
-UNRESOLVED_NODES = 2
-"""Largest number of nodes of a zone that counts as not resolved."""
 
 
 @dataclass(frozen=True)
@@ -314,18 +310,15 @@ def asked_numbers(scene: Scene, levels: Sequence[Level]) -> dict[str, Estimate]:
         local = ("half_width", "_left", "_right", "largest_pressure")
         return {n: e for n, e in every.items() if not n.partition("[")[0].endswith(local)}
     found = {n: e for n, e in every.items() if n in wanted or n.partition("[")[0] in wanted}
+    # also by the name in front of brackets
+    have = [{each for n in level.numbers for each in (n, n.partition("[")[0])} for level in levels]
     for name in wanted:
-        if not _has(levels[-1], name):
-            if len(levels) > 1 and not _has(levels[-2], name):
-                have = f"it has {', '.join(every)}"
-                raise InputError(f"[accuracy] numbers: the run has no '{name}'; {have}")
+        if name not in have[-1]:
+            if len(have) > 1 and name not in have[-2]:
+                known = f"it has {', '.join(every)}"
+                raise InputError(f"[accuracy] numbers: the run has no '{name}'; {known}")
             found[name] = Estimate(math.nan, math.nan, math.nan, 1.0)
     return found
-
-
-def _has(level: Level, name: str) -> bool:
-    """Return whether a run has a number, or one of that name in front of brackets."""
-    return any(name in (n, n.partition("[")[0]) for n in level.numbers)
 
 
 def nonconvergence(way: Sequence[Mapping[str, Estimate]]) -> str:
@@ -338,7 +331,7 @@ def nonconvergence(way: Sequence[Mapping[str, Estimate]]) -> str:
     if infinite:
         why = "singular, stresses are infinite at a corner in contact"
         return f"{', '.join(infinite)} does not converge: {why}; ask for other numbers"
-    if not names or len(way) < MIN_LEVELS + 1:
+    if not names or len(way) < 4:
         return ""
     they = f"{', '.join(names)} {'does' if len(names) == 1 else 'do'} not converge in order"
     return f"{they} (singular, or the mesh is far from resolving it); ask for other numbers"
@@ -351,7 +344,7 @@ def level_of(record: Record | None, elements: int, seconds: float = 0.0) -> Leve
     """Return what a record says of its mesh; nothing on ranks without a record."""
     if record is None:
         return Level(elements, 0, seconds, {})
-    resolved, sharp = narrowest_zone(record) > UNRESOLVED_NODES, False
+    resolved, sharp = narrowest_zone(record) > 2, False
     for part in record.by_edge().values():
         table = part.turning_points
         ends = table.p[:, part.corner_ends].max(axis=1, initial=0.0)
@@ -396,7 +389,7 @@ def shown(estimates: dict[str, Estimate]) -> dict[str, dict[str, Any]]:
 def warning(record: Record | None) -> dict[str, str]:
     """Return the summary's warning about zones that a mesh does not resolve."""
     nodes = narrowest_zone(record) if record is not None else math.inf
-    if nodes > UNRESOLVED_NODES:
+    if nodes > 2:
         return {}
     return {
         "errors_warning": (

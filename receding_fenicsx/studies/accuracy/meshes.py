@@ -32,8 +32,6 @@ T = TypeVar("T")
 
 MIN_ELEMENTS = 8
 """Smallest number of contact elements of a mesh."""
-SEARCH_RATIO = 1.6
-"""Largest ratio to the wanted mesh size in the search for a mesh whose vertices fit the scene."""
 
 
 def is_refined(scene: Scene) -> bool:
@@ -58,23 +56,20 @@ def scaled_mesh(scene: Scene, elements: int) -> Scene:
         return min(1.0 + factor * (growth - 1.0), 3.0)
 
     growth = grown(mesh.growth)
-    if not is_refined(scene):
-        places = tuple(
-            replace(
-                place,
-                size=factor * place.size,
-                growth=place.growth and max(grown(place.growth), 1.01),
-            )
-            for place in mesh.places
-        )
-        scaled = None if mesh.refine is None else places
-        mesh = replace(mesh, contact_elements=elements, growth=growth, refine=scaled)
+    if is_refined(scene):
+        times = (mesh.refinements or 0) - round(math.log2(factor))
+        mesh = replace(mesh, refinements=times)
+        if any(body.mesh is None for body in scene.bodies):
+            mesh = replace(mesh, contact_elements=elements, growth=growth)
         return replace(scene, mesh=mesh)
-    times = (mesh.refinements or 0) + round(math.log2(elements / mesh.contact_elements))
-    mesh = replace(mesh, refinements=times)
-    if any(body.mesh is None for body in scene.bodies):
-        mesh = replace(mesh, contact_elements=elements, growth=growth)
-    return replace(scene, mesh=mesh)
+    places = [
+        replace(p, size=factor * p.size, growth=p.growth and max(grown(p.growth), 1.01))
+        for p in mesh.places
+    ]
+    scaled = None if mesh.refine is None else tuple(places)
+    return replace(
+        scene, mesh=replace(mesh, contact_elements=elements, growth=growth, refine=scaled)
+    )
 
 
 def graded_at_ends(scene: Scene, sizes: Sequence[float]) -> Scene:
@@ -127,19 +122,20 @@ def doublings(scene: Scene) -> list[int]:
 def solve_near(
     scene: Scene,
     wanted: float,
-    limits: tuple[float, float],
+    most: float,
     solve: Callable[[Scene, int], T],
+    ratio: float = 1.6,
     refused: type[InputError] = MeshMisfit,
 ) -> T | None:
     """Solve on the mesh nearest to a wanted number of elements whose vertices fit the scene.
 
-    A mesh is refused by an error of a type; that of the last one is raised. None where there is no
-    mesh within the limits.
+    It has from ``wanted`` / ``ratio`` to ``most`` elements; None where there is none such. A mesh
+    is refused by an error of a type; that of the last one is raised.
     """
-    low, high = max(limits[0], MIN_ELEMENTS), limits[1]
-    found = [*range(2 * math.ceil(low / 2), int(high) + 1, 2)]
+    low = max(wanted / ratio, MIN_ELEMENTS)
+    found = [*range(2 * math.ceil(low / 2), int(most) + 1, 2)]
     if is_refined(scene):
-        found = [n for n in doublings(scene) if limits[0] <= n <= high]
+        found = [n for n in doublings(scene) if wanted / ratio <= n <= most]
     misfit = None
     for elements in sorted(found, key=lambda n: abs(math.log(n / wanted))):
         try:
@@ -172,13 +168,12 @@ def coarser(scene: Scene) -> Scene | None:
         return partner
 
     half = 0.5 * scene.mesh.contact_elements
-    return solve_near(scene, half, (half / SEARCH_RATIO, half), fitting, InputError)
+    return solve_near(scene, half, half, fitting, refused=InputError)
 
 
 def partner(scene: Scene, comm: MPI.Comm) -> Scene | None:
     """Return :func:`coarser` on all ranks; collective."""
-    found: Scene | None = comm.bcast(mpi.on_root(comm, lambda: coarser(scene)))
-    return found
+    return comm.bcast(mpi.on_root(comm, lambda: coarser(scene)))
 
 
 # -- smaller elements where a coarse run needs them ----------------------------------------------

@@ -9,7 +9,7 @@ from __future__ import annotations
 import logging
 import math
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import asdict, dataclass, field, replace
 from functools import partial
@@ -32,7 +32,6 @@ from receding_fenicsx.store.hdf5 import read_system
 from receding_fenicsx.store.run_folder import SYSTEM, forget_system
 from receding_fenicsx.store.workspace import Case, CaseFile, Outcome
 from receding_fenicsx.studies.accuracy.estimate import (
-    MIN_LEVELS,
     MIN_RATIO,
     ORDERS,
     Estimate,
@@ -47,7 +46,6 @@ from receding_fenicsx.studies.accuracy.estimate import (
 )
 from receding_fenicsx.studies.accuracy.meshes import (
     MIN_ELEMENTS,
-    SEARCH_RATIO,
     doublings,
     graded_at_ends,
     is_graded,
@@ -66,9 +64,6 @@ if TYPE_CHECKING:
 
 log = logging.getLogger(__name__)
 
-RATIOS = (1.6, 2.8)
-"""Smallest and largest ratio of the elements of two successive meshes: smaller ones repeat work,
-larger ones leave the estimate without meshes to compare with."""
 MOST_NODES = 8000
 """Largest number of contact nodes: their condensed stiffness takes 2 GB."""
 
@@ -124,7 +119,7 @@ def search(
     """
     tolerance = scene.accuracy.tolerance or 0.0
     scene, own = to_limit(scene), scene.mesh.contact_elements
-    found, last = Search(scene), 0
+    found = Search(scene)
     while True:
         wanted = next_elements(scene, found.levels, found.failures)
         found.reason = _too_much(scene, found.levels, wanted)
@@ -132,9 +127,9 @@ def search(
             # the numbers that keep it from its tolerance, with the meshes that they need
             for name, e in found.way[-1].items():
                 if tolerance < 2.0 * e.relative < math.inf and not math.isnan(e.order):
-                    least = f"{float(f'{last * _needed(e, tolerance):.2g}'):g} elements"
+                    least = f"{found.levels[-1].elements * _needed(e, tolerance):.2g}"
                     order = f"it converges with order {e.order:.1f}"
-                    found.reason += f"; {name} needs about {least}, {order}"
+                    found.reason += f"; {name} needs about {float(least):g} elements, {order}"
             return found
         try:
             level = _solved(scene, wanted, solve)
@@ -151,14 +146,13 @@ def search(
             log.info("sharp corners in contact: meshes are graded")
             scene = finer
             continue
-        last = level.elements
         found.levels.append(level)
         found.way.append(asked_numbers(scene, found.levels))
         for name, e in found.way[-1].items():
             log.info("%d elements: %s %.6g, error %.1e", level.elements, name, e.value, e.relative)
         errors = [e.relative for e in found.way[-1].values()]
-        enough = len(found.levels) >= MIN_LEVELS and len(errors) > 0
-        found.met = enough and all(2.0 * error <= tolerance for error in errors)
+        # of at least three meshes
+        found.met = bool(errors) and len(found.levels) > 2 and 2.0 * max(errors) <= tolerance
         found.reason = "" if found.met else nonconvergence(found.way)
         if found.met or found.reason:
             return found
@@ -179,15 +173,15 @@ def next_elements(
     if is_refined(scene):
         return 2 * last
     ratio = 2.5  # from which the orders are seen
-    if len(levels) >= MIN_LEVELS:
-        asked, tolerance = asked_numbers(scene, levels), scene.accuracy.tolerance or 1.0
-        needed = max([RATIOS[0], *(_needed(e, 0.75 * tolerance) for e in asked.values())])
+    if len(levels) > 2:
+        asked, tolerance = asked_numbers(scene, levels).values(), scene.accuracy.tolerance or 1.0
+        # smaller ratios repeat work, larger ones leave the estimate no meshes to compare with
+        needed = max([1.6, *(_needed(e, 0.75 * tolerance) for e in asked)])
         # coarse meshes may have shown too little: mostly the next one shows a higher order
-        slow = any(e.order < 1.0 and 2.0 * e.relative > tolerance for e in asked.values())
-        most = 1.8 if slow else RATIOS[1]
-        ratio = needed ** (1.0 / math.ceil(math.log(needed) / math.log(most)))
+        slow = any(e.order < 1.0 and 2.0 * e.relative > tolerance for e in asked)
+        ratio = needed ** (1.0 / math.ceil(math.log(needed) / math.log(1.8 if slow else 2.8)))
         finest = MOST_NODES / max(levels[-1].nodes, 1)
-        does = max((_needed(e, tolerance) for e in asked.values()), default=1.0) <= finest < ratio
+        does = max((_needed(e, tolerance) for e in asked), default=1.0) <= finest < ratio
         # after another mesh the finest would be too near to it
         is_last = ratio < needed and ratio <= finest < MIN_RATIO * ratio
         if finest >= MIN_RATIO and (does or is_last):
@@ -198,7 +192,7 @@ def next_elements(
 def _needed(e: Estimate, tolerance: float) -> float:
     """Return how many times as many elements a number needs, as errors fall with p."""
     if not math.isfinite(e.error):
-        return RATIOS[1]
+        return 2.8
     order = 1.0 if math.isnan(e.order) else min(max(e.order, ORDERS[0]), ORDERS[1])
     return float((2.0 * e.relative / tolerance) ** (1.0 / order))
 
@@ -209,7 +203,7 @@ def _too_much(scene: Scene, levels: Sequence[Level], wanted: int) -> str:
         return ""
     last, budget = levels[-1], scene.accuracy.budget_seconds
     ratio = wanted / last.elements
-    if is_refined(scene) and wanted > doublings(scene)[-1]:
+    if is_refined(scene) and wanted > _finest(scene):
         return "the tolerance needs more refinements of the mesh file than there are"
     if ratio * last.nodes > MOST_NODES or wanted > _finest(scene):
         return f"the tolerance needs a mesh finer than the finest of {MOST_NODES} contact nodes"
@@ -233,18 +227,13 @@ def _solved(scene: Scene, wanted: int, solve: Callable[[Scene, int], Level]) -> 
     near, reason = 1.0 if is_refined(scene) else 1.3, ""
     while wanted <= _finest(scene):
         try:
-            found = solve_near(scene, wanted, (wanted / near, wanted * near), solve)
+            found = solve_near(scene, wanted, wanted * near, solve, near)
             if found is not None:
                 return found
         except MeshMisfit as error:
             reason = str(error)
         wanted *= 2
     raise InputError(f"[mesh]: no mesh that was tried fits the scene; on the last one: {reason}")
-
-
-FACTORS = (2.0, 2.5, 4.0)
-"""Approximate ratios of the mesh sizes of ``--error``; the second mesh is not nested in the run's.
-"""
 
 
 @dataclass
@@ -267,18 +256,13 @@ class Meshes:
 
     def __init__(self, comm: MPI.Comm, folder: Path | None) -> None:
         """Read the finished meshes on rank 0."""
-
-        def read() -> tuple[CaseFile | None, Mapping[str, Outcome]]:
-            file = None if folder is None else CaseFile(folder)
-            return file, {} if file is None else file.read(final=True)
-
         self.comm = comm
-        self.file, finished = mpi.on_root(comm, read) or (None, {})
-        self.finished: Mapping[str, Outcome] = comm.bcast(finished)
-        self.unwritten: tuple[Case, Level] | None = None
+        self.file = mpi.on_root(comm, lambda: None if folder is None else CaseFile(folder))
+        read = None if self.file is None else self.file.read
+        self.finished = comm.bcast(mpi.on_root(comm, lambda: read and read(final=True))) or {}
 
     def level(self, scene: Scene, elements: int, solve: Callable[[Scene, int], Level]) -> Level:
-        """Return what is found on a mesh; the one before it is written before it is solved."""
+        """Return what is found on a mesh."""
         # without keys that change none of its numbers
         plain = {key: getattr(Scene(), key) for key in ("accuracy", "shakedown", "mode", "units")}
         bare = replace(scene, output=replace(scene.output, cycles=None), **plain)
@@ -286,18 +270,11 @@ class Meshes:
         if name in self.finished:
             row = self.finished[name].cells
             return Level(**{**row, "numbers": {k: Number(**v) for k, v in row["numbers"].items()}})
-        self.write()
         found = solve(scene, elements)
-        self.unwritten = Case(name, labels=(elements,)), found
+        add = None if self.file is None else self.file.add
+        case, outcome = Case(name, labels=(elements,)), Outcome(asdict(found))
+        mpi.on_root(self.comm, lambda: add and add(case, outcome))
         return found
-
-    def write(self) -> None:
-        """Write the last mesh."""
-        if self.unwritten is not None:
-            (case, level), self.unwritten = self.unwritten, None
-            file = self.file
-            add = None if file is None else partial(file.add, case, Outcome(asdict(level)))
-            mpi.on_root(self.comm, lambda: add and add())
 
 
 # -- a run on the scene's mesh -------------------------------------------------------------------
@@ -310,13 +287,12 @@ def with_coarser_partner(scene: Scene) -> Scene:
     partner is itself.
     """
     if is_refined(scene):
-        return (
-            scene if scene.mesh.refinements else scaled_mesh(scene, 2 * scene.mesh.contact_elements)
-        )
-    if scene.mesh.contact_elements < FACTORS[0] * MIN_ELEMENTS:
+        own = scene.mesh
+        return scene if own.refinements else scaled_mesh(scene, 2 * own.contact_elements)
+    if scene.mesh.contact_elements < 2 * MIN_ELEMENTS:
         raise InputError(
             f"--error: mesh.contact_elements = {scene.mesh.contact_elements} is too coarse for an "
-            f"estimate; use at least {FACTORS[0] * MIN_ELEMENTS:.0f}"
+            f"estimate; use at least {2 * MIN_ELEMENTS}"
         )
     return scene
 
@@ -349,12 +325,11 @@ def space_errors(
 
     most = scene.mesh.contact_elements
     levels = [level_of(record, most)]
-    for factor in FACTORS:
-        below = levels[-1].elements - 1
-        limits = most / factor / SEARCH_RATIO, min(most / factor, below)
+    for factor in (2.0, 2.5, 4.0):  # the second mesh is not nested in the run's
+        below = min(most / factor, levels[-1].elements - 1)
         try:
             # the run itself was accepted: a coarser mesh is refused for its vertices
-            found = solve_near(scene, most / factor, limits, level, InputError)
+            found = solve_near(scene, most / factor, below, level, refused=InputError)
         except RecedingError:
             if len(levels) == 1:
                 raise
@@ -362,8 +337,6 @@ def space_errors(
         if found is None:
             break
         levels.append(found)
-    if meshes is not None:
-        meshes.write()
     return {} if record is None else estimates_of(levels)
 
 
@@ -402,7 +375,7 @@ def within_tolerance(
     """
     meshes = Meshes(comm, folder)
     last: Solved | None = None
-    reached: Scene | None = None
+    ran, reached = Scene(), scene  # on the last mesh that was run here, and on the last of all
 
     def forget_another_mesh(meshed: Scene) -> None:
         if folder is not None and (folder / SYSTEM).is_file():
@@ -412,12 +385,12 @@ def within_tolerance(
                 forget_system(folder)
 
     def solved(meshed: Scene, elements: int = 0) -> Level:
-        nonlocal last
+        nonlocal last, ran
         if say is not None and elements:
             say(f"accuracy: mesh of {elements} contact elements")
         begin = time.perf_counter()
         mpi.on_root(comm, lambda: forget_another_mesh(meshed))
-        last = run(meshed)
+        last, ran = run(meshed), meshed
         if last.failure is not None:
             raise last.failure
         seconds, record = time.perf_counter() - begin, last.record
@@ -428,19 +401,20 @@ def within_tolerance(
         reached = meshed
         return meshes.level(meshed, elements, solved)
 
-    def on_graded_meshes(coarse: Scene) -> Scene | None:
-        from receding_fenicsx.bulk.mesh.meshing import contact_nodes_of, contact_sizes_of
-
-        with suppress(InputError):  # they are impossible
-            finer = graded_at_ends(coarse, contact_sizes_of(coarse))
-            contact_nodes_of(finer)
-            return finer
-        return None
-
     def graded(coarse: Scene) -> Scene | None:
         if scene.mesh.refine is not None or coarse.mesh.cell != "triangle":
             return None
-        return comm.bcast(mpi.on_root(comm, lambda: on_graded_meshes(coarse)))
+
+        def finer() -> Scene | None:
+            from receding_fenicsx.bulk.mesh.meshing import contact_nodes_of, contact_sizes_of
+
+            with suppress(InputError):  # they are impossible
+                found = graded_at_ends(coarse, contact_sizes_of(coarse))
+                contact_nodes_of(found)
+                return found
+            return None
+
+        return comm.bcast(mpi.on_root(comm, finer))
 
     try:
         found = search(scene, level, graded)
@@ -451,7 +425,7 @@ def within_tolerance(
     except InputError:
         mpi.on_root(comm, lambda: None if folder is None else forget_system(folder))
         raise
-    if meshes.unwritten is None and reached is not None:  # the last mesh was finished before
+    if ran is not reached:  # the last mesh was finished before
         solved(reached)
     assert last is not None
     last.extra["errors"] = shown(estimates_of(found.levels))
