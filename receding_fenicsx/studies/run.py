@@ -43,9 +43,8 @@ from receding_fenicsx.store.run_folder import (
 from receding_fenicsx.store.workspace import CASES, CaseFile, interruption, locked, resumable
 from receding_fenicsx.studies.accuracy import meshes, study
 from receding_fenicsx.studies.accuracy.study import Solved
-from receding_fenicsx.studies.runner import Runner, StudyOptions, check_workers, on_ranks
+from receding_fenicsx.studies.runner import Kind, Runner, StudyOptions, check_workers, on_ranks
 from receding_fenicsx.studies.starts import (
-    STARTS,
     check_starts,
     starts_summary,
     steady_states,
@@ -220,7 +219,7 @@ def _starts(
     def limits(executor: Executor | None) -> dict[str, Any]:
         file = None if folder is None else CaseFile(folder)
         progress = StudyOptions(progress=timer.say)
-        runner = Runner(STARTS, progress, file, options.workers, executor)
+        runner = Runner(Kind("starts"), progress, file, options.workers, executor)
         system, record = mpi.given(found.system), mpi.given(found.record)
         states = steady_states(system, found.scene, options.starts, runner=runner)
         return {"limit": {**limit_summary(record)["limit"], "starts": starts_summary(states)}}

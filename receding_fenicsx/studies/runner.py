@@ -95,7 +95,7 @@ class Kind:
     """Kind of a study: its name, such as "sweep", and the files in its folder."""
 
     name: str
-    file: str  # says what the study is of
+    file: str = ""  # says what the study is of
     results: tuple[str, ...] = ()  # are removed while cases are not finished
     shares: bool = True  # False: its cases depend on each other
 

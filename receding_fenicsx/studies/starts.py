@@ -23,14 +23,11 @@ from receding_fenicsx.interface.mirror import mirror_of
 from receding_fenicsx.interface.system import ContactSystem, reactions
 from receding_fenicsx.scene.history import History, ended_by
 from receding_fenicsx.scene.model import OutputOptions, Scene, SolverOptions
-from receding_fenicsx.store.workspace import CASES, Case
+from receding_fenicsx.store.workspace import Case
 from receding_fenicsx.studies.runner import Kind, Runner, digest_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-
-STARTS = Kind("starts", CASES)
 
 
 @dataclass(frozen=True, repr=False)
@@ -123,7 +120,7 @@ def steady_states(
         Case(digest_of(body, slip), (system, history, solver, slip), (name,))
         for name, slip in named.items()
     ]
-    outcomes = (runner or Runner(STARTS)).outcomes(cases, play_start)
+    outcomes = (runner or Runner(Kind("starts"))).outcomes(cases, play_start)
     lost = next((outcome.error for outcome in outcomes if not outcome.final), "")
     if lost:
         raise SolveError(lost)

@@ -51,7 +51,6 @@ Label = float | int | str | bool
 """A value of a key as the table shows it."""
 ERROR = "error"
 """Column of the reasons why cases failed."""
-SWEEP = Kind("sweep", "sweep.json", ("sweep.csv",))
 
 
 @dataclass(frozen=True, repr=False)
@@ -184,7 +183,8 @@ def sweep(
         options=(options, StudyOptions),
     )
 
-    SWEEP.check(out, workers, options)
+    kind = Kind("sweep", "sweep.json", ("sweep.csv",))
+    kind.check(out, workers, options)
     if measure is not None and (workers or options.executor or mpi.world().size > 1):
         import cloudpickle
 
@@ -212,7 +212,7 @@ def sweep(
         over_labels = dict(zip(grid.keys, grid.labels, strict=True))
         return Study(scene, combine, same, {"over": over_labels, "cases": len(grid.scenes)})
 
-    return run_study(SWEEP, begin, out, workers, options)
+    return run_study(kind, begin, out, workers, options)
 
 
 def _text_of(measure: Any) -> str:

@@ -28,21 +28,16 @@ from receding_fenicsx.interface.system import ContactSystem
 from receding_fenicsx.scene.history import History
 from receding_fenicsx.scene.model import OutputOptions, SolverOptions
 
-NO_DISSIPATION = 1e-10
-"""Dissipation of a cycle, over ranges of load times displacement, below which it is round-off."""
-
 
 @dataclass(frozen=True)
 class Backbone:
     """First loading of a joint."""
 
     load: Array  # (n,) load factors of the drive, from 0
-    # (n,) their work-conjugate displacements, from 0; of a prescribed displacement the force along
-    # it times the displacement at factor 1
+    # (n,) from 0; of a prescribed displacement the force along it times that at factor 1
     displacement: Array
     work: Array  # (n,) work of the drive
-    # largest load factor with an equilibrium, to a relative 1e-6; infinite where the path reaches
-    # the largest amplitude
+    # largest load factor with an equilibrium, to a relative 1e-6; infinite where all have one
     macroslip: float
     reason: str  # why there is none beyond it
 
@@ -54,7 +49,7 @@ class Backbone:
             if len(at):
                 box = 4.0 * a * self.displacement[int(at[0])]
                 D = 8.0 * self.work[int(at[0])] - box
-                found[k] = D if D > NO_DISSIPATION * abs(box) else 0.0
+                found[k] = D if D > 1e-10 * abs(box) else 0.0  # round-off
         return found
 
 

@@ -39,7 +39,7 @@ from receding_fenicsx.scene.validate import validate
 from receding_fenicsx.store.workspace import Case
 from receding_fenicsx.studies import run as study
 from receding_fenicsx.studies.accuracy import meshes
-from receding_fenicsx.studies.joint.backbone import NO_DISSIPATION, Backbone, first_loading
+from receding_fenicsx.studies.joint.backbone import Backbone, first_loading
 from receding_fenicsx.studies.runner import (
     Kind,
     Runner,
@@ -146,7 +146,7 @@ class JointCurve:
         held = self.dissipation[np.isfinite(self.dissipation)]
         rows = [
             ("amplitudes", f"{self.amplitude.min():.6g} to {self.amplitude.max():.6g}"),
-            ("dissipation", f"{held.min(initial=np.inf):.6g} to {held.max(initial=0.0):.6g}"),
+            ("dissipation", f"{held.min():.6g} to {held.max():.6g}" if len(held) else "none found"),
             ("exponent", f"{slope:.3f} +- {error:.3f} of log D over log amplitude"),
             ("Masing defect", f"at most {np.nanmax([0.0, *self.masing_defect]):.3g}"),
         ]
@@ -201,11 +201,6 @@ def joint_figure(curve: JointCurve) -> Figure:
     return figure
 
 
-CURVE = Kind("curve", "joint_cases.json", ("joint.csv", "joint.json", "joint.png"))
-CYCLES = 1000
-"""Most cycles that are played where the limit is not found at once."""
-
-
 def loop_numbers(record: Record, drive: str = "") -> dict[str, Cell]:
     """Return dissipation, secant stiffness, largest slip and kind of the last cycle.
 
@@ -222,8 +217,8 @@ def loop_numbers(record: Record, drive: str = "") -> dict[str, Cell]:
         ratio = (load[high] - load[low]) / (conjugate[high] - conjugate[low])
     D, work = float(record.cycles.dissipation[-1]), np.ptp(load) * np.ptp(conjugate)
     energy = np.abs(table.load * table.load_displacement).sum(axis=1).max()
-    none = max(NO_DISSIPATION * work, 1e-12 * energy)  # round-off
-    still = record.steady.kind == SHAKEDOWN and D <= none
+    # less is round-off
+    still = record.steady.kind == SHAKEDOWN and D <= max(1e-10 * work, 1e-12 * energy)
     touching = np.all(table.state[rows] != State.SEPARATION, axis=0)
     return {
         "dissipation": 0.0 if still else D,
@@ -279,33 +274,39 @@ def joint_curve(
         out=(out, str, Path, None),
         options=(options, StudyOptions),
     )
-    values = as_numbers(amplitudes, "joint_curve: amplitudes")
+    values, given = as_numbers(amplitudes, "joint_curve: amplitudes"), None
     over = {f"history.harmonic.{drive}.amplitude": values.tolist()}
-    omega, partner = np.zeros(0), None
-    given = scene if isinstance(scene, ContactSystem) else None
-    cyclic = None if isinstance(scene, ContactSystem) else _driven(scene, drive, values)
-    held = {} if given is None else _preload(given, drive, values)
-    CURVE.check(out, workers, options)
-    system = given
+    system, cyclic, partner = None, None, None
+    omega = np.zeros(0)
+    if isinstance(scene, ContactSystem):
+        system = given = scene
+        held = _preload(given, drive, values)
+    else:
+        cyclic = _driven(scene, drive, values)
+    kind = Kind("curve", "joint_cases.json", ("joint.csv", "joint.json", "joint.png"))
+    kind.check(out, workers, options)
     if cyclic is not None and mode_number(drive):
         validate(cyclic)
-        found = mpi.on_root(comm, lambda: mode_system(cyclic))
-        system, omega = (None, omega) if found is None else found
+        system, omega = mpi.on_root(comm, lambda: mode_system(cyclic)) or (None, omega)
     elif cyclic is not None:
         system = study.condense(cyclic, comm, options.progress, whole=True)
 
     def loaded() -> tuple[Array, Backbone]:
-        own, played, solver = mpi.given(system), cyclic, None if cyclic is None else cyclic.solver
-        factors = np.array([held.get(name, 0.0) for name in own.load_names])
-        start = np.array([0.0 * factors, factors] if np.any(factors) else [factors])
-        if given is not None and given.scene_toml:
+        own, played, solver = mpi.given(system), cyclic, None
+        if played is not None:
+            solver = played.solver
+        elif own.scene_toml:
             # bolts and interference have legs of their own
-            known = replace(known_scene(given.scene_toml), history=HistoryOptions())
+            known = replace(known_scene(own.scene_toml), history=HistoryOptions())
             played = _driven(known, drive, values)
         if played is not None:
             start = preload_path(own, played, drive)
+        else:
+            factors = np.array([held.get(name, 0.0) for name in own.load_names])
+            start = np.array([0.0 * factors, factors] if np.any(factors) else [factors])
         return start, first_loading(own, drive, start, values, solver)
 
+    # the preload or the first loading may fail: before anything is written
     first = mpi.on_root(comm, loaded)
     if cyclic is not None:
         with suppress(InputError):  # without estimate where no coarser mesh fits
@@ -313,13 +314,13 @@ def joint_curve(
 
     def begin() -> Study[JointCurve]:
         start, backbone = mpi.given(first)
-        cases, names = [], np.array(mpi.given(system).load_names)
+        cases = []
         if given is not None:
             grids = [Grid(("amplitude",), (tuple(values.tolist()),), ())]
-            body, unit = digest_of(given), np.array(names == drive, dtype=float)
+            body, unit = digest_of(given), np.array([name == drive for name in given.load_names])
             for value in values.tolist():
                 loop = start[-1] + np.outer([value, -value, value], unit)
-                history = History(given.load_names, np.vstack([start, loop[0]]), loop, CYCLES)
+                history = History(given.load_names, np.vstack([start, loop[0]]), loop, 1000)
                 cases.append(Case(digest_of(body, drive, value), (given, history, drive), (value,)))
         else:
             scenes = [each for each in (cyclic, partner) if each is not None]
@@ -341,10 +342,9 @@ def joint_curve(
         same = {"drive": drive, "system": "" if given is None else digest_of(given)}
         # amplitudes may be added, or left out
         whose = _driven(scene, drive, np.ones(1)) if isinstance(scene, Scene) else None
-        content = {"amplitudes": values.tolist()}
-        return Study(whose, combine, same, content)
+        return Study(whose, combine, same, {"amplitudes": values.tolist()})
 
-    return run_study(CURVE, begin, out, workers, options)
+    return run_study(kind, begin, out, workers, options)
 
 
 def _play_system(system: ContactSystem, history: History, drive: str) -> dict[str, Cell]:
@@ -370,7 +370,8 @@ def _driven(scene: Scene, drive: str, values: Array) -> Scene:
         mode = Load(drive, mode=mode_number(drive))
         scene = replace(scene, loads=(*scene.loads, mode), probes=())
     held = _preload(scene, drive, values)
-    history = HistoryOptions("harmonic", constant=held, cycles=CYCLES, until="limit")
+    # most cycles that are played where the limit is not found at once
+    history = HistoryOptions("harmonic", constant=held, cycles=1000, until="limit")
     harmonic = {drive: Harmonic(amplitude=float(values[0]))}
     return replace(scene, history=replace(history, harmonic=harmonic), output=OutputOptions(1, ()))
 

@@ -110,15 +110,13 @@ def limits_at(
 def diagram_figure(diagram: Diagram, opening: Opening | None = None) -> Figure:
     """Draw both limits: mean load along, load range up; a dot for the range with opening nodes."""
     x, lower, upper = diagram.mean, diagram.lower, diagram.upper
-    safe, depends = "#bdbdbd", "#e6e6e6"  # where it shakes down, and depends on the start
     with mpl.rc_context(style.RC):
         figure = style.new_figure(style.COLUMN, 2.9)
         axes = figure.subplots()
         seen = np.append(upper[np.isfinite(upper)], 0.0 if opening is None else opening.value)
         top = 1.25 * float(seen.max()) or 1.0
-        high = np.minimum(upper, top)
-        axes.fill_between(x, 0.0, np.minimum(lower, top), color=safe, lw=0)
-        axes.fill_between(x, np.minimum(lower, top), high, color=depends, lw=0)
+        for low, high, colour in ((0.0 * x, lower, "#bdbdbd"), (lower, upper, "#e6e6e6")):
+            axes.fill_between(x, np.minimum(low, top), np.minimum(high, top), color=colour, lw=0)
         axes.plot(x, upper, color="black", label=r"$\lambda_2$")
         axes.plot(x, lower, color="black", ls=(0, (4, 2)), label=r"$\lambda_1$")
         axes.axvline(diagram.given, **style.GUIDE)
@@ -126,9 +124,12 @@ def diagram_figure(diagram: Diagram, opening: Opening | None = None) -> Figure:
             dot = [diagram.given], [opening.value]
             axes.plot(*dot, "o", color="black", ms=4, zorder=5, label="opens without slip")
         entries = [
-            mpl.patches.Patch(fc="white", ec="black", lw=0.4, label="slips for ever, or opens"),
-            mpl.patches.Patch(fc=depends, ec="black", lw=0.4, label="depends on the start"),
-            mpl.patches.Patch(fc=safe, ec="black", lw=0.4, label="shakes down"),
+            mpl.patches.Patch(fc=colour, ec="black", lw=0.4, label=label)
+            for colour, label in (
+                ("white", "slips for ever, or opens"),
+                ("#e6e6e6", "depends on the start"),
+                ("#bdbdbd", "shakes down"),
+            )
         ]
         handles = [*axes.get_legend_handles_labels()[0], *entries]
         figure.legend(handles=handles, loc="outside upper center", ncols=3, columnspacing=1.0)
@@ -137,14 +138,6 @@ def diagram_figure(diagram: Diagram, opening: Opening | None = None) -> Figure:
             xlabel=f"mean load factor of {load_text(diagram.load)}", ylabel=r"load range $\lambda$"
         )
     return figure
-
-
-STUDY = Kind(
-    "shakedown study",
-    "shakedown_cases.json",
-    ("shakedown.json", "safe_slip.csv", "shakedown.png"),
-    shares=False,
-)
 
 
 @dataclass(frozen=True)
@@ -229,7 +222,9 @@ def shakedown(
         raise InputError("[shakedown]: mean and range are missing; give the load factors of both")
     if scene.preloads:
         raise InputError(f"[shakedown]: is for loads alone; remove {', '.join(scene.preloads)}")
-    STUDY.check(out, workers, options)
+    results = ("shakedown.json", "safe_slip.csv", "shakedown.png")
+    kind = Kind("shakedown study", "shakedown_cases.json", results, shares=False)
+    kind.check(out, workers, options)
     # whole: a contact without friction is refused as such
     system = study.condense(scene, comm, timer.say, whole=True)
     with timer("limits"):
@@ -255,7 +250,7 @@ def shakedown(
 
         return Study(scene, combine)
 
-    return run_study(STUDY, begin, out, workers, options)
+    return run_study(kind, begin, out, workers, options)
 
 
 def _limits(

@@ -91,11 +91,9 @@ class WearStudy:
             # errors are of first order at zone ends; a single change may be small by chance
             ratio = (len(self.x) - 1) / (len(coarse.x) - 1)
             same = np.searchsorted(coarse.cycles, self.cycles[1:], side="right") - 1
-            changes = [
-                np.abs(1.0 - getattr(coarse, name)[same] / getattr(self, name)[1:])
-                for name in ("volume", "depth_max")
-            ]
-            by_mesh[1:] = np.max(changes, axis=0) / (ratio - 1.0)
+            volume = np.abs(1.0 - coarse.volume[same] / self.volume[1:])
+            depth = np.abs(1.0 - coarse.depth_max[same] / self.depth_max[1:])
+            by_mesh[1:] = np.maximum(volume, depth) / (ratio - 1.0)
         steps: Array = row["estimate"]
         self.volume_estimate = mirror.factor * (steps @ system.weight) + by_mesh * self.volume
         at_corner = ends_of_edges(system)[row["depth"].argmax(axis=1)] & (self.depth_max > 0.0)
@@ -108,11 +106,7 @@ class WearStudy:
         return [dict(zip(COLUMNS, row, strict=True)) for row in columns]
 
     def record(self, row: int) -> Record:
-        """Return the record of the cycle of a row: all that a run knows of the worn contact.
-
-        Raises:
-            InputError: the profiles are carried along by the stroke.
-        """
+        """Return the record of the cycle of a row: all that a run knows of the worn contact."""
         if self.model.carried:
             raise InputError("wear: profiles that a stroke carries along have no single cycle")
         return self.model.record(self.rows[row])
@@ -244,12 +238,9 @@ def zones_figure(study: WearStudy) -> Figure:
     axes.set(xlabel="$x$", ylabel="cycles", xlim=_seen(study))
     if cycles[-1] > 0.0:
         axes.set_yscale("symlog", linthresh=max(1.0, 1e-3 * cycles[-1]))
-    names = {State.STICK: "stick", State.SEPARATION: "separation", State.FORWARD_SLIP: "slip"}
-    patches = [
-        mpl.patches.Patch(fc=style.STATE_COLOURS[s], ec="black", lw=0.4, label=name)
-        for s, name in names.items()
-        if np.any(zone == s)
-    ]
+    patches = style.state_patches(np.unique(zone))
+    for patch in patches:  # of a whole cycle, which slips both ways
+        patch.set_label(str(patch.get_label())[3:].removeprefix("forward "))
     figure.legend(handles=patches, loc="outside upper center", ncols=len(patches))
     return figure
 

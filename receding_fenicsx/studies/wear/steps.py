@@ -22,11 +22,6 @@ from receding_fenicsx.interface.law import State
 from receding_fenicsx.interface.system import ContactState, ContactSystem, reactions
 from receding_fenicsx.scene.model import OutputOptions
 
-MOST_CYCLES = 60
-"""Cycles that are played at most until they repeat themselves."""
-SLIPS = 1e-9
-"""Dissipation of a node over the largest above which it slips in a cycle."""
-
 Row = Any
 """One row of an array of :func:`row_type`."""
 
@@ -60,13 +55,13 @@ class NodePairs:
 
     carried = False
 
-    def __init__(self, problem: Problem, coefficient: Array) -> None:
-        """Prepare; ``coefficient`` (N,) is the depth per density of dissipated energy."""
+    def __init__(self, problem: Problem, coefficient: float | Array) -> None:
+        """Prepare; ``coefficient`` is the depth per density of dissipated energy."""
         history, self.whole = problem.history, problem
         self.problem = replace(
             problem,
             system=replace(problem.system, probes=None),
-            history=replace(history, cycles=MOST_CYCLES, until_steady=False, until_limit=True),
+            history=replace(history, cycles=60, until_steady=False, until_limit=True),
             output=OutputOptions(samples_per_leg=1, cycles=()),
             judged=False,
         )
@@ -129,7 +124,7 @@ class NodePairs:
             # what is still to come of a tail that falls with the third power of the cycles
             to_come = len(cycles) * np.abs(after - before).max() / after.max()
             if not known and to_come > 1e-3:
-                raise SolveError(f"wear: no limit cycle was found in {MOST_CYCLES} cycles")
+                raise SolveError("wear: no limit cycle was found in 60 cycles")
         last, start = cycles[-1], cycles[-2].corners[-1]
         corners = [corner.state for corner in last.corners]
         v = np.array([start.state.v, *(corner.v for corner in corners)])
@@ -140,7 +135,7 @@ class NodePairs:
         # less is round-off of a cycle without slip
         least = 1e-12 * last.totals.force_scale * path.max(initial=0.0)
         E = np.where(last.dissipation > least, last.dissipation, 0.0)
-        slips = E > SLIPS * E.max(initial=0.0)
+        slips = E > 1e-9 * E.max(initial=0.0)
         zone = np.where(slips, State.FORWARD_SLIP, State.STICK)
         away = np.all([corner.state == State.SEPARATION for corner in corners], axis=0)
         row["energy"], row["path"] = E, path
@@ -186,7 +181,7 @@ class NodePairs:
         return np.asarray(added * pressures(K, load, gap, added, P > 0.0, held) + fixed)
 
     def depth(self, worn: Array) -> Array:
-        """Return the depth, which is that of both bodies."""
+        """Return the depth of both bodies."""
         return worn
 
 
@@ -204,9 +199,7 @@ def pressures(
     """Return P = load + K w >= 0 with w + gap + added P >= 0 and one of both zero at each node.
 
     By semismooth Newton's method (the primal-dual active set strategy) from a set of closed nodes.
-
-    Raises:
-        SolveError: the sets of closed nodes cycle.
+    SolveError: the sets of closed nodes cycle.
     """
     unit = np.eye(len(gap))
     seen = set()
@@ -249,13 +242,9 @@ class Convected(NodePairs):
     carried = True
 
     def __init__(self, pairs: NodePairs, share: float, slip: Array, half_width: float) -> None:
-        """Place the positions along the loop of load factors.
+        """Place positions along the loop of load factors; ``slip`` are mean ones at its corners.
 
-        Args:
-            pairs: the contact.
-            share: part of the wear that the first body takes.
-            slip: mean slips at the corners of the loop.
-            half_width: half the width of the contact.
+        ``share`` is the part of the wear that the first body takes, ``half_width`` the contact's.
         """
         self.whole, self.problem = pairs.whole, pairs.problem
         self.rate, self.share = pairs.rate, share
@@ -291,7 +280,7 @@ class Convected(NodePairs):
         friction = self.system.friction.mean
         found["energy"], found["path"] = friction * (ways @ P), ways.sum()
         found["P"] = P[int(np.argmin([abs(s) for _, s, _ in self.positions]))]
-        slips = found["energy"] > SLIPS * found["energy"].max()
+        slips = found["energy"] > 1e-9 * found["energy"].max()
         found["zone"] = np.where(slips, State.FORWARD_SLIP, State.SEPARATION)
         return found
 
@@ -307,9 +296,13 @@ class Convected(NodePairs):
         system, n = self.system, self.system.n
         K, shares = system.K[n:, n:], (self.share, 1.0 - self.share)
         rate, jacobian, values = np.zeros(2 * n), np.zeros((2 * n, 2 * n)), []
-        closed = row["P"] > 0.0
+        closed, x, nodes = row["P"] > 0.0, system.x, np.arange(n)
         for load, s, way in self.positions:
-            carried = self._carried(s)
+            # interpolation of values on the second body at the nodes moved by s
+            at, carried = np.clip(x + s, x[0], x[-1]), np.zeros((n, n))
+            low = np.clip(np.searchsorted(x, at, side="right") - 1, 0, n - 2)
+            part = (at - x[low]) / (x[low + 1] - x[low])
+            carried[nodes, low], carried[nodes, low + 1] = 1.0 - part, part
             gap = system.g0 + row["worn"][0] + carried @ row["worn"][1]
             P = pressures(
                 K, load @ system.r_star[:, n:], gap, np.zeros(n), closed, np.zeros(n, dtype=bool)
@@ -331,31 +324,14 @@ class Convected(NodePairs):
         self._known = key, (rate, jacobian, values)
         return rate, jacobian, values
 
-    def _carried(self, s: float) -> Array:
-        """Return the (N, N) interpolation of values on the second body at the nodes moved by s."""
-        x, n = self.system.x, self.system.n
-        at = np.clip(x + s, x[0], x[-1])
-        low = np.clip(np.searchsorted(x, at, side="right") - 1, 0, n - 2)
-        part = (at - x[low]) / (x[low + 1] - x[low])
-        rows = np.zeros((n, n))
-        rows[np.arange(n), low], rows[np.arange(n), low + 1] = 1.0 - part, part
-        return rows
-
 
 def advance(model: NodePairs, row: Row, tolerance: float, last: float) -> Row:
     """Return the row after the next step, whose length one step against two halves accepts.
 
     With the depths h_1 of one step and h_2 of two halves the step is accepted where
     max |h_2 - h_1| <= tolerance max h_2, which is its estimated error; the depth is 2 h_2 - h_1.
-
-    Args:
-        model: the mechanics.
-        row: the contact; ``step`` is the length to try.
-        tolerance: largest estimated error of a step, over the depth that it wears off.
-        last: number of cycles at which the last step ends.
-
-    Raises:
-        SolveError: steps of one cycle do not meet the tolerance, or have no solution.
+    ``row["step"]`` is the length to try, up to ``last`` cycles in all. SolveError: steps of one
+    cycle do not meet the tolerance, or have no solution.
     """
     step = min(float(row["step"]), last - float(row["cycles"]))
     while True:

@@ -12,10 +12,10 @@ from typing import Any
 import numpy as np
 
 from receding_fenicsx import mpi
-from receding_fenicsx.arrays import Array, check_types
+from receding_fenicsx.arrays import check_types
 from receding_fenicsx.errors import InputError, NoEquilibrium, SolveError
 from receding_fenicsx.evolution.histories import with_corners
-from receding_fenicsx.evolution.problem import Problem, problem_of_scene
+from receding_fenicsx.evolution.problem import problem_of_scene
 from receding_fenicsx.interface.law import State
 from receding_fenicsx.interface.mirror import mirror_of
 from receding_fenicsx.interface.system import ContactSystem
@@ -34,14 +34,6 @@ from receding_fenicsx.studies.wear.result import (
 )
 from receding_fenicsx.studies.wear.steps import Convected, NodePairs, Row, advance, row_type
 from receding_fenicsx.timing import Countdown, Timer
-
-THROUGH = "stick zone worn through"
-STUDY = Kind(
-    "wear study",
-    "wear_of.json",
-    ("wear.csv", "wear.json", "wear.npz", "profiles.png", "zones.png", "fatigue.png"),
-    shares=False,
-)
 
 
 def wear(
@@ -66,7 +58,9 @@ def wear(
     check_types("wear", scene=(scene, Scene), out=(out, str, Path, None))
     if scene.wear.coefficient is None and scene.wear.archard is None:
         raise InputError("[wear] coefficient: is missing; give it, or archard")
-    STUDY.check(out, None, options)
+    results = ("wear.csv", "wear.json", "wear.npz", "profiles.png", "zones.png", "fatigue.png")
+    kind = Kind("wear study", "wear_of.json", results, shares=False)
+    kind.check(out, None, options)
     timer = Timer(options.progress if comm.rank == 0 else None)
     system, partner, coarse = study.condense(scene, comm, timer.say), None, None
     with suppress(InputError):  # no coarser mesh fits
@@ -88,22 +82,21 @@ def wear(
 
         return Study(same, combine)
 
-    return run_study(STUDY, begin, out, None, options)
+    return run_study(kind, begin, out, None, options)
 
 
 def wear_numbers(system: ContactSystem, scene: Scene) -> dict[str, float | str]:
     """Return the end of the wear of a condensed scene, for the table of a sweep."""
     own, _ = with_corners(system, scene)
-    found = _wear(own, _begin(own, system), None, Runner(STUDY), Timer())
+    found = _wear(own, _begin(own, system), None, Runner(Kind("wear")), Timer())
     last = found.table()[-1] | {"end": found.end, "volume_estimate": found.volume_estimate[-1]}
     return {f"wear_{name}": value for name, value in last.items()}
 
 
 def _begin(scene: Scene, system: ContactSystem) -> tuple[NodePairs, Row]:
-    """Return the mechanics of a scene and its first row.
+    """Return the mechanics of a scene and its first row; InputError: it cannot wear.
 
-    Raises:
-        InputError: the scene cannot wear.
+    Where the stroke is not small, profiles are carried along, if they can.
     """
     problem = problem_of_scene(system, scene)
     if not len(problem.history.loop):
@@ -115,16 +108,40 @@ def _begin(scene: Scene, system: ContactSystem) -> tuple[NodePairs, Row]:
     law = system.law
     if system.kind == "normal" or not np.any(law.present):
         raise InputError("[wear]: nothing dissipates without friction; give [contact] friction")
-    if options.coefficient is not None:
-        return _model(scene, problem, np.full(system.n, options.coefficient))
-    if system.has_branches or np.any(law.forward != law.backward):
+    if options.archard is not None and (system.has_branches or np.any(law.forward != law.backward)):
         raise InputError(
             "[wear] archard: friction differs by direction, or has a shear limit or a cohesion; "
             "give coefficient instead"
         )
-    archard = np.full(system.n, options.archard or 0.0)
-    f = law.largest
-    return _model(scene, problem, np.divide(archard, f, out=np.zeros(system.n), where=f > 0.0))
+    f = np.where(law.largest > 0.0, law.largest, np.inf)
+    worn_by = (options.archard or 0.0) / f if options.coefficient is None else options.coefficient
+    pairs = NodePairs(problem, worn_by)
+    first, n = pairs.begin(), system.n
+    first["step"] = max(1.0, 1e-3 * scene.wear.cycles)
+    strokes = np.where(first["P"] > 0.0, 0.5 * first["path"], 0.0)
+    touches = lengths(system) * (first["zone"] != State.SEPARATION)[mirror_of(system).index]
+    edge = system.edges[mirror_of(system).index]
+    sizes = [
+        (float(strokes[system.edges == k].max()), float(touches[edge == k].sum()))
+        for k in np.unique(edge)
+    ]
+    # that of the edge on which the stroke is largest against the contact
+    stroke, width = max(sizes, key=lambda size: size[0] / (size[1] or np.inf))
+    small = 0.05  # of the width, up to which node pairs stay opposite each other
+    if stroke <= small * width:
+        return pairs, first
+    slides = np.all(first["zone"] != State.STICK)
+    coupled = np.abs(system.K[:n, n:]).max() > 1e-8 * np.abs(system.K).max()
+    half_planes = len(scene.bodies) == 2 and all(body.is_half_plane for body in scene.bodies)
+    alone = half_planes and len(scene.contacts) == 1 and not system.has_branches
+    if not alone or coupled or not slides:
+        raise InputError(
+            f"[wear]: the stroke {stroke:.4g} is {stroke / width:.2g} of the contact's width "
+            f"{width:.4g}, above {small:g}: nodes do not stay opposite each other; this is "
+            "modelled for two half-planes of equal materials that slide grossly, by friction alone"
+        )
+    found = Convected(pairs, scene.wear.share, pairs.slip_at_corners, 0.5 * width)
+    return found, found.settled(first, np.zeros(2 * n))
 
 
 def _wear(
@@ -184,7 +201,7 @@ def _wear(
     depth = np.inf if options.depth is None else options.depth
     rows, end, failure = chain(*begun, [float(options.cycles)], depth, "")
     if isinstance(failure, NoEquilibrium) and np.any(rows[0]["zone"] == State.STICK):
-        end, failure = THROUGH, None
+        end, failure = "stick zone worn through", None
     if other is not None and failure is None:
         # the same numbers of cycles, as far as the coarser mesh goes
         with suppress(SolveError, InputError):
@@ -209,41 +226,6 @@ def _wear(
     return found
 
 
-def _model(scene: Scene, problem: Problem, coefficient: Array) -> tuple[NodePairs, Row]:
-    """Return node pairs, or profiles carried along by a stroke that is not small; the first row.
-
-    Raises:
-        InputError: the stroke is not small, and the profiles cannot be carried along.
-    """
-    pairs = NodePairs(problem, coefficient)
-    first, system, n = pairs.begin(), problem.system, problem.system.n
-    first["step"] = max(1.0, 1e-3 * scene.wear.cycles)
-    strokes = np.where(first["P"] > 0.0, 0.5 * first["path"], 0.0)
-    touches = lengths(system) * (first["zone"] != State.SEPARATION)[mirror_of(system).index]
-    edge = system.edges[mirror_of(system).index]
-    sizes = [
-        (float(strokes[system.edges == k].max()), float(touches[edge == k].sum()))
-        for k in np.unique(edge)
-    ]
-    # that of the edge on which the stroke is largest against the contact
-    stroke, width = max(sizes, key=lambda size: size[0] / (size[1] or np.inf))
-    small = 0.05  # of the width, up to which node pairs stay opposite each other
-    if stroke <= small * width:
-        return pairs, first
-    slides = np.all(first["zone"] != State.STICK)
-    coupled = np.abs(system.K[:n, n:]).max() > 1e-8 * np.abs(system.K).max()
-    half_planes = len(scene.bodies) == 2 and all(body.is_half_plane for body in scene.bodies)
-    alone = half_planes and len(scene.contacts) == 1 and not system.has_branches
-    if not alone or coupled or not slides:
-        raise InputError(
-            f"[wear]: the stroke {stroke:.4g} is {stroke / width:.2g} of the contact's width "
-            f"{width:.4g}, above {small:g}: nodes do not stay opposite each other; this is "
-            "modelled for two half-planes of equal materials that slide grossly, by friction alone"
-        )
-    found = Convected(pairs, scene.wear.share, pairs.slip_at_corners, 0.5 * width)
-    return found, found.settled(first, np.zeros(2 * n))
-
-
 def _end(system: ContactSystem, rows: list[Row], cycles: float, depth: float) -> str:
     """Return why a study ends with its last row, "" where it goes on."""
     first, last = rows[0], rows[-1]
@@ -253,7 +235,7 @@ def _end(system: ContactSystem, rows: list[Row], cycles: float, depth: float) ->
         return "shakedown"
     if len(rows) > 1 and np.any(rows[-2]["zone"] == State.STICK):
         if not np.any(last["zone"] == State.STICK):
-            return THROUGH
+            return "stick zone worn through"
     begun, touches = (row["zone"] != State.SEPARATION for row in (first, last))
     apart = np.where(np.diff(system.edges) == 0, np.diff(system.x), 0.0)
     spacing = np.maximum(np.append(apart, 0.0), np.append(0.0, apart))
