@@ -31,9 +31,6 @@ Freedom = tuple[int, int]
 Named = tuple[sparse.csc_matrix, list[Freedom] | None]
 """A square matrix, and the freedom of each row where the file names them."""
 
-TYPE = r"(?im)^\*MATRIX\s*,\s*TYPE\s*=\s*(\w+).*$"
-"""Keyword line before the entries of a user element."""
-
 
 def read_matrix(path: Path) -> Named:
     """Read a stiffness."""
@@ -85,16 +82,14 @@ def read_vector(path: Path, freedoms: list[Freedom]) -> Array:
 
 def _numbers(line: str) -> list[float]:
     """Return the numbers of a line, with E or D before the exponent."""
-    words = [word for word in re.split(r"[,\s]+", line.strip(", \t")) if word]
     found = []
-    for word in words:
+    for word in filter(None, re.split(r"[,\s]+", line)):
         try:
-            number = float(re.sub("[dD]", "E", word)) if "_" not in word else math.nan
+            found.append(float(re.sub("[dD]", "E", word.replace("_", "no number"))))
         except ValueError:
-            number = math.nan
-        if not math.isfinite(number):
+            found.append(math.nan)
+        if not math.isfinite(found[-1]):
             raise ValueError(f'"{word[:40]}" is not a finite number')
-        found.append(number)
     return found
 
 
@@ -135,7 +130,8 @@ def _whole(values: Array) -> Any:
 
 def _user_element(text: str) -> Named:
     """Return the stiffness of a user element."""
-    head, *parts = re.split(TYPE, text)
+    # split at the keyword lines before the entries
+    head, *parts = re.split(r"(?im)^\*MATRIX\s*,\s*TYPE\s*=\s*(\w+).*$", text)
     kinds = [kind.upper() for kind in parts[::2]]
     if kinds.count("STIFFNESS") != 1 or head.upper().count("*USER ELEMENT") != 1:
         raise ValueError("one *USER ELEMENT with one *MATRIX,TYPE=STIFFNESS is needed")

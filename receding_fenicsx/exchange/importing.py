@@ -79,18 +79,11 @@ class Specification(Table):
     @property
     def fixed(self) -> set[Freedom]:
         """Freedoms that supports hold."""
-        axes = ((1, "x"), (2, "y"))
-        return {
-            (int(n), k) for s in self.support for n in s.nodes for k, axis in axes if axis in s.fix
-        }
+        return {(int(n), "xy".index(a) + 1) for s in self.support for n in s.nodes for a in s.fix}
 
 
-Points = dict[int, Array]
-"""Coordinates of nodes by their numbers."""
-
-
-def read_specification(path: Path) -> tuple[Specification, Points]:
-    """Read a specification and the file of its nodes."""
+def read_specification(path: Path) -> tuple[Specification, dict[int, Array]]:
+    """Read a specification, and the coordinates of its nodes by their numbers."""
     raw, tables = parse_toml(read_text(path)), ("contact", "support", "load")
     raw |= {name: as_list(raw[name], name) for name in tables if name in raw}
 
@@ -115,12 +108,6 @@ def read_specification(path: Path) -> tuple[Specification, Points]:
     return given, points
 
 
-NO_RESISTANCE = 1e-10
-"""Stiffness against a motion, over the largest, up to which it is the round-off of zero."""
-STRAIGHT = 1e-6
-"""Distance of an edge's nodes from a line, over its length, up to which it is straight."""
-
-
 def import_system(path: str | Path) -> ContactSystem:
     """Return the contact system that a specification describes (``docs/exchange.md``).
 
@@ -134,7 +121,7 @@ def import_system(path: str | Path) -> ContactSystem:
         raise InputError(f"{path}: {error}".replace(f"{path}: {path}: ", f"{path}: ")) from None
 
 
-def _system(given: Specification, points_of: Points, folder: Path) -> ContactSystem:
+def _system(given: Specification, points_of: dict[int, Array], folder: Path) -> ContactSystem:
     """Eliminate, turn to the contact's directions, and check."""
     A, freedoms = read_matrix(folder / given.stiffness)
     if freedoms is None:
@@ -142,7 +129,7 @@ def _system(given: Specification, points_of: Points, folder: Path) -> ContactSys
         freedoms = sorted(freedoms, key=lambda one: one[1] * (given.order == "components"))
     _check_matrix(A, freedoms)
     edges = [_along(edge, points_of) for edge in given.contact]
-    nodes, x, weight, normal = (np.concatenate(part) for part in zip(*edges, strict=True))
+    nodes, x, weight, normal = map(np.concatenate, zip(*edges, strict=True))
     if len(np.unique(nodes)) < len(nodes):
         raise InputError("[[contact]] nodes: a node is named twice")
     C = [(int(node), k) for k in (1, 2) for node in nodes]
@@ -150,8 +137,8 @@ def _system(given: Specification, points_of: Points, folder: Path) -> ContactSys
     nx, ny = np.diag(normal[:, 0]), np.diag(normal[:, 1])
     turn = np.block([[ny, -nx], [nx, ny]])  # from [x; y] to [t; n]
     K, r_star = turn @ K @ turn.T, r_star @ turn.T
-    # supports hold the directions of [v; w] that no free one has a part in
-    is_fixed, part = np.array([freedom in given.fixed for freedom in C]), np.abs(turn) > STRAIGHT
+    # supports hold the directions of [v; w] that no free one has a part in, but for round-off
+    is_fixed, part = np.array([freedom in given.fixed for freedom in C]), np.abs(turn) > 1e-6
     held = np.asarray(part @ is_fixed & ~(part @ ~is_fixed))
     if np.count_nonzero(held) < np.count_nonzero(is_fixed):
         raise InputError("[[support]]: holds a contact node oblique to its normal; hold xy there")
@@ -209,7 +196,7 @@ def _check_matrix(A: sparse.csc_matrix, freedoms: list[Freedom]) -> None:
         raise InputError("stiffness: is not symmetric")
 
 
-def _along(edge: Edge, points_of: Points) -> tuple[Array, Array, Array, Array]:
+def _along(edge: Edge, points_of: dict[int, Array]) -> tuple[Array, Array, Array, Array]:
     """Return nodes sorted along t = (n_y, -n_x), positions from the middle, weights, normals."""
     label = f"contact '{edge.name}'"
     lost = [node for node in edge.nodes if node not in points_of]
@@ -224,7 +211,8 @@ def _along(edge: Edge, points_of: Points) -> tuple[Array, Array, Array, Array]:
     order = np.argsort(points @ [n[1], -n[0]])
     x = (points @ [n[1], -n[0]])[order]
     x = x - 0.5 * (x[0] + x[-1])
-    if np.any(np.diff(x) <= 0.0) or np.ptp(points @ n) > STRAIGHT * (x[-1] - x[0]):
+    # up to a millionth of its length the edge is straight
+    if np.any(np.diff(x) <= 0.0) or np.ptp(points @ n) > 1e-6 * (x[-1] - x[0]):
         raise InputError(f"{label}: its nodes are not on a line across the normal, or coincide")
     weight = np.ones(1)
     if len(x) > 1:
@@ -257,13 +245,10 @@ def _eliminate(
     for load in given.load:
         if load.reactions and inside:
             raise InputError(f"load '{load.name}' reactions: needs a matrix of contact nodes alone")
-    forces = [
-        read_vector(folder / (load.forces or load.reactions), freedoms)
-        * (1.0 if load.forces else -1.0)
-        for load in given.load
-    ]
-    f = np.array(forces).T
+    f = np.zeros((len(freedoms), len(given.load)))
     for load, column in zip(given.load, f.T, strict=True):
+        column[:] = read_vector(folder / (load.forces or load.reactions), freedoms)
+        column *= 1.0 if load.forces else -1.0
         if not column.any():
             raise InputError(f"load '{load.name}': its file has no force; fill it, or remove it")
     K, r_star = np.zeros((len(C), len(C))), np.zeros((f.shape[1], len(C)))
@@ -278,7 +263,7 @@ def _eliminate(
         except RuntimeError:
             raise InputError("stiffness: is singular with the contact held") from None
         smallest, same = factor.U.diagonal().min(), np.all(factor.perm_r == factor.perm_c)
-        if not same or smallest <= NO_RESISTANCE * abs(inner).max():
+        if not same or smallest <= 1e-10 * abs(inner).max():  # round-off of zero
             raise InputError("stiffness: is indefinite or singular with the contact held")
         across = A[inside][:, own].toarray()
         moved = factor.solve(f[inside])
@@ -291,25 +276,26 @@ def _eliminate(
 def _rigid(K: Array, held: NDArray[np.bool_], moved: Array, free: int) -> Array:
     """Return the rigid motions that K does not resist; refuse a K that is not semidefinite."""
     largest = float(np.abs(K).max(initial=0.0))
+    none = 1e-10  # stiffness against a motion, over the largest, that is the round-off of zero
     if not largest > 0.0:
         raise InputError("stiffness: is zero at the contact")
     resisted = np.vstack([np.where(held[:, None], moved, K @ moved / largest), np.zeros((3, 3))])
     _, size, right = np.linalg.svd(resisted, full_matrices=False)
     # a larger size resists the motion; what is between cannot be judged
-    if np.any((size > NO_RESISTANCE) & (size < 1e-7)):
+    if np.any((size > none) & (size < 1e-7)):
         raise InputError("stiffness: has too few digits to tell which rigid motions are free")
-    motion = moved @ right[size <= NO_RESISTANCE].T
+    motion = moved @ right[size <= none].T
     # the rotation of a single node is none
-    motion = scaled(motion[:, np.abs(motion).max(axis=0, initial=0.0) > NO_RESISTANCE])
+    motion = scaled(motion[:, np.abs(motion).max(axis=0, initial=0.0) > none])
     if motion.shape[1] != free:
         raise InputError(
             f"free = {free}: stiffness and supports leave {motion.shape[1]} rigid motion(s) free; "
             "check signs and order of the rows, and the supports"
         )
     values = np.linalg.eigvalsh(K[np.ix_(~held, ~held)])
-    if np.any(values < -NO_RESISTANCE * largest):
+    if np.any(values < -none * largest):
         raise InputError(f"stiffness: is indefinite, with an eigenvalue of {values[0]:.3g}")
-    if np.count_nonzero(values <= NO_RESISTANCE * largest) > free:
+    if np.count_nonzero(values <= none * largest) > free:
         raise InputError("stiffness: does not resist a motion that is not rigid")
     return motion
 
@@ -323,8 +309,8 @@ def import_file(specification: str, out: str, overwrite: bool) -> None:
     pressed = system.r_star[:, system.n :].sum(axis=1)
     loads = zip(system.load_names, pressed, strict=True)
     told = ", ".join(f"{name} (pressed by {P:.6g})" for name, P in loads)
-    motions = system.rigid.shape[1]
-    print(f"{system.n} contact nodes, {motions} rigid motion(s), {told}, written to {path}")
+    free = system.rigid.shape[1]
+    print(f"{system.n} contact nodes, {free} rigid motion(s), {told}, written to {path}")
 
 
 def export_matrices(source: Path, out: Path, overwrite: bool) -> None:
@@ -333,11 +319,10 @@ def export_matrices(source: Path, out: Path, overwrite: bool) -> None:
     kind.check(out, overwrite)
     system = read_system(source / SYSTEM if source.is_dir() else source)
     matrices = {"stiffness": system.K, "r_star": system.r_star, "rigid": system.rigid}
-    nodes = {"x": system.x, "px": system.points[:, 0], "py": system.points[:, 1]}
-    nodes |= {"weight": system.weight, "f_forward": system.friction.forward}
-    nodes |= {"f_backward": system.friction.backward, "gap": system.g0}
-    held_v, held_w = system.held.reshape(2, -1).astype(int)
-    nodes |= {"held_v": held_v, "held_w": held_w}
+    law, held = system.friction, system.held.reshape(2, -1).astype(int)
+    columns = (system.x, *system.points.T, system.weight, law.forward, law.backward, system.g0)
+    names = "x px py weight f_forward f_backward gap held_v held_w".split()
+    nodes = dict(zip(names, (*columns, *held), strict=True))
     with kind.new(out, overwrite) as beside:
         for name, matrix in matrices.items():
             symmetry = "symmetric" if name == "stiffness" else "general"

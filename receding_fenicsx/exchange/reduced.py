@@ -94,8 +94,7 @@ def reduced_model(scene: Scene) -> ReducedModel:
     """
     validate(scene)
     refuse(broken([of_modes(scene, "reduced model")]))
-    gaps = [load.gap for load in scene.loads if load.gap is not None]
-    if scene.preloads or gaps:
+    if scene.preloads or any(load.gap is not None for load in scene.loads):
         raise InputError(
             "reduced model: gaps, bolts and interference are no loads of it; remove them"
         )
@@ -108,30 +107,31 @@ def reduced_model(scene: Scene) -> ReducedModel:
             for name in np.array(part.load_names)[part.sign > 0.0]:
                 raise InputError(f"load '{name}': prescribes a displacement; reduce it as a force")
         whole = assembled(bulk)
-        names = scene.driven_names
-        loads = names, np.array([_forces(bulk, whole, name) for name in names])
+        # nodal forces on the turned freedoms
+        forces = np.array(
+            [
+                whole.turn.T
+                @ np.concatenate(
+                    [p.loads @ (np.array(p.load_names, str) == name) for p in bulk.parts]
+                )
+                for name in scene.driven_names
+            ]
+        )
         system = with_profiles(scene, given(stack.condense(bulk)))
         # from all freedoms to the relative displacements [v; w]
         on = sparse.hstack([G[: bulk.relative.size] for G in bulk.relative.on]).tocoo()
-        at, shape = (
-            (on.row, np.concatenate(whole.contact)[on.col]),
-            (2 * system.n, len(whole.fixed)),
-        )
-        C = sparse.csr_matrix((on.data, at), shape=shape)
-        return _reduced(whole, C, loads, system, scene.mode.count)
+        at = on.row, np.concatenate(whole.contact)[on.col]
+        C = sparse.csr_matrix((on.data, at), shape=(2 * system.n, len(whole.fixed)))
+        return _reduced(scene, whole, C, forces, system)
     finally:
         bulk.destroy()
 
 
 def _reduced(
-    whole: Assembled,
-    C: sparse.csr_matrix,
-    loads: tuple[tuple[str, ...], Array],
-    system: ContactSystem,
-    count: int,
+    scene: Scene, whole: Assembled, C: sparse.csr_matrix, forces: Array, system: ContactSystem
 ) -> ReducedModel:
-    """Return the model, from C (2N, dofs) and the names and forces (n_loads, dofs) of loads."""
-    b = np.concatenate(whole.contact)
+    """Return the model, from C (2N, dofs) and the forces (n_loads, dofs) of the loads."""
+    b, count = np.concatenate(whole.contact), scene.mode.count
     b = b[~whole.fixed[b]]
     inner = ~whole.fixed
     inner[b] = False
@@ -153,8 +153,8 @@ def _reduced(
         M=0.5 * (mass + mass.T),
         K=0.5 * (K + K.T),
         C=C @ T,
-        loads=loads[1] @ T,
-        load_names=loads[0],
+        loads=forces @ T,
+        load_names=scene.driven_names,
         omega=np.sqrt(np.sort(squares)),
         points=system.points,
         weight=system.weight,
@@ -162,18 +162,6 @@ def _reduced(
         f_backward=system.friction.backward,
         g0=system.g0,
     )
-
-
-def _forces(bulk: Any, whole: Assembled, name: str) -> Array:
-    """Return the nodal forces (dofs,) of a load, on the turned freedoms."""
-    own = [
-        part.loads[:, part.load_names.index(name)]
-        if name in part.load_names
-        else np.zeros(part.dofs)
-        for part in bulk.parts
-    ]
-    forces: Array = whole.turn.T @ np.concatenate(own)
-    return forces
 
 
 def export_reduced(source: Path, out: Path, overwrite: bool) -> None:

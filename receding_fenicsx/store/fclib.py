@@ -111,11 +111,11 @@ def write_fclib(
             _matrix(local.create_group("R"), np.zeros((free, free)))
             vectors["s"] = problem.s
         info = local.create_group("info")
+        meaning = "u_N gap at the end of the step, u_T slip in the step, r reactions on the body"
         about = {
             "title": title or "frictional contact",
             "description": description or "one load step",
-            "math_info": "W symmetric, positive semi-definite; u_N gap at the end of the step, "
-            "u_T slip in the step, r reactions on the body",
+            "math_info": f"W symmetric, positive semi-definite; {meaning}",
         }
         for key, text in about.items():
             info[key] = np.bytes_(text.encode("ascii", "replace"))
