@@ -229,7 +229,7 @@ def test_a_solver_of_the_users_own_is_taken_by_its_name(monkeypatch: pytest.Monk
         return rf.SOLVERS["events"](system, options)
 
     monkeypatch.setitem(rf.SOLVERS, "mine", mine)
-    options = SolverOptions(method="mine")  # type: ignore[arg-type]
+    options = SolverOptions(method="mine")
     found, known = (evolve(block_system(8, 2), cyclic(1), s) for s in (options, None))
     assert np.array_equal(found.turning_points.Q, known.turning_points.Q)
     assert seen == [options] and found.method == "mine"
