@@ -277,6 +277,7 @@ def test_fringes_are_white_at_whole_orders_and_black_halfway(scale: float) -> No
     apart = 0.2 * scale  # the largest, 2, has ten
     assert colours.note == rf"one fringe {apart:g}$\,p_0$"
     assert colours.limits == (0.0, pytest.approx(2.0 * scale)) and len(levels) == 0
+    assert colours.extend == "neither"
     at = np.linspace(*colours.limits, len(colours.table))
     for order in range(10):
         for part, grey in ((0.0, 1.0), (0.25, 0.5), (0.5, 0.0), (0.75, 0.5)):
