@@ -35,6 +35,14 @@ def test_the_largest_pressure_at_a_sharp_corner_is_called_singular(shared_tmp_pa
         assert summary["errors"]["largest_pressure"]["converges"] is False
 
 
+@pytest.mark.one_rank
+@pytest.mark.parametrize("file", sorted(DEMOS.glob("*.toml")), ids=lambda file: file.stem)
+def test_scenes_on_finer_and_coarser_meshes_are_valid(file: Path) -> None:
+    scene = rf.read_scene(file)
+    for factor in (0.5, 2):
+        rf.validate(rf.scaled_mesh(scene, int(factor * scene.mesh.contact_elements)))
+
+
 def test_sizes_of_a_graded_family_are_in_proportion() -> None:
     scene = sheared()
     (size,) = contact_sizes_of(scene)

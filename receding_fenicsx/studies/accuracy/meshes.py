@@ -55,7 +55,9 @@ def scaled_mesh(scene: Scene, elements: int) -> Scene:
     def grown(growth: float) -> float:
         return min(1.0 + factor * (growth - 1.0), 3.0)
 
-    growth = grown(mesh.growth)
+    # half-planes have no cells that could grow
+    cells = mesh.refine is not None or any(not body.is_half_plane for body in scene.bodies)
+    growth = grown(mesh.growth) if cells else mesh.growth
     if is_refined(scene):
         times = (mesh.refinements or 0) - round(math.log2(factor))
         mesh = replace(mesh, refinements=times)
