@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from receding_fenicsx import mpi
+from receding_fenicsx import environment, mpi
 from receding_fenicsx.arrays import Array, check_types
 from receding_fenicsx.atomic import make_folder, new_file
 from receding_fenicsx.bulk.from_scene import condensed, is_small, probes_of
@@ -144,10 +144,15 @@ def run(
             write_probes(place / "probes", own)
             return summary.summarise(own, found.extra)
 
+        def write_costs() -> None:
+            costs = environment.costs(comm, timer.seconds)
+            file = mpi.given(folder) / "summary.json" if comm.rank == 0 else Path()
+            mpi.on_root(comm, lambda: write_summary(file, mpi.given(text) | costs, True))
+
         if out is not None:
             # written before the pictures too, which may fail
             text = mpi.on_root(comm, written)
-            _write_summary(comm, folder, text, timer)
+            write_costs()
             with resumable(folder, "while drawing"), timer("pictures"):
                 if options.pictures and (failure is None or isinstance(failure, ToleranceNotMet)):
                     run_of = (found.scene, found.system, record, folder)
@@ -157,7 +162,7 @@ def run(
                             from receding_fenicsx.output.plots.study_plots import draw_search
                         place = mpi.given(folder) / "figures" if comm.rank == 0 else Path()
                         mpi.on_root(comm, lambda: draw_search(found.extra["accuracy"], place))
-            _write_summary(comm, folder, text, timer)
+            write_costs()
             with drawing_modules():
                 from receding_fenicsx.output.report import html
             scene_toml = "" if record is None else record.scene_toml
@@ -328,19 +333,6 @@ def check(scene: Scene, comm: MPI.Comm | None = None) -> int:
     return int(nodes)
 
 
-def _write_summary(
-    comm: MPI.Comm, folder: Path | None, text: dict[str, Any] | None, timer: Timer
-) -> None:
-    """Write the summary with timings and memory of the run so far; collective."""
-    from receding_fenicsx import environment
-
-    costs = environment.costs(comm, timer.seconds)
-    name = "summary.json"
-    mpi.on_root(
-        comm, lambda: write_summary(mpi.given(folder) / name, mpi.given(text) | costs, True)
-    )
-
-
 log = logging.getLogger(__name__)
 
 
@@ -393,10 +385,7 @@ def run_history(
 
 
 def _with_corners(
-    scene: Scene,
-    system: ContactSystem,
-    folder: Path | None,
-    say: Say | None,
+    scene: Scene, system: ContactSystem, folder: Path | None, say: Say | None
 ) -> tuple[Scene, Array | None]:
     """Return the scene with the corners of its harmonic history, those of the run it resumes."""
     scene = tightened(system, scene)
@@ -430,9 +419,22 @@ def shared_system(scene: Scene, body: str, folder: Path | None = None) -> Contac
     """
     if body in _systems:
         return _systems[body]
+
+    def condensed_here() -> ContactSystem:
+        with suppress(ImportError):
+            import dolfinx_solver  # noqa: F401 - PyPI's stack must be loaded before mpi4py
+        from mpi4py import MPI
+
+        if "petsc4py.PETSc" not in sys.modules:
+            import petsc4py
+
+            # PETSc's start is collective, and the other ranks may be elsewhere
+            petsc4py.init(comm=MPI.COMM_SELF)
+        return mpi.given(condense(scene, MPI.COMM_SELF, whole=True))
+
     found = None
     if folder is None:
-        found = _condensed(scene)
+        found = condensed_here()
     else:
         path = folder / f"{body}.h5"
         make_folder(folder)
@@ -440,25 +442,9 @@ def shared_system(scene: Scene, body: str, folder: Path | None = None) -> Contac
             with suppress(InputError):  # missing or damaged
                 found = read_system(path)
             if found is None:
-                write_system(path, _condensed(scene), overwrite=True)
+                write_system(path, condensed_here(), overwrite=True)
                 found = read_system(path)
     while len(_systems) >= 2:  # a process keeps two
         del _systems[next(iter(_systems))]
     _systems[body] = found
     return found
-
-
-def _condensed(scene: Scene) -> ContactSystem:
-    """Condense a scene on this process alone."""
-    with suppress(ImportError):
-        import dolfinx_solver  # noqa: F401 - PyPI's stack must be loaded before mpi4py
-    from mpi4py import MPI
-
-    if "petsc4py.PETSc" not in sys.modules:
-        import petsc4py
-
-        # PETSc's start is collective, and the other ranks may be elsewhere
-        petsc4py.init(comm=MPI.COMM_SELF)
-    system = condense(scene, MPI.COMM_SELF, whole=True)
-    assert system is not None
-    return system

@@ -105,18 +105,15 @@ class Kind:
         check_workers(workers, comm, options.executor)
         if options.shard is not None:
             number, shares = options.shard
+            reason = ""
             if not self.shares:
-                raise InputError(
-                    f"{self.name}: its cases depend on each other; leave the shard out"
-                )
-            if out is None or not 1 <= number <= shares:
-                raise InputError(
-                    f"shard {number}/{shares}: needs 1 <= number <= count, and a folder"
-                )
-            if options.overwrite:
-                raise InputError(
-                    "--shard and --overwrite: shares use the folder together; omit one"
-                )
+                reason = f"{self.name}: its cases depend on each other; leave the shard out"
+            elif out is None or not 1 <= number <= shares:
+                reason = f"shard {number}/{shares}: needs 1 <= number <= count, and a folder"
+            elif options.overwrite:
+                reason = "--shard and --overwrite: shares use the folder together; omit one"
+            if reason:
+                raise InputError(reason)
         if out is not None:
             mpi.on_root(comm, lambda: self.continues(Path(out), options))
 
@@ -186,16 +183,15 @@ def run_study(
 
 def check_workers(count: int | None, comm: MPI.Comm, executor: Executor | None = None) -> None:
     """Raise InputError for a wrong number of new processes."""
-    if count is not None:
-        if isinstance(count, bool) or not isinstance(count, int):
-            raise InputError(f"workers = {count!r}: must be a whole number")
-        if not 1 <= count <= 1024:
-            raise InputError(f"workers = {count}: must be from 1 to 1024")
-        if executor is not None or comm.size > 1:
-            raise InputError(
-                "workers: the cases are run by the ranks of the MPI job, or by the executor; "
-                "leave workers out"
-            )
+    if count is None:
+        return
+    if isinstance(count, bool) or not isinstance(count, int) or not 1 <= count <= 1024:
+        raise InputError(f"workers = {count!r}: must be a whole number from 1 to 1024")
+    if executor is not None or comm.size > 1:
+        raise InputError(
+            "workers: the cases are run by the ranks of the MPI job, or by the executor; leave "
+            "workers out"
+        )
 
 
 def digest_of(*parts: Any) -> str:
@@ -221,15 +217,22 @@ def on_ranks(comm: MPI.Comm, work: Callable[[Executor | None], T]) -> T | None:
 
     result: T | None = None
     error: BaseException | None = None
-    with (
-        _signals_on_root_only(comm),
-        MPICommExecutor(comm, root=0) as executor,  # type: ignore[arg-type]
-    ):
-        if executor is not None:
-            try:
-                result = work(executor)
-            except BaseException as caught:
-                error = caught
+    kept = {}
+    if comm.rank > 0:
+        # rank 0 alone answers signals that ask to end: it withdraws the cases not begun
+        with contextlib.suppress(ValueError):  # signals belong to the main thread
+            for number in (signal.SIGINT, signal.SIGTERM):
+                kept[number] = signal.signal(number, signal.SIG_IGN)
+    try:
+        with MPICommExecutor(comm, root=0) as executor:  # type: ignore[arg-type]
+            if executor is not None:
+                try:
+                    result = work(executor)
+                except BaseException as caught:
+                    error = caught
+    finally:
+        for number, handler in kept.items():
+            signal.signal(number, handler)
 
     def answer() -> T | None:
         if error is not None:
@@ -239,49 +242,28 @@ def on_ranks(comm: MPI.Comm, work: Callable[[Executor | None], T]) -> T | None:
     return mpi.on_root(comm, answer)
 
 
-@contextlib.contextmanager
-def _signals_on_root_only(comm: MPI.Comm) -> Iterator[None]:
-    """Let rank 0 alone answer signals that ask to end: it withdraws the cases not begun."""
-    kept = {}
-    if comm.rank > 0:
-        with contextlib.suppress(ValueError):  # signals belong to the main thread
-            for number in (signal.SIGINT, signal.SIGTERM):
-                kept[number] = signal.signal(number, signal.SIG_IGN)
-    try:
-        yield
-    finally:
-        for number, handler in kept.items():
-            signal.signal(number, handler)
-
-
 # -- cases in processes --------------------------------------------------------------------------
 
 Played = Generator[tuple[int, Outcome], None, None]
 """Numbers of the cases as they finish, and their outcomes."""
 
 
+@dataclass
 class Runner:
-    """Runs cases, in the ``folder`` of a study or without one.
+    """Runs cases, in the folder of a study or without one."""
 
-    ``systems`` is for condensed systems, removed with the last case; ``complete``: all cases so far
-    are finished, in whatever share.
-    """
+    kind: Kind
+    options: StudyOptions = StudyOptions()
+    file: CaseFile | None = None  # of the finished cases
+    workers: int | None = None
+    executor: Executor | None = None
+    complete: bool = True  # all cases so far are finished, in whatever share
 
-    def __init__(
-        self,
-        kind: Kind,
-        options: StudyOptions = StudyOptions(),
-        file: CaseFile | None = None,
-        workers: int | None = None,
-        executor: Executor | None = None,
-    ) -> None:
-        """Hold what runs the cases, and the file that keeps them; see :func:`run_study`."""
-        self.kind, self.options, self.file = kind, options, file
-        self.workers, self.executor = workers, executor
-        self.folder = None if file is None else file.folder
-        self.systems = None if file is None else file.folder / SYSTEMS
-        self.complete = True
-        self.finished = {} if file is None else file.read(final=True)
+    def __post_init__(self) -> None:
+        """Read the finished cases; ``systems`` is for condensed systems until the last case."""
+        self.folder = None if self.file is None else self.file.folder
+        self.systems = None if self.folder is None else self.folder / SYSTEMS
+        self.finished = {} if self.file is None else self.file.read(final=True)
 
     def outcomes(
         self, cases: Sequence[Case], measure: Measure, here: bool = False
@@ -295,14 +277,11 @@ class Runner:
         order = sorted(range(len(cases)), key=lambda number: cases[number].body)
         first, step = self.options.shard or (1, 1)
         share = order[first - 1 :: step]
-        lacking = {
-            k: case
-            for k, case in enumerate(cases)
-            if not case.error and case.identity not in finished
-        }
-        todo = {k: lacking[k] for k in share if k in lacking}
-        for name in self.kind.results if lacking and self.folder else ():
-            (self.folder / name).unlink(missing_ok=True)  # type: ignore[operator]
+        lacking = {k for k, c in enumerate(cases) if not c.error and c.identity not in finished}
+        todo = {k: cases[k] for k in share if k in lacking}
+        if lacking and self.folder is not None:
+            for name in self.kind.results:
+                (self.folder / name).unlink(missing_ok=True)
         done, failed = len(share) - len(todo), 0
         tell = Countdown(self.options.progress, f"{self.kind.name}: case")
         if self.executor is not None and not here:
