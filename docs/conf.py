@@ -17,6 +17,8 @@ highlight_language = "none"
 smartquotes = False
 add_module_names = False
 python_use_unqualified_type_names = True
-toc_object_entries_show_parents = "hide"
+toc_object_entries = (
+    False  # contents of a page are its modules: with all functions the site takes twice as long
+)
 # names of types in signatures are links where they are unique
 suppress_warnings = ["ref.python"]

@@ -46,6 +46,11 @@ OTHERS = {"demos/run.sh", "demos/run.sh --setup", ".ci/run"}
 OTHERS |= {"tests/run.sh", "tests/run.sh tests/bulk/test_patch.py"}
 """Lines that .ci/run runs, or that take minutes: only checked to be scripts that bash can read."""
 
+once = pytest.mark.skipif(
+    Path(sys.prefix).name == ".venv-pypi" and (ROOT / ".venv" / "complete").exists(),
+    reason="the same in both environments; .venv tries it",
+)
+
 
 def text_of(name: str) -> str:
     return (ROOT / name).read_text(encoding="utf-8")
@@ -181,7 +186,10 @@ def run_program(folder: Path, program: str) -> str:
     return run.stdout
 
 
-@pytest.mark.parametrize("engine", ["dask.distributed", "submitit", "MPIPoolExecutor"])
+@pytest.mark.parametrize(
+    "engine",
+    [*(pytest.param(e, marks=once) for e in ("dask.distributed", "submitit")), "MPIPoolExecutor"],
+)
 def test_recipes_for_clusters_run_by_their_local_executors(
     beside_demos: Path, mpirun: Callable[..., Any], engine: str
 ) -> None:
@@ -224,6 +232,7 @@ def test_a_body_condensed_out_of_core_is_the_same(beside_demos: Path) -> None:
     np.testing.assert_allclose(systems[1].r_star, systems[0].r_star, atol=1e-13)
 
 
+@once
 def test_recipe_for_snakemake_runs_by_its_local_executor(beside_demos: Path) -> None:
     pytest.importorskip("snakemake")
     (rules,) = re.findall(r"```text\n(rule .*?)```", text_of("docs/cluster.md"), re.S)
@@ -284,7 +293,9 @@ def test_commands_of_the_documents_run(
     assert "contact nodes" in done.stdout, done.stderr
 
 
-@pytest.mark.parametrize("line", SCRIPTS)
+@pytest.mark.parametrize(
+    "line", [pytest.param(x, marks=once if "docs/build.py" in x else ()) for x in SCRIPTS]
+)
 def test_scripts_of_the_documents_run(tmp_path: Path, line: str) -> None:
     """In a folder of its own, by the environment of this interpreter."""
     prefix = Path(sys.prefix)
