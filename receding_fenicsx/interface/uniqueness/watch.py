@@ -98,8 +98,6 @@ class UniquenessWatch:
         # instants met before, by direction of the leg
         self._met: dict[bytes, set[Sides]] = {}
         self._patterns: list[Pattern] = []
-        # of no smaller margin than the one that is found
-        self._larger: list[Pattern] = []
         self.indefinite: set[Sides] = set()
         self._measured: set[Sides] = set()
         self._jumps: list[float] = []
@@ -272,17 +270,10 @@ class UniquenessWatch:
 
     def _measure(self, one: Sides) -> None:
         """Lower the margin to that of a set of states, if it is smaller."""
-        judge, least = self.certificate, self.found.margin
-        if any(larger.holds(one) for larger in self._larger):
-            return
-        if np.isfinite(least):
-            pattern = certify(judge, [one], least * (1.0 - SAME_MARGIN))
-            if pattern is not None:
-                self._larger.append(pattern)
-                return
-        margin, _ = judge.margin(one.states(judge.system.n))
-        if margin > 0.0:  # what slips without stiffness does so whatever the friction
-            self.found = replace(self.found, margin=min(least, margin))
+        margin, _ = self.certificate.margin(one.states(self.certificate.system.n))
+        # what slips without stiffness does so whatever the friction
+        if 0.0 < margin < self.found.margin * (1.0 - SAME_MARGIN):
+            self.found = replace(self.found, margin=margin)
 
     def _doubt(self, place: tuple[int, int, float], direction: Array, sides: Sides) -> None:
         """Count the solutions of an instant whose matrices are not all definite."""
