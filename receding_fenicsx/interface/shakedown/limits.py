@@ -191,9 +191,8 @@ def lower_limit(
     top, best, proofs = -upper.value, None, dict(certificates or {})
     order = np.arange(len(margins.targets)) if targets is None else np.array([*targets], dtype=int)
     # nodes with a wide range for little pressure come first: a small best prunes the others
-    pressed = [margins.c[list(margins.targets[t])].sum() for t in order]
-    change = [margins.d[list(margins.targets[t])].sum() for t in order]
-    reach = [-c / d if d < 0.0 else np.inf for c, d in zip(pressed, change, strict=True)]
+    sums = [(x[list(margins.targets[t])].sum() for x in (margins.c, margins.d)) for t in order]
+    reach = [-c / d if d < 0.0 else np.inf for c, d in sums]
     for t in order[np.argsort(reach, kind="stable")]:
         rows = margins.targets[t]
         total, constant = G[list(rows)].sum(axis=0), margins.c[list(rows)].sum()
@@ -241,7 +240,14 @@ def assembled(
         raise SolveError(f"the safe slip violates margins by {residual:.1e} of the largest force")
     answers = {"lower": lower, "upper": upper if bounded else None}
     found = {limit: answer for limit, answer in answers.items() if answer is not None}
-    active = [each for limit in found for each in _active(system, margins, found[limit], limit)]
+    active = []
+    for limit, answer in found.items():
+        # rows with a multiplier but bounds of slips, and the equations
+        size = np.abs(answer.multipliers[: len(margins.c)])
+        holding = np.flatnonzero(size > BINDS * np.abs(answer.multipliers).max(initial=0.0))
+        for row in np.union1d(holding, np.array(answer.equations, dtype=int)):
+            node, vertex = int(margins.node[row]), int(np.argmin(margins.D[row]))
+            active.append(Active(limit, node, float(system.x[node]), margins.kind[row], vertex))
     # a node loses its pressure, or another one touches
     at_upper = {(a.node, a.vertex, a.kind) for a in active if a.limit == "upper"}
     opens = any(
@@ -263,16 +269,3 @@ def assembled(
         residual,
         max((abs(a.value - a.bound) / (1.0 + abs(a.value)) for a in found.values()), default=0.0),
     )
-
-
-def _active(
-    system: ContactSystem, margins: Margins, answer: Answer, limit: str
-) -> Iterable[Active]:
-    """Yield the margins that hold an answer: those with a multiplier, and its equations."""
-    size = float(np.abs(answer.multipliers).max(initial=0.0))
-    holding = np.flatnonzero(np.abs(answer.multipliers) > BINDS * size)
-    holding = holding[holding < len(margins.c)]  # without the bounds of slips
-    for row in np.union1d(holding, np.array(answer.equations, dtype=int)):
-        node = int(margins.node[row])
-        vertex = int(np.argmin(margins.D[row]))
-        yield Active(limit, node, float(system.x[node]), margins.kind[row], vertex)

@@ -65,12 +65,9 @@ def load_range(system: ContactSystem, mean: Loads, vertices: Sequence[Loads]) ->
         InputError: a load is not one of the system's, the range is empty or does nothing, or the
             mean load lies outside the polygon of the range.
     """
-    found = LoadRange(
-        _factors(system, mean, "mean"),
-        np.array([_factors(system, vertex, "range") for vertex in vertices]).reshape(
-            len(vertices), len(system.load_names)
-        ),
-    )
+    corners = [_factors(system, vertex, "range") for vertex in vertices]
+    every = np.array(corners).reshape(-1, len(system.load_names))
+    found = LoadRange(_factors(system, mean, "mean"), every)
     size = float(np.abs(found.vertices).max(initial=0.0))
     if size == 0.0:
         raise InputError("range: is empty; give at least two different sets of load factors")
