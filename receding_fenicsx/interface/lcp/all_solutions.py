@@ -54,9 +54,7 @@ def all_solutions(
     """Find all solutions of the rate problem, or of a static problem from rest.
 
     The arguments are those of :func:`~receding_fenicsx.interface.lcp.contact.solve_states`.
-
-    Raises:
-        np.linalg.LinAlgError: a motion of the freely moving freedoms is left without stiffness.
+    LinAlgError: a motion of the freely moving freedoms is left without stiffness.
     """
     problem = Problem.of(system, r0, undecided, open_dofs)
     if not problem.may:
@@ -108,7 +106,11 @@ def _with_sides(
             return [], False
         S, s = S - S[:, free] @ gone[:, :-1], s - S[:, free] @ gone[:, -1]
     M, q = mix @ S[:, pairs] * sign, mix @ s
-    definite = _is_definite(M)
+    d = np.sqrt(np.maximum(np.diagonal(M), 0.0))
+    definite = d.min(initial=1.0) > 0.0
+    if definite and len(M):  # whether the symmetric part of M is positive definite
+        size = np.linalg.eigvalsh(0.5 * (M + M.T) / d / d[:, None])
+        definite = size[0] > 1e-12 * size[-1]
     states = np.where(np.isin(np.arange(m), pairs), STICK, sides).astype(np.int8)
     if not definite and 2.0 ** len(pairs) <= most:
         slips: Choices = [(STICK, side) if i in pairs else (side,) for i, side in enumerate(sides)]
@@ -121,7 +123,7 @@ def _with_sides(
             found[-1][pairs[z > 0.0]] = sides[pairs[z > 0.0]]
         if definite and found:
             break
-    return [np.array(found)] if found else [], definite and bool(found)
+    return [np.array(found)] if found else [], bool(definite and found)
 
 
 def _distinct(problem: Problem, tried: Iterator[NDArray[np.int8]]) -> NDArray[np.int8]:
@@ -141,14 +143,3 @@ def _distinct(problem: Problem, tried: Iterator[NDArray[np.int8]]) -> NDArray[np
                 kept.append(state)
                 rates.append(u)
     return np.array(kept, dtype=np.int8).reshape(-1, len(problem.may))
-
-
-def _is_definite(M: Array) -> bool:
-    """Return whether the symmetric part of M is positive definite."""
-    if len(M) == 0:
-        return True
-    d = np.sqrt(np.maximum(np.diagonal(M), 0.0))
-    if d.min() == 0.0:
-        return False
-    size = np.linalg.eigvalsh(0.5 * (M + M.T) / d / d[:, None])
-    return bool(size[0] > 1e-12 * size[-1])

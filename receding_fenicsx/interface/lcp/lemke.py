@@ -10,7 +10,6 @@ from __future__ import annotations
 from contextlib import suppress
 
 import numpy as np
-from numpy.typing import NDArray
 
 from receding_fenicsx.arrays import Array
 
@@ -18,10 +17,7 @@ from receding_fenicsx.arrays import Array
 def solve(M: Array, q: Array, cover: Array) -> Array | None:
     """Return a solution z (n,), or None where Lemke's method ends on a ray.
 
-    Args:
-        M: (n, n) matrix.
-        q: (n,) vector.
-        cover: (n,) positive covering vector.
+    ``cover`` is a positive covering vector (n,).
     """
     n = len(q)
     if n == 0:
@@ -67,13 +63,7 @@ def is_solution(M: Array, q: Array, z: Array) -> bool:
 
 
 def lemke(M: Array, q: Array, cover: Array) -> Array | None:
-    """Run Lemke's method with one covering vector; None when it ends on a ray.
-
-    Args:
-        M: (n, n) matrix.
-        q: (n,) vector.
-        cover: (n,) positive covering vector.
-    """
+    """Run Lemke's method with one covering vector; None when it ends on a ray."""
     n = len(q)
     if np.all(q >= 0.0):
         return np.zeros(n)
@@ -93,29 +83,18 @@ def lemke(M: Array, q: Array, cover: Array) -> Array | None:
             z[basic] = tableau[:, -1]
             return z[n : 2 * n]
         entering = leaving + n if leaving < n else leaving - n
-        found = _ratio_test(tableau, basic, entering, n)
-        if found is None:
+        # the leaving row, ties broken lexicographically by right-hand side and columns of the basis
+        # inverse, z_0 preferred; smaller entries of the scaled tableau are no pivots
+        rows = np.flatnonzero(tableau[:, entering] > 1e-11)
+        if len(rows) == 0:
             return None
-        row = found
+        for j in (-1, *range(n)):
+            ratios = tableau[rows, j] / tableau[rows, entering]
+            best = ratios.min()
+            rows = rows[ratios <= best + 1e-11 * max(1.0, abs(best))]
+            if j == -1 and np.any(basic[rows] == 2 * n):
+                rows = rows[basic[rows] == 2 * n]
+            if len(rows) == 1:
+                break
+        row = int(rows[0])
     return None
-
-
-def _ratio_test(tableau: Array, basic: NDArray[np.intp], entering: int, n: int) -> int | None:
-    """Return the leaving row, ties broken lexicographically, z_0 preferred; None on a ray."""
-    column = tableau[:, entering]
-    # smaller entries of the scaled tableau are no pivots
-    rows = np.flatnonzero(column > 1e-11)
-    if len(rows) == 0:
-        return None
-    # order of comparison: right-hand side, then the columns of the basis inverse
-    for j in (-1, *range(n)):
-        ratios = tableau[rows, j] / column[rows]
-        best = ratios.min()
-        rows = rows[ratios <= best + 1e-11 * max(1.0, abs(best))]
-        if j == -1:
-            artificial = rows[basic[rows] == 2 * n]
-            if len(artificial):
-                return int(artificial[0])
-        if len(rows) == 1:
-            break
-    return int(rows[0])

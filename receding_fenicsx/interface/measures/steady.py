@@ -16,23 +16,14 @@ NOT_REACHED = "not reached"
 
 @dataclass(frozen=True)
 class PowerLaw:
-    """Least-squares fit of |y| = c N^exponent.
+    """Least-squares fit of |y| = c N^exponent."""
 
-    Attributes:
-        exponent: slope of log |y| over log N.
-        uncertainty: its standard error.
-    """
-
-    exponent: float
-    uncertainty: float
+    exponent: float  # slope of log |y| over log N
+    uncertainty: float  # its standard error
 
 
 def fit_power_law(N: Array, y: Array) -> PowerLaw:
-    """Fit |y| = c N^exponent through non-zero values (the paper's Fig. 8).
-
-    Raises:
-        ValueError: fewer than three non-zero values.
-    """
+    """Fit |y| = c N^exponent through three or more non-zero values (the paper's Fig. 8)."""
     N, y = np.asarray(N, float), np.abs(np.asarray(y, float))
     used = y > 0.0
     if used.sum() < 3:

@@ -123,11 +123,9 @@ def central_zone(
 ) -> NodeRange | None:
     """Find the zone of marked nodes around the middle of the edge, symmetric within a node.
 
-    Where the edge begins on the axis, the zone does.
-
-    Returns:
-        Its first and last node; (0, -1) when no node is marked; None when some are, but none
-        of their zones lies around the middle, or that one is not symmetric.
+    Where the edge begins on the axis, the zone does. Returned are its first and last node; (0, -1)
+    when no node is marked; None when some are, but none of their zones lies around the middle, or
+    that one is not symmetric.
     """
     if not np.any(inside):
         return (0, -1)

@@ -176,10 +176,6 @@ def lower_limit(
     the best mu so far shows by its dual bound that a node cannot improve it; only where the sum
     reaches zero a second program finds mu. Multipliers of another mean load are tried before any
     program is solved. ``targets`` are numbers of the targets to look at, all when left out.
-
-    Raises:
-        InputError: no slip within the bounds of :func:`with_bound` holds the mean loads.
-        SolveError: a program does not pass its checks.
     """
     bounded = len(margins.c) > len(margins.kind)
     if bounded and largest_margin(margins).value > 1.0 + VANISHES:
@@ -220,11 +216,7 @@ def assembled(
     lower: Answer | None,
     away: NDArray[np.bool_],
 ) -> ShakedownLimits:
-    """Return the limits in the units of the load factors, checked afresh against eq. (11).
-
-    Raises:
-        SolveError: the margins of the safe slip, evaluated from K, are violated.
-    """
+    """Return the limits in the units of the load factors, checked afresh against eq. (11)."""
     bounded = np.isfinite(upper.value)
     mu = -upper.value
     y = upper.z[:-1] if bounded else largest_margin(margins).z[:-1]

@@ -59,12 +59,7 @@ class Margins:
 
 
 def load_range(system: ContactSystem, mean: Loads, vertices: Sequence[Loads]) -> LoadRange:
-    """Return mean loads and range as arrays.
-
-    Raises:
-        InputError: a load is not one of the system's, the range is empty or does nothing, or the
-            mean load lies outside the polygon of the range.
-    """
+    """Return mean loads and range as arrays; the mean has to lie in the polygon of the range."""
     corners = [_factors(system, vertex, "range") for vertex in vertices]
     every = np.array(corners).reshape(-1, len(system.load_names))
     found = LoadRange(_factors(system, mean, "mean"), every)
@@ -109,9 +104,6 @@ def margins_of(system: ContactSystem, loads: LoadRange, separated: NDArray[np.bo
     Tangential displacements of nodes without friction (Q = 0) and both displacements of the (N,)
     nodes separated throughout (Q = P = 0) are eliminated by eq. (11); closed nodes have w = -g0.
     Margins are over the largest one of the mean loads, slips over that of its force.
-
-    Raises:
-        InputError: no node has friction, or the mean loads cause no reactions.
     """
     n, friction = system.n, system.friction
     away = separated & ~system.held[n:]
@@ -184,11 +176,7 @@ def _affine(system: ContactSystem, nodes: Ints, away: NDArray[np.bool_]) -> tupl
 
 
 def with_bound(margins: Margins, largest_slip: float | None) -> Margins:
-    """Return margins with rows that bound the residual slips, after the others.
-
-    Raises:
-        InputError: the bound is not positive.
-    """
+    """Return margins with rows that bound the residual slips, after the others."""
     if largest_slip is None:
         return margins
     if not largest_slip > 0.0:
@@ -202,11 +190,7 @@ def with_bound(margins: Margins, largest_slip: float | None) -> Margins:
 def prepared(
     system: ContactSystem, loads: LoadRange, separated: str = REFUSE
 ) -> tuple[Margins, NDArray[np.bool_]]:
-    """Return the margins of a range and the separated nodes; refuse what has no limits.
-
-    Raises:
-        InputError: as :func:`shakedown_limits`.
-    """
+    """Return the margins of a range and the separated nodes; refuse what has no limits."""
     if system.kind == "normal" or not np.any(system.friction.present):
         raise InputError("shakedown: the scene has no friction; give [contact] friction")
     if separated not in (REFUSE, STAY):
@@ -239,9 +223,8 @@ def prepared(
 
 def _mean_state(system: ContactSystem, mean: Array) -> ContactState:
     """Return the state under the mean loads, applied to the contact at rest."""
-    n = system.n
-    state = np.where(system.g0 > 0.0, SEPARATION, STICK).astype(np.int8)
-    rest = ContactState(np.zeros(2 * n), np.zeros(2 * n), state)
+    state, zero = np.where(system.g0 > 0.0, SEPARATION, STICK), np.zeros(2 * system.n)
+    rest = ContactState(zero, zero, state.astype(np.int8))
     return EventPath(system).trace_leg(rest, (np.zeros_like(mean), mean), 0.0).end
 
 

@@ -104,9 +104,6 @@ def largest_opening(
     First all nodes stay as they are; then the sequence of sets grows by one unknown set at either
     end while that helps. Where few nodes open, all its sets are unknown at last. ``opens`` are the
     (N,) nodes that may open; all others stay closed.
-
-    Raises:
-        SolveError: no motion without slip was found at any range, or one fails its check.
     """
     mean, D = loads.mean @ system.r_star, top * (loads.vertices @ system.r_star)
     force = float(np.abs(mean).max() + np.abs(D).max())

@@ -37,9 +37,6 @@ def minimise(
     For multipliers m >= 0 with m G = cost - rho the value is at least -m c + rho z; the polished
     multipliers leave rho only in the last unknown, whose bounds are known, and round-off elsewhere.
     The rows ``equations`` vanish. G is (rows, m + 1).
-
-    Raises:
-        SolveError: the solver failed, or its answer does not pass the checks.
     """
     is_equation = np.isin(np.arange(len(c)), equations)
     reasons = []

@@ -101,26 +101,17 @@ class Certificate:
         )
 
     def matrices(self, state: States) -> tuple[Array, Array]:
-        """Return K'_tt and C K'_nt of the slipping nodes.
-
-        Raises:
-            np.linalg.LinAlgError: what moves freely, or together with a slipping node, has a motion
-                without stiffness.
-        """
+        """Return K'_tt and C K'_nt of the slipping nodes; LinAlgError as :meth:`condensed`."""
         system, slips = self.system, self.slipping(state)
         m = len(slips)
         rows = np.concatenate([slips, system.n + slips])
         K = self.condensed(rows, m, bits_of(state == SEPARATION))
-        # what remains of a motion without stiffness is round-off
-        if np.any(np.diagonal(K) <= SINGULAR * np.diagonal(system.K)[slips]):
-            raise np.linalg.LinAlgError
         return K[:m], system.friction[slips].at_slip(state[slips])[:, None] * K[m:]
 
     def condensed(self, rows: NDArray[np.intp], columns: int, open_: int) -> Array:
         """Return rows of K', of some open nodes, on the first of these freedoms as columns.
 
-        Raises:
-            np.linalg.LinAlgError: what moves freely has a motion without stiffness.
+        LinAlgError: what moves freely, or with one of these, has a motion without stiffness.
         """
         free, factor = self._free_stiffness(open_)
         K = self.system.K[rows][:, rows[:columns]]
@@ -128,6 +119,9 @@ class Certificate:
             coupled = self.system.K[free][:, rows]
             half = sla.solve_triangular(factor, coupled, lower=True, check_finite=False)
             K -= half.T @ half[:, :columns]
+        # what remains of a motion without stiffness is round-off
+        if np.any(np.diagonal(K) <= SINGULAR * np.diagonal(self.system.K)[rows[:columns]]):
+            raise np.linalg.LinAlgError
         return K
 
     def _free_stiffness(self, open_: int) -> tuple[NDArray[np.intp], Array]:
@@ -184,11 +178,7 @@ class Certificate:
 
 
 def cholesky(matrix: Array) -> Array:
-    """Return the lower Cholesky factor.
-
-    Raises:
-        np.linalg.LinAlgError: the matrix is not positive definite, or only by round-off.
-    """
+    """Return the lower factor; LinAlgError where not positive definite, or by round-off only."""
     factor = np.linalg.cholesky(matrix)
     if np.any(np.diagonal(factor) ** 2 <= SINGULAR * np.diagonal(matrix)):
         raise np.linalg.LinAlgError
@@ -276,8 +266,6 @@ def certify(judge: Certificate, sets: Sequence[Sides], margin: float) -> Pattern
     c = margin * system.friction[slips].at_slip(state[slips])
     try:
         K = judge.condensed(rows, size, opened)
-        if np.any(np.diagonal(K) <= SINGULAR * np.diagonal(system.K)[rows[:size]]):
-            return None
         matrix, K_n = K[:size], K[size:]
         matrix[:m] += c[:, None] * K_n
         largest = np.abs(c).max(initial=0.0)

@@ -116,14 +116,9 @@ def instants(
 
     Each is its place s, and the sides on which every node that may slip does so. A node that was
     slipping, or that begins to, may slip or stick; so may a stuck one on a limit. One that comes
-    into contact or leaves it, or whose slip turns round at once, may do anything.
-
-    Args:
-        start: (N,) states at its start.
-        events: its changes of state, in order.
-        ties: nodes on limits, as changes to other states that they may take there.
-        finite: says of a place s whether the states there change by a load step or a jump: only the
-            states after it are judged. None where none do.
+    into contact or leaves it, or whose slip turns round at once, may do anything. Ties are changes
+    to other states that nodes on limits may take. Where states change by a load step or a jump, as
+    ``finite`` says of a place, only the states after it are judged.
     """
     every = [(*row, is_tie) for rows, is_tie in ((ties, True), (events, False)) for row in rows]
     groups, last = [(0.0, list[_Change]())], 0.0

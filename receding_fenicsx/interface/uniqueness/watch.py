@@ -85,10 +85,6 @@ class UniquenessWatch:
 
     What it remembers of the legs before saves work, and changes no answer but which of the doubtful
     instants are counted: these are forgotten at checkpoints.
-
-    Attributes:
-        found: uniqueness up to the last leg.
-        indefinite: sets of states met that are not proved to be definite.
     """
 
     def __init__(self, system: ContactSystem, found: Uniqueness, in_steps: bool = False) -> None:
@@ -98,6 +94,7 @@ class UniquenessWatch:
         # instants met before, by direction of the leg
         self._met: dict[bytes, set[Sides]] = {}
         self._patterns: list[Pattern] = []
+        # met, and not proved to be definite
         self.indefinite: set[Sides] = set()
         self._measured: set[Sides] = set()
         self._jumps: list[float] = []
