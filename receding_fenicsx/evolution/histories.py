@@ -31,7 +31,6 @@ from receding_fenicsx.evolution.problem import Problem, problem_of_scene
 from receding_fenicsx.evolution.run_state import RunState
 from receding_fenicsx.interface.system import ContactSystem
 from receding_fenicsx.scene.history import (
-    DEFAULT_TOLERANCE,
     MOST_CORNERS,
     History,
     ended_by,
@@ -62,7 +61,7 @@ def with_corners(
     scene, options = tightened(system, scene), scene.history
     if options.kind != "harmonic" or options.corners is not None or is_straight(options):
         return scene, None
-    tolerance = options.tolerance or DEFAULT_TOLERANCE
+    tolerance = options.tolerance or 1e-3
     problem = problem_of_scene(system, scene)
     corners = len(problem.history.loop) - 1
     rows: list[tuple[float, float]] = []

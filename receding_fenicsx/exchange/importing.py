@@ -91,7 +91,7 @@ def read_specification(path: Path) -> tuple[Specification, dict[int, Array]]:
         inside = len(place) > 1 and place[0] in tables
         return (f"[[{place[0]}]]", place[2:]) if inside else ("specification", place)
 
-    given = convert(Specification, raw, label)
+    given: Specification = convert(Specification, raw, label)
     names = [load.name for load in given.load]
     if not given.contact or not names or len(set(names)) < len(names):
         raise InputError("needs a [[contact]], and [[load]] tables with names of their own")

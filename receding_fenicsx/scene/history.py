@@ -181,8 +181,6 @@ def evenly_spaced(history: History, cycle: int, n: int) -> tuple[Ints, Array, Ar
 
 FEWEST_CORNERS, MOST_CORNERS = 8, 4096
 """Corners of the coarsest polygon, where the scene does not fix their number, and of the finest."""
-DEFAULT_TOLERANCE = 1e-3
-"""Largest error estimate of the dissipation per cycle due to the polygon, relative."""
 
 
 def history_from_scene(scene: Scene) -> History:

@@ -11,7 +11,7 @@ from typing import Any
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.scene.model import TABLE_OF, Scene
 from receding_fenicsx.scene.one_body import part_of
-from receding_fenicsx.scene.options import SAMPLES_PER_LEG, OutputOptions
+from receding_fenicsx.scene.options import OutputOptions
 from receding_fenicsx.scene.symmetry import is_half_meshed
 from receding_fenicsx.scene.toml_file import to_toml
 
@@ -68,8 +68,8 @@ def condensed_part(scene: Scene) -> Scene:
         bolts=tuple(
             replace(bolt, shortening=0.0, preload=None, tightening=()) for bolt in scene.bolts
         ),
-        # explicit, as it enters the digest of saved systems
-        output=OutputOptions(samples_per_leg=SAMPLES_PER_LEG),
+        # the default was explicit when the first systems were saved, whose digests it enters
+        output=OutputOptions(samples_per_leg=40),
     )
 
 

@@ -260,10 +260,6 @@ class Bolt(Table):
         )
 
 
-SAMPLES_PER_LEG = 40
-"""Default number of samples on a leg; of a cycle of many legs, 800 at most."""
-
-
 HEADLINE_NAMES = {
     "centre_pressure": "pressure at the centre of a contact edge",
     "largest_pressure": "largest pressure",
@@ -444,7 +440,7 @@ class OutputOptions(Table):
         """Return the number of samples per leg of a cycle of so many legs."""
         if self.samples_per_leg is not None:
             return self.samples_per_leg
-        return max(1, min(SAMPLES_PER_LEG, 800 // max(legs, 1)))
+        return max(1, min(40, 800 // max(legs, 1)))
 
 
 @dataclass(frozen=True, repr=False)

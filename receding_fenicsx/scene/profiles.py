@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.errors import InputError
-from receding_fenicsx.scene.checks import LARGEST, Number, OneOf, suggestion
+from receding_fenicsx.scene.checks import LARGEST, Number, OneOf, check_known, suggestion
 
 Profile = Number | str | dict[Annotated[str, OneOf("x", "value")], list[Number]]
 """A number, an expression in x (and y), or a table {"x": [...], "value": [...]}."""
@@ -35,9 +35,7 @@ def evaluate(profile: Profile, x: ArrayLike, y: ArrayLike | None = None) -> Arra
     """
     points = np.asarray(x, dtype=float)
     if isinstance(profile, str):
-        return evaluate_expression(
-            profile, points, None if y is None else np.asarray(y, dtype=float)
-        )
+        return evaluate_expression(profile, points, y)
     if isinstance(profile, dict):
         return np.interp(points, profile["x"], profile["value"])
     return np.full(points.shape, float(profile))
@@ -62,13 +60,12 @@ def check_table(profile: Profile, where: str) -> None:
         return
     if set(profile) != {"x", "value"}:
         raise InputError(f"{where}: a table needs two lists, {{x = [...], value = [...]}}")
-    points, values = (np.asarray(profile[key], dtype=float) for key in ("x", "value"))
-    if len(points) != len(values) or len(points) < 2:
+    n, m = len(profile["x"]), len(profile["value"])
+    if n != m or n < 2:
         raise InputError(
-            f"{where}: a table needs two lists of equal length (at least 2), not "
-            f"{len(points)} and {len(values)} values"
+            f"{where}: a table needs two lists of equal length (at least 2), not {n} and {m} values"
         )
-    if np.any(np.diff(points) <= 0.0):
+    if np.any(np.diff(profile["x"]) <= 0.0):
         raise InputError(f"{where}: x of the table must increase from value to value; sort it")
 
 
@@ -101,13 +98,7 @@ def evaluate_checked(profile: Profile, x: Array, y: Array | None, where: str) ->
 # -- expressions
 
 FUNCTIONS: dict[str, tuple[Callable[..., Array], int, int]] = {
-    "sqrt": (np.sqrt, 1, 1),
-    "sin": (np.sin, 1, 1),
-    "cos": (np.cos, 1, 1),
-    "exp": (np.exp, 1, 1),
-    "log": (np.log, 1, 1),
-    "tanh": (np.tanh, 1, 1),
-    "abs": (np.abs, 1, 1),
+    **{name: (getattr(np, name), 1, 1) for name in "sqrt sin cos exp log tanh abs".split()},
     "min": (lambda *values: reduce(np.minimum, values), 2, 20),
     "max": (lambda *values: reduce(np.maximum, values), 2, 20),
     "where": (lambda test, yes, no: np.where(test != 0, yes, no), 3, 3),
@@ -129,7 +120,7 @@ OPERATIONS: dict[type[ast.operator | ast.cmpop], Callable[[Array, Array], NDArra
 }
 
 
-def evaluate_expression(text: str, x: Array, y: Array | None = None) -> Array:
+def evaluate_expression(text: str, x: ArrayLike, y: ArrayLike | None = None) -> Array:
     """Evaluate an expression in ``x`` (and ``y``, unless None) at many points.
 
     It may use numbers, ``x``, ``y``, ``pi``, ``+ - * / **``, comparisons (1 if true, else 0) and
@@ -189,9 +180,7 @@ def _walk(node: ast.expr, names: dict[str, Array], text: str) -> Array:
             truth = truth * OPERATIONS[type(op)](left, right)
         return truth
     if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and not node.keywords:
-        if node.func.id not in FUNCTIONS:
-            hint = suggestion(node.func.id, list(FUNCTIONS))
-            raise InputError(f"'{text}': unknown name '{node.func.id}'; {hint}")
+        check_known(node.func.id, list(FUNCTIONS), f"'{text}'", "name")
         function, least, most = FUNCTIONS[node.func.id]
         if not least <= len(node.args) <= most:
             count = str(least) if least == most else f"{least} to {most}"

@@ -215,17 +215,13 @@ def _table_to_set(
             )
         if chosen:
             return chosen[0], names[n:]
-    if kind in toml_reader.NAMED and named:
+    identified = kind in ("body", "load", "probe", "bolt")
+    if identified and named:
         known = [str(table["name"]) for table in tables if "name" in table]
         check_known(named, known, where, kind)
     if kind == "load":
         raise InputError(f"{where}: name the load, for example load.p0.pressure=2.0")
     if len(tables) != 1:
-        count, which = (
-            len(tables),
-            "NAME" if kind in toml_reader.NAMED else f"N (1 to {len(tables)})",
-        )
-        raise InputError(
-            f"{where}: the scene has {count} [[{kind}]] tables; write {kind}.{which}.key=value"
-        )
+        which = f"{kind}.{'NAME' if identified else f'N (1 to {len(tables)})'}.key=value"
+        raise InputError(f"{where}: the scene has {len(tables)} [[{kind}]] tables; write {which}")
     return tables[0], names

@@ -9,21 +9,18 @@ import re
 import tomllib
 from collections.abc import Callable
 from functools import lru_cache
-from typing import Any, TypeVar, get_args, get_type_hints
+from typing import Any, get_args, get_type_hints
 
 from receding_fenicsx.arrays import shortened
 from receding_fenicsx.errors import InputError, InputErrors
 from receding_fenicsx.scene.checks import LARGEST, SMALLEST, Table, is_given, suggestion
 from receding_fenicsx.scene.model import RECTANGLE_KEYS, TABLE_OF, Material, Scene
 
-T = TypeVar("T")
 Place = tuple[str | int, ...]
 """Keys and numbers of list entries that lead to a value."""
 
 KNOWN = tuple(dict.fromkeys(TABLE_OF.get(f.name, f.name) for f in dataclasses.fields(Scene)))
 """Keys at the top of a scene file."""
-NAMED = ("body", "load", "probe", "bolt")
-"""Tables that are identified by their names where there are several."""
 
 
 def parse_toml(text: str) -> dict[str, Any]:
@@ -62,7 +59,7 @@ def scene_of(raw: dict[str, Any]) -> Scene:
     messages += [f"{where}: unknown key 'name'; remove it" for where, m in materials if "name" in m]
     values["materials"] = [{**common, **table, "name": name} for name, table in named.items()]
     try:
-        scene = convert(Scene, values, lambda place: _label(values, place))
+        scene: Scene = convert(Scene, values, lambda place: _label(values, place))
     except InputErrors as error:
         messages += error.messages
     if messages:
@@ -130,7 +127,7 @@ def _label(values: dict[str, Any], place: Place) -> tuple[str, Place]:
     name = value.get("name") if isinstance(value, dict) else None
     if table == "material":
         label = f"[material.{name}]" if name and attribute == "materials" else "[material]"
-    elif table in NAMED and isinstance(name, str) and several:
+    elif isinstance(name, str) and several:
         label = f"{table} '{name}'"
     elif several:
         label = f"[[{table}]] number {index + 1 + (attribute == 'others')}"
@@ -147,7 +144,7 @@ def type_adapter(kind: type) -> Any:
     return TypeAdapter(kind)
 
 
-def convert(kind: type[T], raw: Any, label: Callable[[Place], tuple[str, Place]]) -> T:
+def convert(kind: type, raw: Any, label: Callable[[Place], tuple[str, Place]]) -> Any:
     """Convert a parsed table into a dataclass; all wrong keys and values are one InputErrors.
 
     ``label`` returns the table of a place in messages, and the rest of the place.
@@ -159,8 +156,7 @@ def convert(kind: type[T], raw: Any, label: Callable[[Place], tuple[str, Place]]
     if re.search(r"(?<!\\)(\\\\)*\\u0000", text):  # which no file or name can have
         raise InputError(f"{_where(label, ())}: a text holds a NUL character; remove it")
     try:
-        found: T = type_adapter(kind).validate_json(text)  # type: ignore[arg-type]
-        return found
+        return type_adapter(kind).validate_json(text)
     except ValidationError as error:
         errors: list[Any] = error.errors(include_url=False)
     raw = json.loads(text)
@@ -346,18 +342,16 @@ def _cleaned(schema: Any) -> Any:
         return [_cleaned(item) for item in schema]
     if not isinstance(schema, dict):
         return schema
+    # titles are those of Pydantic, bounds those in which all products are finite
+    without = ("default", None), ("maximum", LARGEST), ("minimum", -LARGEST)
     found = {
         key: _cleaned(item)
         for key, item in schema.items()
-        if key != "title" or not isinstance(item, str)
+        if not (key == "title" and isinstance(item, str)) and (key, item) not in without
     }
-    if found.get("default", 0) is None:
-        del found["default"]
-    if found.get("maximum") == LARGEST:
-        del found["maximum"]
-    if found.get("minimum") in (SMALLEST, -LARGEST):
-        if found.pop("minimum") == SMALLEST:
-            found["exclusiveMinimum"] = 0
+    if found.get("minimum") == SMALLEST:
+        found["exclusiveMinimum"] = 0
+        del found["minimum"]
     if "anyOf" in found:
         options = [item for item in found.pop("anyOf") if item != {"type": "null"}]
         if any(item.get("propertyNames", {}).get("enum") == ["x", "value"] for item in options):

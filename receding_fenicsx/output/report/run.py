@@ -11,7 +11,7 @@ from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.interface.measures.steady import RATCHETTING, limit_of_decay
 from receding_fenicsx.output.plots.labels import kind_of
 from receding_fenicsx.output.report.section import Rows, Summary, shown
-from receding_fenicsx.scene.history import DEFAULT_TOLERANCE, history_from_scene, is_straight
+from receding_fenicsx.scene.history import history_from_scene, is_straight
 from receding_fenicsx.scene.validate import scene_warnings
 
 
@@ -321,7 +321,7 @@ def steady_state(record: Record) -> dict[str, Any]:
     if doubling is None or is_straight(scene.history):
         polygon["error_estimate"] = 0.0 if is_straight(scene.history) else None
     else:
-        tolerance = scene.history.tolerance or DEFAULT_TOLERANCE
+        tolerance = scene.history.tolerance or 1e-3
         polygon |= {"error_estimate": float(doubling[-1, 1]), "tolerance": tolerance}
         polygon["doubling"] = [[int(n), float(e)] for n, e in doubling]
     return {"steady": found, "harmonic": polygon, **limit_summary(record)}
