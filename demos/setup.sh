@@ -15,8 +15,7 @@ works='
 from receding_fenicsx.bulk.elasticity import warm_up
 from receding_fenicsx.interface.exact.compilation import warm_up as compile_path
 import PIL, gmsh, h5py, matplotlib, pandas, pytest, scipy, vtk, xarray
-from mpi4py import MPI
-warm_up(MPI.COMM_SELF, "triangle", 1)
+warm_up()
 compile_path()'
 
 say() { printf '%s: %s\n' "$(basename "$0")" "$*" >&2; }

@@ -162,11 +162,8 @@ def assembled(bulk: Stack) -> Assembled:
     # unit loads (dofs, m) of bolts and springs between bodies, and their compliance
     names = [*(bolt.name for bolt in bulk.scene.bolts), *bulk.link_names]
     soft = block_diag(bolt_compliance(bulk.scene), bulk.soft)
-    rows = [np.zeros((len(names), part.dofs)) for part in parts]
-    for own, part in zip(rows, parts, strict=True):
-        for name, load in zip(part.load_names, part.loads.T, strict=True):
-            own[[k for k, known in enumerate(names) if known == name]] = load
-    L = sparse.csr_matrix(np.hstack(rows).T)
+    at = [parts[0].load_names.index(name) for name in names]
+    L = sparse.csr_matrix(np.vstack([part.loads[:, at] for part in parts]))
     A = A + L @ sparse.csr_matrix(np.linalg.inv(soft)) @ L.T
     M = sparse.block_diag([_mass(part) for part in parts], "csr")
     starts = np.cumsum([0, *(part.dofs for part in parts)])

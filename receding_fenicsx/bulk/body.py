@@ -15,7 +15,7 @@ each value costs one solve, made once, and none for each instant.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 from petsc4py import PETSc
 
@@ -52,15 +52,14 @@ class Bulk(Discretisation):
     # prescribed displacement d, a column of ``moved``, the equivalent forces -E A d
     loads: Array
     moved: Array
-    sign: Array  # (n_loads,) -1 for forces, +1 for prescribed displacements
+    # (n_loads,) -1 for forces, +1 for prescribed displacements, 0 for loads on other bodies
+    sign: Array
     # degrees of freedom off the contact that symmetry, supports, prescribed displacements or
     # platens determine: global numbers, this rank's own
     fixed: Ints
     contact: ContactNodes  # the contact nodes
     driven: Array  # (n_loads, 2N) displacements [v; w] that loads prescribe at contact nodes
     ties: PETSc.Mat | None = None  # P, when there are platens: u = P u'
-    # time spent on "forms" (compiling or loading them) and on "assemble"
-    seconds: dict[str, float] = field(default_factory=dict)
     interior: PETSc.PC | None = None  # factor of A_II, or of A with its Schur complement; made once
 
     @property

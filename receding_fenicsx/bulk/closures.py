@@ -125,8 +125,10 @@ def add_links(scene: Scene, parts: Mapping[str, Bulk]) -> Array:
                 first = sum(map(len, blocks))
                 names = link_names(first + len(nodes))[first:]
                 forces = np.einsum("kn,c->nck", mass, d)
-                a.append_loads(names, nodes, forces)
-                b.append_loads(names, others, -forces)
+                for part in parts.values():
+                    on = slice(None if part is a or part is b else 0)
+                    at, pull = (others, -forces) if part is b else (nodes, forces)
+                    part.append_loads(names, at[on], pull[on])
                 blocks.append(mass / k)
     return np.asarray(block_diag(*blocks)) if blocks else np.zeros((0, 0))
 

@@ -7,7 +7,6 @@ displacements u. An axisymmetric body (x is r, y is z) is taken per radian.
 
 from __future__ import annotations
 
-import time
 from typing import Any
 
 from mpi4py import MPI
@@ -27,29 +26,24 @@ from receding_fenicsx.bulk.mesh.meshing import BodyMesh
 from receding_fenicsx.scene.model import Scene
 
 
-def build(scene: Scene, body: BodyMesh) -> Bulk:
+def build(scene: Scene, body: BodyMesh, names: tuple[str, ...] | None = None) -> Bulk:
     """Assemble the body's stiffness and loads, and find its contact nodes and supports; collective.
 
-    Args:
-        scene: the scene of this body alone.
-        body: its mesh; a half body is held at u_x = 0 on x = 0.
+    ``scene`` is that of this body alone, ``names`` those of the loads on all bodies. A half body is
+    held at u_x = 0 on x = 0.
     """
-    clock = time.perf_counter()
+    names = scene.load_names if names is None else names
     space = _dolfinx.vector_space(body.mesh, scene.mesh.degree)
     if body.materials is None and scene.material.young_2 is None:
         form = stiffness_form(space, *lame_constants(scene.material), scene.axisymmetric)
     else:
         C = stiffness_in(scene, body) / scene.material.young
         form = general_form(space, _dolfinx.cell_tensor(body.mesh, C), scene.axisymmetric)
-    seconds = {"forms": time.perf_counter() - clock}
-
-    clock = time.perf_counter()
     stiffness = _dolfinx.assemble_matrix(form)
     resisted = add_springs(stiffness, space, body, scene)
     stiffness.assemble()
     contact, constraints = find_contact(scene, space, body, resisted)
     P = constraints.matrix(stiffness)
-    names = tuple(dict.fromkeys(load.name for load in scene.applied))
     start, end = stiffness.getOwnershipRange()
     loads, moved = np.zeros((2, end - start, len(names)))
     total = stiffness.createVecLeft()
@@ -78,8 +72,8 @@ def build(scene: Scene, body: BodyMesh) -> Bulk:
     pushed = [names.index(name) for name in constraints.prescribed]
     if pushed:
         loads[:, pushed] = -scene.material.young * times(stiffness, moved[:, pushed])
+    acting = [load.name for load in scene.applied]
     off = np.union1d(np.setdiff1d(constraints.given, contact.dofs), constraints.slaves)
-    seconds["assemble"] = time.perf_counter() - clock
     return Bulk(
         scene,
         body,
@@ -88,30 +82,19 @@ def build(scene: Scene, body: BodyMesh) -> Bulk:
         stiffness=stiffness,
         loads=loads,
         moved=moved,
-        sign=np.where(np.isin(np.arange(len(names)), pushed), 1.0, -1.0),
+        sign=np.where(np.isin(np.arange(len(names)), pushed), 1.0, -1.0 * np.isin(names, acting)),
         fixed=off[(off >= start) & (off < end)],
         contact=contact,
         driven=contact.to_local(driven.T).T,
         ties=P,
-        seconds=seconds,
     )
 
 
-def warm_up(comm: MPI.Comm, cell: str, degree: int, axisymmetric: bool = False) -> float:
-    """Compile or load the forms for a cell and degree; return the seconds that it took."""
-    clock = time.perf_counter()
-    corners = _dolfinx.reference_corners(cell)
-    n = len(corners)
-    # a cell for each rank, given by rank 0
-    count = 0 if comm.rank else comm.size
-    shifted = [corners + np.array([2.0 * i, 0.0]) for i in range(count)]
-    points = np.vstack([np.empty((0, 2)), *shifted])
-    # the order around a cell is its own inverse
-    around = np.array(_dolfinx.TENSOR_ORDER[cell], dtype=np.int64)
-    cells = around + n * np.arange(count, dtype=np.int64)[:, None]
-    space = _dolfinx.vector_space(_dolfinx.create_mesh(comm, cell, cells, points), degree)
-    stiffness_form(space, 1.0, 1.0, axisymmetric)
-    return time.perf_counter() - clock
+def warm_up() -> None:
+    """Compile the form of linear triangles, or load it: a test of an installation."""
+    corners = _dolfinx.reference_corners("triangle")
+    mesh = _dolfinx.create_mesh(MPI.COMM_SELF, "triangle", np.arange(3)[None], corners)
+    stiffness_form(_dolfinx.vector_space(mesh, 1), 1.0, 1.0)
 
 
 def stiffness_form(

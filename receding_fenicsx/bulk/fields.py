@@ -81,15 +81,12 @@ def probe_matrix(bodies: Stack, scene: Scene) -> ProbeMatrix | None:
         found.append((here, part.value_rows(points[here], labels) if here else None))
 
     def matrix() -> ProbeMatrix:
-        joined, every = given(bodies.joined), bodies.load_names + bodies.link_names
+        joined = given(bodies.joined)
         rows = np.zeros((len(points), 6, joined.K.shape[0] + len(joined.r_star)))
         for k, (here, own) in enumerate(found):
             if own is not None:
-                part = bodies.parts[k]
-                n = 2 * len(part.contact.node)
-                of_loads = np.zeros((*own.shape[:-1], len(every)))
-                of_loads[..., [every.index(name) for name in part.load_names]] = own[..., n:]
-                rows[here] = joined.rows(k, own[..., :n], of_loads)
+                n = 2 * len(bodies.parts[k].contact.node)
+                rows[here] = joined.rows(k, own[..., :n], own[..., n:])
         return ProbeMatrix(names, points, rows)
 
     return on_root(bodies.comm, matrix)

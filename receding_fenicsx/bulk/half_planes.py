@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 from mpi4py import MPI
@@ -49,6 +49,7 @@ class HalfPlane:
 
     scene: Scene  # the scene of this body alone
     comm: MPI.Comm  # communicator
+    load_names: tuple[str, ...]  # names of the loads on all bodies
     contact: ContactNodes  # the contact nodes; those of the first body of a pair
     size: float  # length that rotations are relative to
     surface: Surface  # the nodes on the surface, at positions along t
@@ -59,12 +60,6 @@ class HalfPlane:
     window: BodyMesh | None = None
     dofs: int = 0
     half: bool = False
-    seconds: dict[str, float] = field(default_factory=lambda: {"forms": 0.0, "assemble": 0.0})
-
-    @property
-    def load_names(self) -> tuple[str, ...]:
-        """Names of the loads."""
-        return self.scene.body_names
 
     @property
     def body(self) -> BodyMesh:
@@ -202,6 +197,7 @@ class HalfPlane:
 def half_plane_of(
     scene: Scene,
     comm: MPI.Comm,
+    names: tuple[str, ...],
     partner: ContactNodes | None = None,
     surface: Surface | None = None,
 ) -> HalfPlane:
@@ -210,10 +206,11 @@ def half_plane_of(
     Args:
         scene: the scene of this body alone.
         comm: communicator.
+        names: names of the loads on all bodies.
         partner: contact nodes, on the surface, of the first body where this is the second one.
         surface: surface of the first body where that is a half-plane too.
     """
-    far = _far_field(scene)
+    far = _far_field(scene, names)
     if partner is None:
         contact = _own_nodes(scene)
         size = float(np.ptp(contact.points[:, 0]))
@@ -247,7 +244,7 @@ def half_plane_of(
         surface = surface_of(along, elements, 1 if partner is None else scene.mesh.degree)
     datum = scene.body.datum or 10.0 * surface.length
     side = 1 if partner is None else -1
-    return HalfPlane(scene, comm, contact, size, surface, side, datum, far)
+    return HalfPlane(scene, comm, names, contact, size, surface, side, datum, far)
 
 
 def count_nodes(scene: Scene) -> int:
@@ -335,12 +332,11 @@ def _check_straight(scene: Scene, partner: ContactNodes) -> None:
         )
 
 
-def _far_field(scene: Scene) -> FarField:
+def _far_field(scene: Scene, names: tuple[str, ...]) -> FarField:
     """Return what acts on the far field.
 
     Supports and prescribed displacements hold the rotation, and so do platens.
     """
-    names = scene.body_names
     free, sign = np.array([True, True, True, False]), np.zeros(len(names))
     force, moved = np.zeros((len(names), 4)), np.zeros((len(names), 4))
     material = material_of(scene)
@@ -410,12 +406,10 @@ def join_half_planes(a: HalfPlane, b: HalfPlane, load_names: tuple[str, ...]) ->
     materials cancels exactly. A motion that is free on either side is free; free on both sides, its
     forces must balance, and that of b is zero.
     """
-    n = len(load_names)
-    force, moved, sign = np.zeros((2, n, 4)), np.zeros((2, n, 4)), np.zeros((2, n))
-    for k, part in enumerate((a, b)):
-        rows = [load_names.index(name) for name in part.load_names]
-        force[k, rows], moved[k, rows] = part.far.force, part.far.moved
-        sign[k, rows] = part.far.sign
+    force, moved, sign = (
+        np.array([getattr(part.far, name) for part in (a, b)])
+        for name in ("force", "moved", "sign")
+    )
     together = a.far.free & b.far.free
     size = np.abs(force).sum(axis=(0, 2))
     lost = np.abs((force[0] + force[1]) * together).max(axis=1) > 1e-9 * size
@@ -458,6 +452,6 @@ def join_half_planes(a: HalfPlane, b: HalfPlane, load_names: tuple[str, ...]) ->
         scaled(modes[:, free]),
         (turned @ on_u - moved_b + modes @ b_on_u, turned @ on_loads + modes @ b_on_loads),
         (Motion(every, every), Motion(0.0 * every, every)),
-        (np.eye(n), none),
+        (np.eye(len(load_names)), none),
         none,
     )

@@ -18,9 +18,6 @@ from receding_fenicsx.arrays import Array, Ints
 from receding_fenicsx.errors import SolveError
 from receding_fenicsx.mpi import on_root
 
-ICNTL_ORDERING, ICNTL_WORKSPACE, ICNTL_SCHUR, ICNTL_SCHUR_SOLVE = 7, 14, 19, 26
-"""Numbers of MUMPS's control parameters."""
-
 
 def factorise(
     matrix: PETSc.Mat, contact: Ints, workspace: int = 20
@@ -53,8 +50,9 @@ def factorise(
     _call("MatFactorSetSchurIS", factor.handle, where.handle)
     # minimum degree, which MUMPS 5.5 always uses with a Schur complement. MUMPS 5.8 would choose
     # METIS: 1.5 times as long for uniform squares (641 nodes), as long for graded triangles
-    factor.setMumpsIcntl(ICNTL_ORDERING, 0)
-    factor.setMumpsIcntl(ICNTL_WORKSPACE, workspace)
+    ordering, enlarge, schur, schur_solve = 7, 14, 19, 26  # numbers of MUMPS's controls
+    factor.setMumpsIcntl(ordering, 0)
+    factor.setMumpsIcntl(enlarge, workspace)
     failure: PETSc.Error | None = None
     try:
         pc.setUp()
@@ -71,17 +69,17 @@ def factorise(
             f"INFOG(2) = {factor.getMumpsInfog(2)}); check the supports and the memory"
         ) from failure
     complement = on_root(comm, lambda: _complement(factor, len(contact), comm.size))
-    factor.setMumpsIcntl(ICNTL_SCHUR_SOLVE, 0)
+    factor.setMumpsIcntl(schur_solve, 0)
     # PETSc refuses solves on several ranks while a Schur complement is requested; MUMPS reads the
     # parameter only when it analyses the matrix
-    factor.setMumpsIcntl(ICNTL_SCHUR, 0)
+    factor.setMumpsIcntl(schur, 0)
     where.destroy()
     factor.destroy()
     return pc, complement
 
 
 def _complement(factor: PETSc.Mat, size: int, ranks: int) -> Array:
-    """Copy the Schur complement out of a factor; MUMPS fills one triangle of it only."""
+    """Copy the Schur complement out of a factor; MUMPS fills one triangle of it."""
     matrix, status = ctypes.c_void_p(), ctypes.c_int()
     values = ctypes.POINTER(ctypes.c_double)()
     _call("MatFactorGetSchurComplement", factor.handle, ctypes.byref(matrix), ctypes.byref(status))
@@ -90,13 +88,12 @@ def _complement(factor: PETSc.Mat, size: int, ranks: int) -> Array:
     complement = np.ctypeslib.as_array(values, (size, size)).copy()
     _call("MatDenseRestoreArrayRead", matrix, ctypes.byref(values))
     _call("MatFactorRestoreSchurComplement", factor.handle, ctypes.byref(matrix), status)
-    symmetrise(complement, _triangle(ranks))
+    # MUMPS fills the upper triangle of the transposed matrix on one rank, the lower one on
+    # several: measured, not documented
+    filled = complement if ranks == 1 else complement.T
+    for row in range(size):
+        filled[row + 1 :, row] = filled[row, row + 1 :]
     return complement
-
-
-def _triangle(ranks: int) -> str:
-    """Return which triangle of the transposed complement is filled: measured, not documented."""
-    return "upper" if ranks == 1 else "lower"
 
 
 def _call(name: str, *arguments: Any) -> None:
@@ -107,35 +104,19 @@ def _call(name: str, *arguments: Any) -> None:
         raise SolveError(f"PETSc's {name} failed with code {code}; report it")
 
 
-# -- large symmetric matrices in place, tile by tile, without a second matrix ----------------------
+# -- large symmetric matrices in place, part by part, without a second matrix ----------------------
 
 
-def _slices(size: int) -> Iterator[slice]:
-    # two tiles of 128 by 128 fit into a core's cache
-    return (slice(first, min(first + 128, size)) for first in range(0, size, 128))
+def _parts(size: int) -> Iterator[slice]:
+    return (slice(first, first + 128) for first in range(0, size, 128))
 
 
-def symmetrise(K: Array, triangle: str | None = None) -> None:
-    """Make a square matrix symmetric to the last bit, in place.
-
-    ``triangle`` "lower" or "upper" replaces the other one; None takes the mean of both.
-    """
-    for rows in _slices(len(K)):
-        for columns in _slices(rows.stop):
-            below, above = K[rows, columns], K[columns, rows].T
-            if triangle is None:
-                tile = 0.5 * (below + above)
-            elif rows == columns:
-                tile = _mirrored(below, triangle)
-            else:
-                tile = (below if triangle == "lower" else above).copy()
-            K[rows, columns] = tile
-            K[columns, rows] = tile.T
-
-
-def _mirrored(tile: Array, triangle: str) -> Array:
-    part: Array = np.tril(tile) if triangle == "lower" else np.triu(tile)
-    return part + part.T - np.diag(np.diagonal(part))
+def symmetrise(K: Array) -> None:
+    """Make a square matrix symmetric to the last bit, in place: the mean of both triangles."""
+    for part in _parts(len(K)):
+        rest = slice(part.start, None)
+        mean = 0.5 * (K[part, rest] + K[rest, part].T)
+        K[part, rest], K[rest, part] = mean, mean.T
 
 
 def turn(K: Array, to_local: Callable[[Array], Array]) -> None:
@@ -144,13 +125,13 @@ def turn(K: Array, to_local: Callable[[Array], Array]) -> None:
     pattern = np.cos(1.0 + np.arange(len(K)) ** 2)
     if np.array_equal(to_local(pattern), pattern):
         return
-    for part in _slices(len(K)):
+    for part in _parts(len(K)):
         K[:, part] = to_local(K[:, part])
-    for part in _slices(len(K)):
+    for part in _parts(len(K)):
         K[part] = to_local(K[part].T).T
     symmetrise(K)
 
 
 def norm(K: Array) -> float:
     """Return the largest row sum of |K|."""
-    return max((float(np.abs(K[rows]).sum(axis=1).max()) for rows in _slices(len(K))), default=0.0)
+    return max((float(np.abs(K[part]).sum(axis=1).max()) for part in _parts(len(K))), default=0.0)

@@ -7,7 +7,7 @@ on the axis) would take 40 % less time and a third less memory: with 2561 contac
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any
 
 from mpi4py import MPI
@@ -91,12 +91,6 @@ class Stack:
         """Number of displacement degrees of freedom."""
         return sum(part.dofs for part in self.parts)
 
-    @property
-    def seconds(self) -> dict[str, float]:
-        """Time spent on "forms" and "assemble"."""
-        parts = [part.seconds for part in self.parts]
-        return {key: sum(part[key] for part in parts) for key in parts[0]}
-
     def condense(self) -> None:
         """Condense all bodies, unless they are already, and join them on rank 0; collective.
 
@@ -115,12 +109,7 @@ class Stack:
         if self.pair:
             joined = join_half_planes(*self.pair, names)
         else:
-            bodies = [
-                _with_all_loads(part, own.load_names, names)
-                for part, own in zip(condensed, self.parts, strict=True)
-                if part is not None
-            ]
-            joined = join(bodies, self.relative, names)
+            joined = join([given(part) for part in condensed], self.relative, names)
         kept = len(self.load_names)
         bolts = [bolt.name for bolt in self.scene.bolts]
         at = [names.index(name) for name in (*bolts, *self.link_names)]
@@ -144,18 +133,16 @@ class Stack:
                 )
 
     def as_joined(self, load: Array | None, u: Array | None) -> list[tuple[Body, Any, Any]]:
-        """Return each body with its own load factors and contact displacements, for rank 0's.
+        """Return each body with all unit loads' factors and its displacements, for rank 0's.
 
         ``u`` (2N,) is [v; w], between bodies the first one's less the second one's, with an
         interference as in the record.
         """
         sides: list[tuple[Body, Any, Any]] = [(part, None, None) for part in self.parts]
         if self.joined is not None:
-            names = self.load_names + self.link_names
             moved, factors = self.joined.as_joined(np.asarray(u, float), np.asarray(load, float))
             for k, part in enumerate(self.parts):
-                own = factors[[names.index(name) for name in part.load_names]]
-                sides[k] = part, own, self.joined.displacement(k, moved, factors)
+                sides[k] = part, factors, self.joined.displacement(k, moved, factors)
         return sides
 
     def destroy(self) -> None:
@@ -168,11 +155,12 @@ def build_all(scene: Scene, bodies: tuple[BodyMesh, ...], comm: MPI.Comm | None 
     """Assemble all bodies, given the meshes of those that have one."""
     meshes = iter(bodies)
     built = {
-        body.name: elasticity.build(part_of(scene, body), next(meshes))
+        body.name: elasticity.build(part_of(scene, body), next(meshes), scene.load_names)
         for body in scene.bodies
         if not body.is_half_plane
     }
     soft = add_links(scene, built)
+    names = scene.load_names + link_names(len(soft))
     parts: list[Body] = []
     halves: list[HalfPlane] = []
     for body in in_order(scene):
@@ -182,7 +170,7 @@ def build_all(scene: Scene, bodies: tuple[BodyMesh, ...], comm: MPI.Comm | None 
         nodes = parts[0].contact if parts else None
         surface = halves[0].surface if halves else None
         place = comm or bodies[0].mesh.comm
-        halves.append(half_plane_of(part_of(scene, body), place, nodes, surface))
+        halves.append(half_plane_of(part_of(scene, body), place, names, nodes, surface))
         parts.append(halves[-1])
     pair = (halves[0], halves[1]) if len(halves) == 2 else None
     return Stack(scene, tuple(parts), soft, pair)
@@ -225,16 +213,3 @@ def condense(bodies: Stack) -> ContactSystem | None:
         )
 
     return on_root(bodies.comm, system)
-
-
-def _with_all_loads(
-    part: CondensedBody, own: tuple[str, ...], every: tuple[str, ...]
-) -> CondensedBody:
-    """Return a condensed body with the loads of all bodies, zero where they act on others."""
-    rows = np.array([every.index(name) for name in own], dtype=int)
-    r_star, driven = np.zeros((2, len(every), len(part.held)))
-    compliance, sign = np.zeros((len(every), len(every))), np.zeros(len(every))
-    r_star[rows], driven[rows] = part.r_star, part.driven
-    compliance[np.ix_(rows, rows)] = part.compliance
-    sign[rows] = part.sign
-    return replace(part, r_star=r_star, compliance=compliance, sign=sign, driven=driven)

@@ -107,16 +107,9 @@ def reduced_model(scene: Scene) -> ReducedModel:
             for name in np.array(part.load_names)[part.sign > 0.0]:
                 raise InputError(f"load '{name}': prescribes a displacement; reduce it as a force")
         whole = assembled(bulk)
-        # nodal forces on the turned freedoms
-        forces = np.array(
-            [
-                whole.turn.T
-                @ np.concatenate(
-                    [p.loads @ (np.array(p.load_names, str) == name) for p in bulk.parts]
-                )
-                for name in scene.driven_names
-            ]
-        )
+        # nodal forces (n_loads, dofs) on the turned freedoms; those of springs come last
+        forces = (whole.turn.T @ np.vstack([part.loads for part in bulk.parts])).T
+        forces = forces[: len(scene.driven_names)]
         system = with_profiles(scene, given(stack.condense(bulk)))
         # from all freedoms to the relative displacements [v; w]
         on = sparse.hstack([G[: bulk.relative.size] for G in bulk.relative.on]).tocoo()

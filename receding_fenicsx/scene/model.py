@@ -369,11 +369,6 @@ class Scene(Table):
         return tightened | ({INTERFERENCE: 1.0} if fits else {})
 
     @property
-    def body_names(self) -> tuple[str, ...]:
-        """Names of what acts on the bodies: loads, but those of gaps alone, and bolts."""
-        return tuple(dict.fromkeys(part.name for part in self.applied if part.gap is None))
-
-    @property
     def bodies(self) -> tuple[Body, ...]:
         """All bodies, the first one first."""
         return (self.body, *self.others)

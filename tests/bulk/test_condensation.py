@@ -43,8 +43,9 @@ def test_system_is_that_of_an_own_dense_assembly(half: bool) -> None:
 
 def test_a_wrong_triangle_would_be_noticed(monkeypatch: pytest.MonkeyPatch) -> None:
     """MUMPS leaves garbage in one triangle: the comparison with a solve must catch a mix-up."""
-    real = schur._triangle
-    monkeypatch.setattr(schur, "_triangle", lambda ranks: real(3 - min(ranks, 2)))
+    real = schur._complement
+    swapped = lambda factor, size, ranks: real(factor, size, 3 - min(ranks, 2))  # noqa: E731
+    monkeypatch.setattr(schur, "_complement", swapped)
     with pytest.raises(SolveError, match=r"off by .* from a solve .*Poisson's ratio"):
         system_of(block())
 

@@ -16,19 +16,6 @@ def random(size: int) -> np.ndarray:
 
 
 @pytest.mark.parametrize("size", SIZES)
-@pytest.mark.parametrize("triangle", ["lower", "upper"])
-def test_a_triangle_is_mirrored_and_the_other_forgotten(size: int, triangle: str) -> None:
-    matrix = random(size)
-    garbage = np.tri(size, k=-1, dtype=bool)
-    garbage = garbage.T if triangle == "lower" else garbage
-    kept = np.where(garbage, 0.0, matrix)
-    expected = kept + kept.T - np.diag(np.diag(matrix))
-    matrix[garbage] = np.nan
-    symmetrise(matrix, triangle)
-    assert np.array_equal(matrix, expected)
-
-
-@pytest.mark.parametrize("size", SIZES)
 @pytest.mark.parametrize("angle", [0.0, 0.3, 0.5 * np.pi, np.pi])
 def test_turning_is_a_congruence_and_keeps_symmetry_to_the_last_bit(
     size: int, angle: float
