@@ -5,6 +5,7 @@ Edge coordinates (s, d): s runs along the contact edge from its middle, d is the
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -26,34 +27,49 @@ from receding_fenicsx.scene.symmetry import (
 
 POSITION_TOLERANCE = 1e-9
 """Largest distance of coinciding points, over the body's depth below the contact edge."""
-OPPOSITE = {"bottom": "top", "top": "bottom", "left": "right", "right": "left"}
-"""Opposite edges of a rectangle."""
 
 
 @dataclass(frozen=True)
 class Frame:
     """Edge coordinates of a rectangle."""
 
+    scene: Scene  # that of the rectangle alone
     # edge, length: contact edge and its length
     edge: str
     length: float
     depth: float  # depth of the rectangle below it
     both: bool = False  # whether the opposite edge is a contact edge with the same vertices
 
-    def to_body(self, s: Array, d: Array) -> Array:
-        """Return (n, 2) body coordinates."""
-        if self.edge == "bottom":
-            return np.column_stack([s, d])
-        if self.edge == "top":
-            return np.column_stack([s, self.depth - d])
-        x = 0.5 * self.depth - d
-        return np.column_stack([x if self.edge == "right" else -x, s + 0.5 * self.length])
+    @property
+    def opposite(self) -> str:
+        """The edge opposite the contact edge."""
+        return {"bottom": "top", "top": "bottom", "left": "right", "right": "left"}[self.edge]
 
-    def from_body(self, x: float, y: float) -> tuple[float, float]:
-        """Return s and d of a point of the body."""
+    @property
+    def near(self) -> float:
+        """Distance of coinciding points."""
+        return POSITION_TOLERANCE * self.depth
+
+    def to_body(self, s: Array, d: Array) -> Array:
+        """Return (n, 2) coordinates."""
         if self.edge in ("bottom", "top"):
-            return x, y if self.edge == "bottom" else self.depth - y
-        return y - 0.5 * self.length, 0.5 * self.depth - (x if self.edge == "right" else -x)
+            found = np.column_stack([s, d if self.edge == "bottom" else self.depth - d])
+        else:
+            x = 0.5 * self.depth - d
+            found = np.column_stack([x if self.edge == "right" else -x, s + 0.5 * self.length])
+        return found + np.array(self.scene.body.position)
+
+    def from_body(self, points: Array) -> Array:
+        """Return s and d (n, 2) of points (n, 2)."""
+        x, y = (points - np.array(self.scene.body.position)).T
+        if self.edge in ("bottom", "top"):
+            return np.column_stack([x, y if self.edge == "bottom" else self.depth - y])
+        d = 0.5 * self.depth - (x if self.edge == "right" else -x)
+        return np.column_stack([y - 0.5 * self.length, d])
+
+    def on_edge(self, edge: str, positions: Sequence[float]) -> Array:
+        """Return s and d (n, 2) of positions along an edge."""
+        return self.from_body(np.column_stack(edge_points(self.scene, edge, np.array(positions))))
 
 
 @dataclass(frozen=True)
@@ -84,9 +100,9 @@ def rectangle_mesh(whole: Scene, body: Body, half: bool) -> RawMesh:
             scene = replace(scene, body=replace(body, width=0.5 * body.width, position=section))
             half = False
     frame = make_frame(scene, half, bool(whole.others))
-    marks = find_marks(scene, frame)
-    mesh = _gmsh_half(scene, frame, marks)
-    snap(scene, frame, marks, mesh)
+    marks = find_marks(frame)
+    mesh = _gmsh_half(frame, marks)
+    snap(frame, marks, mesh)
     if not half:
         mesh = mirror(mesh)
     # names on the body of the edges of rectangle.geo, whose contact edge is "bottom"
@@ -100,19 +116,18 @@ def rectangle_mesh(whole: Scene, body: Body, half: bool) -> RawMesh:
     if half:
         edges["left"] = np.empty((0, 2), dtype=np.int64)
     middles = {edge: np.hstack(edge_points(scene, edge, [0.0])) for edge in EDGES}
-    points = frame.to_body(*mesh.points.T) + np.array(scene.body.position)
-    return RawMesh(points, mesh.cells, edges, {}, middles, upright=True)
+    return RawMesh(frame.to_body(*mesh.points.T), mesh.cells, edges, {}, middles, upright=True)
 
 
-def _gmsh_half(scene: Scene, frame: Frame, marks: Marks) -> RawMesh:
+def _gmsh_half(frame: Frame, marks: Marks) -> RawMesh:
     """Mesh the half body in edge coordinates; edges have their names in the .geo file."""
-    cell = scene.mesh.cell
-    unit = frame.depth
+    options, unit = frame.scene.mesh, frame.depth
+    cell = options.cell
     numbers = {
         "width": [frame.length / unit],
         "height": [1.0],
-        "contact_elements": [float(scene.mesh.contact_elements)],
-        "growth": [float(scene.mesh.growth)],
+        "contact_elements": [float(options.contact_elements)],
+        "growth": [float(options.growth)],
         "quadrilaterals": [float(cell == "quadrilateral")],
         "both_edges": [float(frame.both)],
         "top_marks": (marks.top / unit).tolist(),
@@ -128,9 +143,8 @@ def _gmsh_half(scene: Scene, frame: Frame, marks: Marks) -> RawMesh:
             gmsh.parser.setNumber(name, value)
         try:
             gmsh.merge(path)
-            if scene.mesh.refine:
-                places = places_of(scene, frame)
-                grade_half(gmsh, places, marks.contact / unit, unit, frame.both)
+            if options.refine:
+                grade_half(gmsh, places_of(frame), marks.contact / unit, unit, frame.both)
             gmsh.model.mesh.generate(2)
         except Exception as caught:  # gmsh raises nothing more special
             raise SolveError(
@@ -144,38 +158,39 @@ def _gmsh_half(scene: Scene, frame: Frame, marks: Marks) -> RawMesh:
 def make_frame(scene: Scene, half: bool, stacked: bool = False) -> Frame:
     """Return the coordinates of the first contact edge; stacked, the opposite one is alike."""
     edge = scene.contacts[0].edge
-    both = stacked and any(contact.edge == OPPOSITE[edge] for contact in scene.contacts)
-    if edge in ("bottom", "top"):
-        return Frame(edge, scene.body.width, scene.body.height, both)
-    if half:
+    size = scene.body.width, scene.body.height
+    upright = edge in ("bottom", "top")
+    frame = Frame(scene, edge, *(size if upright else size[::-1]))
+    if half and not upright:
         raise InputError(
             f"contact.edge = '{edge}' has no half at x >= 0; set solver.symmetry = \"none\""
         )
-    return Frame(edge, scene.body.height, scene.body.width, both)
+    both = stacked and any(contact.edge == frame.opposite for contact in scene.contacts)
+    return replace(frame, both=both)
 
 
-def find_marks(scene: Scene, frame: Frame) -> Marks:
+def find_marks(frame: Frame) -> Marks:
     """Collect where loads, contact and supports need vertices, mirrored to s >= 0."""
-    wanted: list[tuple[str, float, float]] = []
+    scene, near = frame.scene, frame.near
+    wanted: list[tuple[str, Array]] = []
     spans = [("contact.span", c.edge, c.span) for c in scene.contacts]
     spans += [(f"{part.label} span", part.edge, part.span) for part in scene.edge_parts]
     for key, edge, span in spans:
         if span is not None:
-            ends = np.column_stack(edge_points(scene, edge, np.array(span)))
-            wanted += [(key, float(end[0]), float(end[1])) for end in ends]
+            wanted += [(key, place) for place in frame.on_edge(edge, span)]
     for key, parts in (("support.point", scene.supports), ("spring.point", scene.springs)):
-        wanted += [(key, *part.point) for part in parts if isinstance(part.point, tuple)]
-    left, bottom = scene.body.position
+        for part in parts:
+            if isinstance(part.point, tuple):
+                wanted += [(key, place) for place in frame.from_body(np.array([part.point]))]
 
-    near = POSITION_TOLERANCE * frame.depth
     dx = frame.length / scene.mesh.contact_elements
     columns = scene.mesh.cell == "quadrilateral"
     stops: list[float] = []
     top, side, inner = [], [], []
-    for key, x, y in wanted:
-        s, d = frame.from_body(x - left, y - bottom)
+    for key, (s, d) in wanted:
         s = abs(s) if abs(s) > near else 0.0
         if s > 0.5 * frame.length + near or not -near <= d <= frame.depth + near:
+            x, y = frame.to_body(*np.array([[s], [d]]))[0]
             raise InputError(f"{key}: the point ({x:g}, {y:g}) lies outside the body; move it")
         on_top = d >= frame.depth - near
         on_contact = d <= near or (frame.both and on_top)
@@ -184,7 +199,7 @@ def find_marks(scene: Scene, frame: Frame) -> Marks:
             stops.append(s)
             continue
         if (on_contact or (columns and not on_side)) and abs(s - round(s / dx) * dx) > near:
-            raise MeshMisfit(_misfit(scene, frame, key, s))
+            raise MeshMisfit(_misfit(frame, key, s))
         if on_contact or (on_top and (on_side or s == 0.0)):
             continue
         if on_top:
@@ -199,72 +214,66 @@ def find_marks(scene: Scene, frame: Frame) -> Marks:
     if scene.mesh.refine:
         base = Base(np.array([0.0, half]), np.array([dx]))
         breaks = [Refinement(dx, s, 2.0) for s in stops]
-        stations = graded((0.0, half), base, [*places_of(scene, frame), *breaks])
-    return Marks(stations, _apart(top, near), _apart(side, near), points, _find_ends(scene, frame))
+        stations = graded((0.0, half), base, [*places_of(frame), *breaks])
+
+    def apart(values: list[float]) -> Array:
+        """Return values in order, without those that coincide with the one before."""
+        ordered = np.sort(np.array(values, dtype=float))
+        return ordered[np.diff(ordered, prepend=-np.inf) > near]
+
+    return Marks(stations, apart(top), apart(side), points, _find_ends(frame))
 
 
-def places_of(scene: Scene, frame: Frame) -> list[Refinement]:
+def places_of(frame: Frame) -> list[Refinement]:
     """Return the refined places on the contact edge, with their mirror images, by s."""
-    left, bottom = scene.body.position
     found = []
-    for place in scene.mesh.places:
+    for place in frame.scene.mesh.places:
         assert place.edge is not None
-        if place.edge not in (frame.edge, OPPOSITE[frame.edge] if frame.both else None):
+        if place.edge not in (frame.edge, frame.opposite if frame.both else None):
             raise InputError(
                 "[mesh] refine: of a rectangle only the first contact edge and the opposite one in "
                 f"contact can be refined, not '{place.edge}'; name another one by edge"
             )
-        along = np.column_stack(edge_points(scene, place.edge, np.array(place.span)))
-        s = [frame.from_body(float(x) - left, float(y) - bottom)[0] for x, y in along]
-        found += [replace(place, at=(s[0], s[1])), replace(place, at=(-s[1], -s[0]))]
+        low, high = frame.on_edge(place.edge, place.span)[:, 0].tolist()
+        found += [replace(place, at=(low, high)), replace(place, at=(-high, -low))]
     return found
 
 
-def _find_ends(scene: Scene, frame: Frame) -> Array:
+def _find_ends(frame: Frame) -> Array:
     """Return where loads and supports end off the contact edge, mirrored to s >= 0."""
-    left, bottom = scene.body.position
-    near = POSITION_TOLERANCE * frame.depth
+    scene, near = frame.scene, frame.near
     spans = [(part.edge, part.span) for part in scene.edge_parts]
     spans += [(support.edge, None) for support in scene.supports if support.edge is not None]
-    spans += [(OPPOSITE[frame.edge], None)] if frame.both else []
+    spans += [(frame.opposite, None)] if frame.both else []
     ends = {}
     for edge, span in spans:
-        along = np.array(edge_range(scene, edge) if span is None else span)
-        for x, y in zip(*edge_points(scene, edge, along), strict=True):
-            s, d = frame.from_body(float(x) - left, float(y) - bottom)
+        for s, d in frame.on_edge(edge, span or edge_range(scene, edge)).tolist():
             # nothing ends on the axis of a body of revolution
             if d > near and not (is_cylinder(scene, scene.body) and s <= near):
                 ends[round(abs(s) / near), round(d / near)] = abs(s), d
     return np.array(sorted(ends.values())).reshape(-1, 2)
 
 
-def _misfit(scene: Scene, frame: Frame, key: str, s: float) -> str:
+def _misfit(frame: Frame, key: str, s: float) -> str:
     """Return the error message for a position between the vertices of the contact edge."""
-    n = scene.mesh.contact_elements
+    n = frame.scene.mesh.contact_elements
     text = (
         f"mesh.contact_elements = {n} puts no vertex {s:g} from the middle, where {key} needs one"
     )
     for m in range(n, 20 * n, 2):
         dx = frame.length / m
-        if abs(s - round(s / dx) * dx) <= POSITION_TOLERANCE * frame.depth:
+        if abs(s - round(s / dx) * dx) <= frame.near:
             return f"{text}; use {m}"
     return f"{text}; move it to a multiple of {frame.length / n:g}"
 
 
-def _apart(values: list[float], near: float) -> Array:
-    """Return values sorted, without those closer than ``near`` to the one before."""
-    ordered = np.sort(np.array(values, dtype=float))
-    return ordered[np.diff(ordered, prepend=-np.inf) > near]
-
-
-def snap(scene: Scene, frame: Frame, marks: Marks, mesh: RawMesh) -> None:
+def snap(frame: Frame, marks: Marks, mesh: RawMesh) -> None:
     """Move the nodes of the boundary and of the marks to their exact positions, in place."""
-    n = scene.mesh.contact_elements
+    n, near = frame.scene.mesh.contact_elements, frame.near
     s, d = mesh.points.T
     dx = frame.length / n
-    near = POSITION_TOLERANCE * frame.depth
     on = {edge: np.unique(facets) for edge, facets in mesh.edges.items()}
-    quadrilaterals = scene.mesh.cell == "quadrilateral"
+    quadrilaterals = frame.scene.mesh.cell == "quadrilateral"
     if quadrilaterals:
         s[:] = frame.length * np.round(s / dx) / n
         levels = np.sort(d[on["axis"]])
@@ -280,25 +289,17 @@ def snap(scene: Scene, frame: Frame, marks: Marks, mesh: RawMesh) -> None:
     s[on["right"]] = 0.5 * frame.length
     if frame.both:
         s[on["top"]] = marks.contact[np.searchsorted(between, s[on["top"]])]
-    for mark in marks.side:
-        if quadrilaterals:
+    if quadrilaterals:
+        for mark in marks.side:
             d[np.abs(d - mark) <= near] = mark
-        else:
-            d[_nearest(s - 0.5 * frame.length, d - mark, near)] = mark
-    for mark in marks.top:
-        s[_nearest(s - mark, d - frame.depth, near)] = mark
-    for place in marks.inner:
-        node = _nearest(s - place[0], d - place[1], near)
+    places = [] if quadrilaterals else [(0.5 * frame.length, mark) for mark in marks.side]
+    places += [(mark, frame.depth) for mark in marks.top] + marks.inner.tolist()
+    for place in places:
+        distance = np.hypot(s - place[0], d - place[1])
+        node = int(np.argmin(distance))
+        if distance[node] > near:
+            raise SolveError(f"gmsh put no vertex where one is needed, but {distance[node]:g} away")
         s[node], d[node] = place
-
-
-def _nearest(ds: Array, dd: Array, near: float) -> int:
-    """Return the node nearest to a mark, whose distance must be round-off."""
-    distance = np.hypot(ds, dd)
-    node = int(np.argmin(distance))
-    if distance[node] > near:
-        raise SolveError(f"gmsh put no vertex where one is needed, but {distance[node]:g} away")
-    return node
 
 
 def mirror(mesh: RawMesh) -> RawMesh:
