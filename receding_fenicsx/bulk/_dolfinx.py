@@ -103,11 +103,7 @@ def cell_tensor(mesh: dmesh.Mesh, values: Array) -> fem.Function:
 def create_mesh(comm: MPI.Comm, cell: str, cells: Ints, points: Array) -> dmesh.Mesh:
     """Distribute a mesh of straight-sided cells; arrays are empty on all ranks but 0.
 
-    Args:
-        comm: communicator.
-        cell: "triangle" or "quadrilateral".
-        cells: (n, 3 or 4) point numbers around each cell.
-        points: (m, 2) coordinates.
+    Points are (m, 2), their numbers around each "triangle" or "quadrilateral" (n, 3 or 4).
     """
     ordered = np.ascontiguousarray(cells[:, TENSOR_ORDER[cell]])
     if VERSION < (0, 7):  # before basix.ufl, the coordinate element is ufl's own

@@ -78,12 +78,7 @@ class Bulk(Discretisation):
         return self.stiffness.getSize()[0]
 
     def condensed(self) -> CondensedBody | None:
-        """Condense the body, turned to [t; n], on rank 0; collective.
-
-        Raises:
-            SolveError: the factorisation failed, or K does not keep the rigid motions or does not
-                agree with a solve; on all ranks.
-        """
+        """Condense the body, turned to [t; n], on rank 0; collective."""
         found, held, compliance = eliminate_interior(self)
         u = np.cos(1.0 + np.arange(len(self.contact.dofs)) ** 2)
         probe = _contact_forces(self, interior_solver(self), u[:, None])
@@ -257,11 +252,10 @@ def gather_contact(bulk: Bulk, rows: Array) -> Array | None:
 def eliminate_interior(bulk: Bulk) -> tuple[Array | None, Array | None, Array]:
     """Eliminate the interior for E = 1 by MUMPS's Schur complement; collective.
 
-    Returns:
-        Of [x; y] components on rank 0 K (2N, 2N), symmetric to the last bit, and the reactions r*
-        (2N, n_loads) with all contact nodes held. With these held, the work-conjugate quantity of
-        load k under load l: the displacement of a force, or E times the force of a prescribed
-        displacement.
+    Returned are, of [x; y] components on rank 0, K (2N, 2N), symmetric to the last bit, and the
+    reactions r* (2N, n_loads) with all contact nodes held; with these held, the work-conjugate
+    quantity of load k under load l: the displacement of a force, or E times the force of a
+    prescribed displacement.
     """
     supported = bulk.comm.allreduce(len(bulk.fixed)) > 0
     matrix = constrained(bulk, bulk.fixed) if supported else bulk.stiffness

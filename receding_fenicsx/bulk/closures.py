@@ -55,8 +55,6 @@ from receding_fenicsx.errors import InputError, MeshMisfit
 from receding_fenicsx.scene.model import INTERFERENCE, Scene, Spring
 from receding_fenicsx.scene.profiles import evaluate_checked
 
-KEY = "[contact] interference"
-
 
 def link_names(count: int) -> tuple[str, ...]:
     """Return names for unit loads of springs between two bodies, which no load of a scene has."""
@@ -165,18 +163,11 @@ def bolt_compliance(scene: Scene) -> Array:
 def closed(
     joined: JoinedBodies, at: Ints, soft: Array, names: Sequence[str], kept: int
 ) -> JoinedBodies:
-    """Return joined bodies some of whose unit loads have the compliance of springs.
+    """Return joined bodies some of whose unit loads, ``at``, have the compliance of springs.
 
-    Args:
-        joined: the bodies, with n unit loads.
-        at: (m,) numbers of the loads that springs close.
-        soft: (m, m) displacements by which unit forces lengthen the springs.
-        names: (m,) names of the springs.
-        kept: number of loads that remain, those of tightened springs with their shortening as
-            factor. The other ones, the last, are not tightened.
-
-    Raises:
-        InputError: some of the springs are rigid, and some of their forces deform nothing.
+    ``soft`` (m, m) are the displacements by which unit forces lengthen the springs with these
+    names. The first ``kept`` loads remain, those of tightened springs with their shortening as
+    factor; the other ones are not tightened.
     """
     C, r_star = joined.compliance, joined.r_star
     T, G = np.eye(len(C)), np.zeros_like(r_star)
@@ -226,11 +217,7 @@ def shifted(joined: JoinedBodies, S: Array) -> JoinedBodies:
 
 
 def driven_gaps(scene: Scene, contact: ContactPoints) -> Array:
-    """Return the gap (n_loads, N) at the contact nodes of each load with factor 1.
-
-    Raises:
-        InputError: an interference is negative somewhere, or a gap is zero everywhere.
-    """
+    """Return the gap (n_loads, N) at the contact nodes of each load with factor 1."""
     names = scene.load_names
     gaps = np.zeros((len(names), len(contact.x)))
     for k, part in enumerate(scene.contacts):
@@ -244,13 +231,15 @@ def driven_gaps(scene: Scene, contact: ContactPoints) -> Array:
                 # parts of one load that meet have one value there
                 gaps[names.index(load.name), inside] = gap
         if part.interference is not None:
-            depth = evaluate_checked(part.interference, contact.x[on], None, KEY)
+            depth = evaluate_checked(
+                part.interference, contact.x[on], None, "[contact] interference"
+            )
             if depth.min() < 0.0:
-                raise InputError(f"{KEY}: is negative; give a depth, or remove it")
+                raise InputError("[contact] interference: is negative; give a depth, or remove it")
             gaps[-1, on] = -depth
     driven = {load.name: f"{load.label} gap" for load in scene.loads if load.gap is not None}
     if INTERFERENCE in scene.preloads:
-        driven[INTERFERENCE] = KEY
+        driven[INTERFERENCE] = "[contact] interference"
     for name, where in driven.items():
         if not gaps[names.index(name)].any():
             raise InputError(f"{where}: is zero everywhere; give it a value, or remove it")
@@ -258,11 +247,7 @@ def driven_gaps(scene: Scene, contact: ContactPoints) -> Array:
 
 
 def with_gaps(joined: JoinedBodies, scene: Scene, contact: ContactPoints) -> JoinedBodies:
-    """Return joined bodies, for prescribed displacements relative to u, with the driven gaps.
-
-    Raises:
-        InputError: a free motion opens the whole contact, so that no interference presses.
-    """
+    """Return joined bodies, for prescribed displacements relative to u, with the driven gaps."""
     gaps, n = driven_gaps(scene, contact), len(contact.x)
     lift = joined.rigid[n:][~joined.held[n:]]
     # a combination of motions that opens the gap of every node
@@ -270,8 +255,8 @@ def with_gaps(joined: JoinedBodies, scene: Scene, contact: ContactPoints) -> Joi
     if INTERFERENCE in scene.preloads and lift.shape[1]:
         if linprog(np.zeros(lift.shape[1]), -lift, **bounds).status == 0:
             raise InputError(
-                f"{KEY}: the body is free to move off the contact, so nothing presses; hold it by "
-                "a [[support]], or remove the interference"
+                "[contact] interference: the body is free to move off the contact, so nothing "
+                "presses; hold it by a [[support]], or remove the interference"
             )
     overlap = np.where(joined.held, 0.0, np.hstack([np.zeros_like(gaps), gaps]))
     sign = np.where(gaps.any(axis=1), 1.0, joined.sign)

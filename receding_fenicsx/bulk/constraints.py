@@ -98,14 +98,7 @@ def _leader(slaves: Ints, masters: Ints, dofs: Ints) -> Ints:
 def find_constraints(
     scene: Scene, space: fem.FunctionSpace, body: BodyMesh, contact: Ints
 ) -> Constraints:
-    """Find all constraints of a body, also those of contact nodes; collective.
-
-    Args:
-        scene: the scene of this body alone.
-        space: displacement space.
-        body: the mesh.
-        contact: numbers of the nodes on contact edges.
-    """
+    """Find all constraints of a body, also those of the nodes on contact edges; collective."""
     slaves, masters = _platens(scene, space, body, contact)
     follows = slaves.dofs, masters.dofs
     held = _held(scene, space, body)

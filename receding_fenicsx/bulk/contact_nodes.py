@@ -86,11 +86,7 @@ def find_contact(
 ) -> tuple[ContactNodes, Constraints]:
     """Find the contact nodes and the constraints of the body; collective.
 
-    Args:
-        scene: the scene of this body alone.
-        space: displacement space.
-        body: the mesh.
-        resisted: (m, 3) components of the rigid motions that springs resist.
+    ``resisted`` (m, 3) are components of the rigid motions that springs resist.
     """
     edges = [_edge_nodes(scene, space, body, contact) for contact in body.contacts]
     every = np.concatenate([facets.nodes[0] for facets in edges])

@@ -87,16 +87,10 @@ def eliminate(
 ) -> tuple[sparse.csr_matrix, sparse.csr_matrix, Ints, NDArray[np.bool_]]:
     """Solve u = sum_b G_b u_b for the displacements of all bodies, each row by one freedom.
 
-    Ties come first, one after the other, as several may meet in a node.
-
-    Args:
-        relative: the rows.
-        held: (n,) held freedoms of all bodies, one body after the other.
-        diagonal: diagonal of the stiffness of each body: of matching nodes those of the softer
-            side are solved for.
-
-    Returns:
-        A and Y of u_b = A u + Y y, the freedoms (m,) that y are, and the rows that are held.
+    Ties come first, one after the other, as several may meet in a node. ``held`` (n,) are freedoms
+    of one body after the other, ``diagonal`` that of the stiffness of each: of matching nodes those
+    of the softer side are solved for. Returned are A and Y of u_b = A u + Y y, the freedoms (m,)
+    that y are, and the rows that are held.
     """
     n = len(held)
     owner = np.repeat(np.arange(len(diagonal)), [len(part) for part in diagonal])

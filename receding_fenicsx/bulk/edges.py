@@ -10,7 +10,7 @@ from dolfinx import fem
 
 from receding_fenicsx.arrays import Array, Ints
 from receding_fenicsx.bulk import _dolfinx
-from receding_fenicsx.bulk.mesh.curved_edges import GAUSS_POINTS, Arcs, gauss
+from receding_fenicsx.bulk.mesh.curved_edges import Arcs, gauss
 from receding_fenicsx.bulk.mesh.meshing import BodyMesh
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.scene.model import Scene
@@ -103,10 +103,8 @@ def integrate(
 ) -> Array:
     """Integrate a traction times each nodal shape function by Gauss's rule; (n, nodes, k) forces.
 
-    Args:
-        facets: the facets.
-        traction: function of points (m, 2) and outward normals (m, 2) that returns (m, k) values.
-        part: where the integral begins and ends in each facet (n,), from 0 to 1; default: all.
+    The traction is a function of points (m, 2) and outward normals (m, 2) that returns (m, k)
+    values, ``part`` where the integral begins and ends in each facet (n,), from 0 to 1.
     """
     s, weight = gauss()
     n, nodes = facets.nodes.shape
@@ -115,9 +113,9 @@ def integrate(
     shape = shape_functions(nodes, s)
     a, b = facets.points[:, 0], facets.points[:, 1]
     points = a[:, None, :] + s[:, :, None] * (b - a)[:, None, :]
-    normals = np.repeat(facets.outward, GAUSS_POINTS, axis=0)
+    normals = np.repeat(facets.outward, len(weight), axis=0)
     values = np.asarray(traction(points.reshape(-1, 2), normals))
-    values = values.reshape(n, GAUSS_POINTS, values.shape[-1])
+    values = values.reshape(n, len(weight), values.shape[-1])
     length = (end - begin) * np.hypot(b[:, 0] - a[:, 0], b[:, 1] - a[:, 1])
     return length[:, None, None] * np.einsum("inq,q,nqk->nik", shape, weight, values)
 
@@ -150,5 +148,5 @@ def integrate_arcs(
     outward = facets.outward[on][:, None, :]
     normals *= np.sign(np.sum(normals * outward, axis=-1, keepdims=True))
     values = np.asarray(traction(arcs.points[numbers].reshape(-1, 2), normals.reshape(-1, 2)))
-    values = values.reshape(len(on), GAUSS_POINTS, values.shape[-1])
+    values = values.reshape(*slopes.shape[:2], values.shape[-1])
     return on, np.einsum("q,nqk->nk", gauss()[1], values * length)

@@ -59,11 +59,7 @@ def solve_fields(bodies: Stack, load: Array, u: Array) -> list[BodyFields]:
 
 
 def probe_matrix(bodies: Stack, scene: Scene) -> ProbeMatrix | None:
-    """Return the values at all probes of a scene (at least one), on rank 0; collective.
-
-    Raises:
-        InputError: a point lies outside its body; on all ranks.
-    """
+    """Return the values at all probes of a scene (at least one), on rank 0; collective."""
     bodies.condense()
     places = [_places(bodies, probe) for probe in scene.probes]
     counted = list(zip(scene.probes, places, strict=True))

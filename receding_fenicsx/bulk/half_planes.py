@@ -203,12 +203,8 @@ def half_plane_of(
 ) -> HalfPlane:
     """Return a half-plane with its contact nodes.
 
-    Args:
-        scene: the scene of this body alone.
-        comm: communicator.
-        names: names of the loads on all bodies.
-        partner: contact nodes, on the surface, of the first body where this is the second one.
-        surface: surface of the first body where that is a half-plane too.
+    Those of the ``partner``, the first body, are on its surface where this is the second one; the
+    first one's ``surface`` is given where that is a half-plane too.
     """
     far = _far_field(scene, names)
     if partner is None:

@@ -134,17 +134,7 @@ class JoinedBodies:
 def join(
     bodies: Sequence[CondensedBody], relative: Relative, load_names: tuple[str, ...]
 ) -> JoinedBodies:
-    """Join bodies; the module's docstring has the equations.
-
-    Args:
-        bodies: the bodies, with the same loads (zero where they act on others).
-        relative: the relative displacements of their nodes.
-        load_names: names of the loads.
-
-    Raises:
-        InputError: a load moves bodies in a motion that no support holds, is a force on one body
-            and a displacement on another, or parts tied nodes.
-    """
+    """Join bodies, with the same loads; the module's docstring has the equations."""
     sign = common_sign(np.array([body.sign for body in bodies]), load_names)
     size = relative.size
     diagonal = [np.diagonal(body.K) for body in bodies]

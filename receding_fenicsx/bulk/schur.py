@@ -24,17 +24,9 @@ def factorise(
 ) -> tuple[PETSc.PC, Array | None]:
     """Factorise the block A_II of a symmetric positive definite matrix; collective.
 
-    Args:
-        matrix: the matrix A = [[A_II, A_IC], [A_CI, A_CC]].
-        contact: the variables C, alike on every rank.
-        workspace: percentage by which MUMPS enlarges the workspace that it expects to need.
-
-    Returns:
-        The preconditioner that holds the factor of A_II (solutions are zero or garbage on C), and
-        the Schur complement A_CC - A_CI A_II^-1 A_IC on rank 0.
-
-    Raises:
-        SolveError: MUMPS could not factorise; on all ranks.
+    The variables C of the other block are ``contact``, alike on every rank; MUMPS enlarges the
+    workspace that it expects to need by a percentage. Returned are the preconditioner that holds
+    the factor (solutions are zero or garbage on C), and A_CC - A_CI A_II^-1 A_IC on rank 0.
     """
     comm: MPI.Comm = matrix.comm.tompi4py()
     matrix.setOption(PETSc.Mat.Option.SPD, True)

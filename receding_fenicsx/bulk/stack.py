@@ -92,11 +92,7 @@ class Stack:
         return sum(part.dofs for part in self.parts)
 
     def condense(self) -> None:
-        """Condense all bodies, unless they are already, and join them on rank 0; collective.
-
-        Raises:
-            InputError: a load does not suit what holds the bodies; on all ranks.
-        """
+        """Condense all bodies, unless they are already, and join them on rank 0; collective."""
         if self.condensed:
             return
         condensed = [] if self.pair else [part.condensed() for part in self.parts]

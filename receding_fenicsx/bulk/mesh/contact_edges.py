@@ -39,12 +39,7 @@ class Interface:
 
 
 def find_interfaces(scene: Scene, meshes: Sequence[RawMesh], half: bool) -> tuple[Interface, ...]:
-    """Return one interface a contact, then one a tie; check the groups that the scene uses.
-
-    Raises:
-        InputError: a group is missing, overlaps another one or lies inside the body; edges of two
-            bodies do not lie on each other.
-    """
+    """Return one interface a contact, then one a tie; check the groups that the scene uses."""
     for body, mesh in zip(scene.bodies, meshes, strict=True):
         _check_groups(scene, body.name, mesh, half)
     found = []

@@ -16,17 +16,14 @@ from numpy.polynomial import legendre
 
 from receding_fenicsx.arrays import Array, Ints
 
-GAUSS_POINTS = 8
-"""Gauss points on a facet: at order 2, polynomial loads of degree 13 are integrated exactly."""
-
 
 @dataclass(frozen=True)
 class Arcs:
     """The true curves of the facets on curved edges."""
 
     ends: Array  # (n, 2, 2) coordinates of the facets' ends
-    points: Array  # (n, GAUSS_POINTS, 2) points of the curve between them
-    # (n, GAUSS_POINTS, 2) derivative of the curve's points by s, which runs from 0 at the first end
+    points: Array  # (n, points, 2) Gauss points of the curve between them
+    # (n, points, 2) derivative of the curve's points by s, which runs from 0 at the first end
     # to 1 at the second
     slopes: Array
 
@@ -43,7 +40,8 @@ class Arcs:
 @cache
 def gauss() -> tuple[Array, Array]:
     """Return places s in [0, 1] and weights of Gauss's rule on a facet."""
-    position, weight = legendre.leggauss(GAUSS_POINTS)
+    # 8 points: at order 2, polynomial loads of degree 13 are integrated exactly
+    position, weight = legendre.leggauss(8)
     return 0.5 * (1.0 + position), 0.5 * weight
 
 
@@ -62,7 +60,7 @@ def arcs_of(gmsh: Any, scale: float) -> Arcs:
     parts = [_arcs_of_curve(gmsh, curve) for curve in sorted(curves)]
     ends, points, slopes = (
         np.concatenate([np.empty((0, n, 2)), *(part[i] for part in parts if part is not None)])
-        for i, n in enumerate((2, GAUSS_POINTS, GAUSS_POINTS))
+        for i, n in enumerate((2, len(gauss()[0]), len(gauss()[0])))
     )
     return Arcs(scale * ends, scale * points, scale * slopes)
 

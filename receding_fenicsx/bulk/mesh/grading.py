@@ -26,9 +26,6 @@ from receding_fenicsx.bulk.mesh.raw_mesh import RawMesh, line_of, sides
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.scene.model import MAX_CONTACT_ELEMENTS, Refinement
 
-NEAR = 1e-9
-"""Distance of breaks, over the length of the edge, below which they are one."""
-
 
 @dataclass(frozen=True)
 class Base:
@@ -49,7 +46,7 @@ def graded(ends: tuple[float, float], base: Base, places: Sequence[Refinement]) 
     Places have a growth; those with a size above the base are breaks only.
     """
     low, high = ends
-    near = NEAR * (high - low)
+    near = 1e-9 * (high - low)  # closer breaks are one
     spans = [s for place in places for s in place.span if low + near < s < high - near]
     breaks = np.array(sorted([low, *spans]))
     breaks = np.append(breaks[np.diff(breaks, prepend=-np.inf) > near], high)
@@ -158,12 +155,7 @@ def mesh_refined(
 ) -> None:
     """Mesh gmsh's model again, with smaller elements at places, each with edge and growth.
 
-    Args:
-        gmsh: gmsh with the meshed model of the file.
-        places: refined places.
-        coarse: the mesh without them.
-        scale: its coordinates over those of gmsh.
-        where: beginning of messages.
+    ``coarse`` is the mesh without them, in gmsh's coordinates times ``scale``.
     """
     if coarse.cell != "triangle":
         raise InputError(f"{where}: is for triangles; leave it out, or mesh without Recombine")
@@ -179,7 +171,7 @@ def mesh_refined(
         assert edge is not None
         line = line_of(coarse, edge, where)
         knots = np.unique(line.along(coarse.points[np.unique(coarse.edges[edge])]))
-        ends, near = (float(knots[0]), float(knots[-1])), NEAR * line.length
+        ends, near = (float(knots[0]), float(knots[-1])), 1e-9 * line.length
         own = _places_on(places, edge, ends, near, where)
         curves = [int(c) for c in model.getEntitiesForPhysicalGroup(1, groups[edge])]
         corners = []
@@ -240,4 +232,4 @@ def _reentrant_corners(gmsh: Any, mesh: RawMesh, scale: float) -> list[Array]:
     # where curves join smoothly the angle is nearly pi
     sharp = mesh.points[outline[angle[outline] > 7.0 / 6.0 * np.pi]] / scale
     points = [gmsh.model.getValue(0, tag, [])[:2] for _, tag in gmsh.model.getEntities(0)]
-    return [p for p in points if np.any(np.hypot(*(sharp - p).T) < NEAR * mesh.size / scale)]
+    return [p for p in points if np.any(np.hypot(*(sharp - p).T) < 1e-9 * mesh.size / scale)]

@@ -141,9 +141,6 @@ def make_meshes(comm: MPI.Comm, scene: Scene, half: bool) -> tuple[BodyMesh, ...
     """Mesh the scene's bodies: rectangles graded from their contact edge, or the user's meshes.
 
     The mesh of a whole rectangle is bitwise mirror-symmetric; ``half`` meshes only x >= 0.
-
-    Raises:
-        InputError: a mesh that cannot serve the scene; on all ranks.
     """
 
     def tagged() -> list[tuple[dict[str, Any], tuple[NDArray[Any], ...]]]:
@@ -238,12 +235,11 @@ def _materials_of_cells(scene: Scene, body: Body, mesh: RawMesh) -> NDArray[np.i
         return np.empty(0, dtype=np.int32)
     label = f'[body] mesh "{Path(body.mesh or "").name}"'
     surfaces = sorted(set(mesh.surfaces))
+    known = sorted({name for surface in surfaces for name in surface.split("/")})
     for name in names:
-        check_known(name, surfaces, f"[material.{name}]", "body or physical surface")
+        check_known(name, known, f"[material.{name}]", "body or physical surface")
     for surface in surfaces:
         if surface not in names:
-            raise InputError(
-                f"{label}: the physical surface '{surface}' has no material; add "
-                f"[material.{surface}]"
-            )
+            advice = f"add [material.{surface}]" if "/" not in surface else "it is in two groups"
+            raise InputError(f"{label}: the physical surface '{surface}' has no material; {advice}")
     return np.array([names.index(surface) for surface in mesh.surfaces], dtype=np.int32)

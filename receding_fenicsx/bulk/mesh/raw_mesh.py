@@ -123,11 +123,7 @@ def cells_behind(mesh: RawMesh, facets: Ints) -> tuple[Ints, Ints]:
 
 
 def line_of(mesh: RawMesh, edge: str, where: str) -> Line:
-    """Return the line of an edge; ``where`` begins the messages.
-
-    Raises:
-        NotStraight, InputError: the edge is not straight, or not in one piece.
-    """
+    """Return the line of an edge in one piece; NotStraight where it is none."""
     facets = mesh.facets(edge, where)
     points = mesh.points[np.unique(facets)]
     # the two ends: farthest from any point, and farthest from that one

@@ -25,13 +25,6 @@ from receding_fenicsx.errors import InputError, MeshMisfit
 from receding_fenicsx.scene.checks import nearest
 from receding_fenicsx.scene.model import Body, MeshOptions
 
-CORNERS = {2: 3, 3: 4}
-"""Number of corners of triangles and quadrilaterals, by gmsh's element type."""
-HIGHER_ORDER = (
-    "has cells of higher order; save it with Mesh.ElementOrder = 1 (mesh.degree sets the degree of "
-    "the displacement)"
-)
-
 
 @contextmanager
 def gmsh_model() -> Iterator[Any]:
@@ -64,13 +57,9 @@ def geo_path(name: str) -> Path:
 
 
 def mesh_of(gmsh: Any, surface: str | None, where: str, scale: float) -> RawMesh:
-    """Return the plane mesh in gmsh's model, with its groups.
+    """Return the plane mesh in gmsh's model, whose unit has the length ``scale``, with its groups.
 
-    Args:
-        gmsh: the module, with a meshed model.
-        surface: physical surface of the body; None takes all of them, or all surfaces.
-        where: begin of error messages.
-        scale: length of gmsh's unit.
+    The body is a physical surface; None takes all of them, or all surfaces.
     """
     mesh, model = gmsh.model.mesh, gmsh.model
     if len(mesh.getElementTypes(3)):
@@ -93,9 +82,6 @@ def mesh_of(gmsh: Any, surface: str | None, where: str, scale: float) -> RawMesh
     size = np.ptp(points[:, :2], axis=0).max()
     if np.abs(points[:, 2]).max() > 1e-9 * size:
         raise InputError(f"{where}: is not plane; a plane body has z = 0 everywhere")
-    # facets with two nodes are of type 1
-    if set(mesh.getElementTypes(1)) - {1}:
-        raise InputError(f"{where}: {HIGHER_ORDER}")
     edges, spots = {}, {}
     for dim, tag in model.getPhysicalGroups():
         if dim > 1:
@@ -109,7 +95,10 @@ def mesh_of(gmsh: Any, surface: str | None, where: str, scale: float) -> RawMesh
             spots[name] = places[places >= 0]
         else:
             facets = places.reshape(-1, 2)
-            edges[name] = facets[np.all(facets >= 0, axis=1)]
+            facets = facets[np.all(facets >= 0, axis=1)]
+            # one that a file lists twice counts once
+            first = np.unique(np.sort(facets, axis=1), axis=0, return_index=True)[1]
+            edges[name] = facets[np.sort(first)]
     cells, arcs = number[around], arcs_of(gmsh, scale)
     return RawMesh(points[:, :2].copy(), cells, edges, spots, arcs=arcs, surfaces=surfaces)
 
@@ -128,11 +117,10 @@ def _cells(gmsh: Any, name: str | None, where: str) -> tuple[Ints, tuple[str, ..
         hint = f"did you mean '{close}'?" if close else f"it has {', '.join(groups) or 'none'}"
         raise InputError(f"{where}: has no physical surface '{name}'; {hint}")
     chosen = groups if name is None else {name: groups[name]}
-    surfaces = {
-        int(e): group
-        for group, tag in chosen.items()
-        for e in model.getEntitiesForPhysicalGroup(2, tag)
-    }
+    surfaces: dict[int, str] = {}
+    for group, tag in chosen.items():
+        for e in map(int, model.getEntitiesForPhysicalGroup(2, tag)):
+            surfaces[e] = f"{surfaces[e]}/{group}" if e in surfaces else group
     if not groups:
         surfaces = {int(e): "" for _, e in model.getEntities(2)}
     names: list[str] = []
@@ -148,15 +136,19 @@ def _cells(gmsh: Any, name: str | None, where: str) -> tuple[Ints, tuple[str, ..
         elif not model.getEntities():
             advice = "gmsh finds nothing in it; give a .geo or .msh file"
         raise InputError(f"{where}: has no cells; {advice}")
-    if set(found) == set(CORNERS):
+    # gmsh's types: lines 1, triangles 2, quadrilaterals 3
+    if set(found) == {2, 3}:
         raise InputError(
             f"{where}: mixes triangles and quadrilaterals; use one kind, for quadrilaterals "
             "transfinite surfaces with Recombine"
         )
-    (kind,) = list(found)[:1]
-    if len(found) > 1 or kind not in CORNERS:
-        raise InputError(f"{where}: {HIGHER_ORDER}")
-    return np.concatenate(found[kind]).astype(np.int64).reshape(-1, CORNERS[kind]), tuple(names)
+    ((kind, cells), *others) = found.items()
+    if others or kind not in (2, 3) or set(model.mesh.getElementTypes(1)) - {1}:
+        raise InputError(
+            f"{where}: has cells of higher order; save it with Mesh.ElementOrder = 1 (mesh.degree "
+            "sets the degree of the displacement)"
+        )
+    return np.concatenate(cells).astype(np.int64).reshape(-1, kind + 1), tuple(names)
 
 
 def read_user_meshes(
@@ -165,19 +157,23 @@ def read_user_meshes(
     """Mesh a .geo file, or read a mesh, of first-order cells; no communication.
 
     A .geo file is given the numbers ``contact_elements``, ``growth`` and ``quadrilaterals`` (0 or
-    1) of the scene and the body's own ``parameters``; they replace defaults in DefineConstant.
-
-    Args:
-        bodies: the bodies that are surfaces of one mesh, with the same ``mesh``, the path, and
-            ``parameters``; one body if places are refined.
-        options: the scene's mesh options, with the refined places on the body.
-        axisymmetric: positions of places on horizontal edges are radii.
+    1) of the scene and the body's own ``parameters``; they replace defaults in DefineConstant. The
+    bodies are surfaces of one mesh with the same parameters, one if places are refined.
     """
     path = Path(str(bodies[0].mesh))
-    where = _label(path)
+    where = f'[body] mesh "{path.name}"'
     if not path.is_file():
         raise InputError(f'[body] mesh: "{path}": no such file; check the path')
-    _check_parameters(bodies[0], path, where)
+    parameters = bodies[0].parameters
+    if parameters and path.suffix != ".geo":
+        raise InputError(
+            f"{where}: parameters are for .geo files; leave them out, or give the .geo file"
+        )
+    words = words_of(path) if parameters else set()
+    for name in set(parameters) - words if not words & {"Include", "Merge"} else ():
+        close = nearest(name, words)
+        hint = f"did you mean '{close}'?" if close else "DefineConstant it there"
+        raise InputError(f"{where}: the file has no parameter '{name}'; {hint}")
     try:
         job = workers.submit("gmsh", _meshes, bodies, options, axisymmetric)
         meshes: list[RawMesh] = workers.result("gmsh", job)
@@ -200,7 +196,7 @@ def read_user_meshes(
 def _meshes(bodies: Sequence[Body], options: MeshOptions, axisymmetric: bool) -> list[RawMesh]:
     """Mesh or read the bodies' file in this process; see :func:`read_user_meshes`."""
     body, path = bodies[0], Path(str(bodies[0].mesh))
-    where, is_geo = _label(path), path.suffix == ".geo"
+    where, is_geo = f'[body] mesh "{path.name}"', path.suffix == ".geo"
     with gmsh_model() as gmsh:
         numbers = {
             "contact_elements": float(options.contact_elements),
@@ -237,26 +233,6 @@ def _meshes(bodies: Sequence[Body], options: MeshOptions, axisymmetric: bool) ->
         return found() if options.refine or options.refinements else meshes
 
 
-def _label(path: Path) -> str:
-    return f'[body] mesh "{path.name}"'
-
-
-def _check_parameters(body: Body, path: Path, where: str) -> None:
-    """Refuse parameters that the file does not take."""
-    if not body.parameters:
-        return
-    if path.suffix != ".geo":
-        raise InputError(
-            f"{where}: parameters are for .geo files; leave them out, or give the .geo file"
-        )
-    words = words_of(path)
-    for name in body.parameters:
-        if name not in words and not words & {"Include", "Merge"}:
-            close = nearest(name, words)
-            hint = f"did you mean '{close}'?" if close else "DefineConstant it there"
-            raise InputError(f"{where}: the file has no parameter '{name}'; {hint}")
-
-
 def _check_cells(mesh: RawMesh, where: str) -> None:
     """Turn all cells counter-clockwise; refuse flat cells and meshes in several parts."""
     corners = mesh.points[mesh.cells]
@@ -284,6 +260,13 @@ def _check_cells(mesh: RawMesh, where: str) -> None:
         )
     pairs, owner = sides(mesh.cells)
     _, side = np.unique(pairs[:, 0] * n + pairs[:, 1], return_inverse=True)
+    times = np.bincount(side.ravel())
+    if times.max() > 2:
+        x, y = mesh.points[pairs[np.argmax(times[side.ravel()])]].mean(axis=0)
+        raise InputError(
+            f"{where}: more than two of its cells share the side at ({x:g}, {y:g}); put each "
+            "surface into one physical group, and mesh it once"
+        )
     parts, part = _parts(owner, len(cell) + side.ravel(), len(cell) + int(side.max()) + 1)
     if parts > 1:
         first = part[np.repeat(cell, width)] == part[0]

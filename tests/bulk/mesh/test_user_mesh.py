@@ -16,7 +16,7 @@ from receding_fenicsx.errors import InputError
 from receding_fenicsx.evolution.problem import with_profiles
 from receding_fenicsx.interface.system import ContactSystem
 from receding_fenicsx.mpi import given, on_root
-from receding_fenicsx.scene.model import Body, Contact, Load, Scene, Support, Tie
+from receding_fenicsx.scene.model import Body, Contact, Load, Material, Scene, Support, Tie
 from receding_fenicsx.timing import Timer
 
 comm = MPI.COMM_WORLD
@@ -202,6 +202,8 @@ def test_mesh_that_cannot_serve_is_refused_by_name(shared_tmp_path: Path) -> Non
             },
             "2 parts that meet in single nodes only, one at (2, 1)",
         ),
+        # as where a surface is in two groups
+        ({"cells": [TRIANGLES, TRIANGLES[:1]]}, "more than two of its cells share the side at"),
         ({"points": nowhere}, "node 5 is at [nan, 1.0, 0.0], not a finite position"),
         ({"points": solid}, "not plane"),
         ({"cells": [np.empty((0, 3), dtype=int)]}, "has no cells"),
@@ -213,13 +215,19 @@ def test_mesh_that_cannot_serve_is_refused_by_name(shared_tmp_path: Path) -> Non
 
 
 @pytest.mark.parametrize("cells", [SQUARES, TRIANGLES])
-def test_cells_of_a_file_may_run_clockwise(cells: Ints, shared_tmp_path: Path) -> None:
+def test_cells_may_run_clockwise_and_facets_be_listed_twice(
+    cells: Ints, shared_tmp_path: Path
+) -> None:
     path, turned_cells = shared_tmp_path / "my.msh", cells.copy()
     turned_cells[1] = turned_cells[1, ::-1]
-    found = [system_of(two_cells(path, cells=[each])) for each in (cells, turned_cells)]
-    if found[0] is not None and found[1] is not None:
-        assert np.array_equal(found[0].points, found[1].points) and found[0].n == 3
-        assert found[1].K == pytest.approx(found[0].K, abs=1e-13)
+    twice = {name: np.vstack([facets, facets[:, ::-1]]) for name, facets in EDGES.items()}
+    cases = (cells, EDGES), (turned_cells, EDGES), (cells, twice)
+    found = [system_of(two_cells(path, cells=[each], edges=edges)) for each, edges in cases]
+    for other in found[1:]:
+        if found[0] is not None and other is not None:
+            assert np.array_equal(found[0].points, other.points) and found[0].n == 3
+            assert other.K == pytest.approx(found[0].K, abs=1e-13)
+            assert other.r_star == pytest.approx(found[0].r_star, abs=1e-13)
 
 
 def test_span_has_to_end_at_vertices(shared_tmp_path: Path) -> None:
@@ -283,6 +291,12 @@ def test_unknown_parameters_surfaces_and_files_are_refused(shared_tmp_path: Path
     assert "has no parameter 'widht'; did you mean 'width'?" in text
     text = refused(geo_scene(path, GEO + 'Physical Surface("core") = {1};', surface="cor"))
     assert "no physical surface 'cor'; did you mean 'core'?" in text
+    names = ("core", "all")
+    groups = "".join(f'Physical Surface("{name}") = {{1}};\n' for name in names)
+    scene = geo_scene(path, GEO + groups)
+    materials = tuple(Material(2.0, 0.3, name=name) for name in names)
+    text = refused(replace(scene, materials=materials))
+    assert "the physical surface 'core/all' has no material; it is in two groups" in text
     with_parameters = two_cells(shared_tmp_path / "my.msh")
     body = replace(with_parameters.body, parameters={"width": 1.0})
     assert "parameters are for .geo files" in refused(replace(with_parameters, body=body))
