@@ -122,3 +122,17 @@ def test_the_place_of_a_free_body_that_no_force_presses_is_not_certified(
         np.diag([1.0, 0.0]), {"press": [0, 1], "pull": [1, 0]}, 0.5, rigid=[[0.0, 1.0]]
     )
     assert found(body, table(body, [[0, 0], *path])).certified == certified
+
+
+@pytest.mark.parametrize(
+    ("gap", "load", "solutions"),
+    [(0.1, [1.3, 1.0], 3), (0.0, [1.3, 1.0], 3), (0.1, [0.0, -0.1], 1)],
+)
+def test_nodes_that_may_land_count_in_the_static_problem_of_an_initial_slip(
+    gap: float, load: list[float], solutions: int
+) -> None:
+    # pressed it may open, as 1.3 .9 > 1, and in contact stick or slip back
+    node = small_system([[1.0, 0.9], [0.9, 1.0]], {"a": load}, 1.5, gap)
+    unique = found(node, table(node, [[0.0], [1.0]]), None, None, np.full(1, 0.01))
+    assert unique.certified == (solutions == 1)
+    assert unique.first_loading == unique.solutions == solutions

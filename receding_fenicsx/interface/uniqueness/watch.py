@@ -19,12 +19,16 @@ from numpy.typing import NDArray
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.interface.exact.rest import carries_nothing, zero_crossing
 from receding_fenicsx.interface.exact.segments import Segments, ties_at
-from receding_fenicsx.interface.exact.static import end_in_states, states_by_newton
-from receding_fenicsx.interface.law import BACKWARD, FORWARD, SEPARATION, STICK
+from receding_fenicsx.interface.exact.static import (
+    end_in_states,
+    states_by_newton,
+    static_problem,
+)
+from receding_fenicsx.interface.law import BACKWARD, FORWARD, STICK
 from receding_fenicsx.interface.lcp.all_solutions import all_solutions
-from receding_fenicsx.interface.lcp.contact import Problem, Undecided
+from receding_fenicsx.interface.lcp.contact import Problem
 from receding_fenicsx.interface.residual import largest_force
-from receding_fenicsx.interface.system import Changes, ContactState, ContactSystem, Leg, reactions
+from receding_fenicsx.interface.system import Changes, ContactState, ContactSystem, Leg
 from receding_fenicsx.interface.tolerances import JUMP_STEP, SAME_MARGIN, SAME_RATES, SIMULTANEOUS
 from receding_fenicsx.interface.uniqueness.certificate import (
     Certificate,
@@ -142,24 +146,23 @@ class UniquenessWatch:
                 self.found = self.found.with_doubt((*place, crossing), ())
                 return
             start = ContactState(np.zeros(2 * n), np.zeros(2 * n), state)
-        if static or crossing is not None or not np.any(a):
+        at_rest = static or crossing is not None
+        if not at_rest and not np.any(a):
             gap = segments.values(start)[n : 2 * n]
             near = system.held[n:] | (gap <= segments.limit[n : 2 * n] * scale)
-            at_rest = not np.any(a) and near.all() and carries_nothing(start, scale)
-            if static or crossing is not None or at_rest:
-                key = start.u.tobytes(), b.tobytes()
-                if key not in self._judged:
-                    self._judged.add(key)
-                    states, proved = solutions_from_rest(
-                        self.certificate, segments, start, leg.end.state, b, near
-                    )
-                    count = max(1, len(states))  # the path has found one
-                    most, proved = max(self.found.static, count), self.found.proved and proved
-                    self.found = replace(self.found, static=most, proved=proved)
-                    if count > 1:
-                        at = *place, crossing or 0.0
-                        self.found = self.found.with_doubt(at, _differing(states), count)
-                state, events, ties = leg.end.state, *[Changes.none()] * 2
+            at_rest = bool(near.all()) and carries_nothing(start, scale)
+        if at_rest:
+            key = start.u.tobytes(), b.tobytes()
+            if key not in self._judged:
+                self._judged.add(key)
+                states, proved = solutions_from_rest(segments, start, leg.end.state, b)
+                count = max(1, len(states))  # the path has found one
+                most, proved = max(self.found.static, count), self.found.proved and proved
+                self.found = replace(self.found, static=most, proved=proved)
+                if count > 1:
+                    at = *place, crossing or 0.0
+                    self.found = self.found.with_doubt(at, _differing(states), count)
+            state, events, ties = leg.end.state, *[Changes.none()] * 2
         self._rates(place, b - a, (state, events, ties))
         carried = largest_force(system, b, leg.end.r, scale)
         if np.any(b) and system.rigid.shape[1] and carries_nothing(leg.end, carried):
@@ -297,51 +300,38 @@ def _differing(states: NDArray[np.int8]) -> tuple[int, ...]:
 
 
 def solutions_from_rest(
-    certificate: Certificate,
-    segments: Segments,
-    start: ContactState,
-    known: States,
-    load: Array,
-    near: NDArray[np.bool_],
+    segments: Segments, start: ContactState, known: States, load: Array
 ) -> tuple[NDArray[np.int8], bool]:
     """Return (k, N) states of the solutions of a static problem, and whether there are no others.
 
     Without friction there is one, the problem being convex. Slip is counted from ``start``, a state
-    without reactions; ``known`` are the (N,) states that the path has found. Nodes that are not
-    ``near``, those with a gap, stay open. Each row has other reactions.
+    without reactions; ``known`` are the (N,) states that the path has found. Each row has other
+    reactions.
     """
-    system, n = certificate.system, certificate.system.n
-    rubbing = near & certificate.frictional
-    nothing = np.zeros(0, dtype=np.intp)
-    undecided = Undecided(
-        nothing, nothing, np.flatnonzero(rubbing), np.flatnonzero(near & certificate.smooth)
-    )
-    if not rubbing.any():
+    if not segments.frictional.any():
         return start.state[None], True
-    u0 = np.concatenate([start.v, np.where(system.held[n:] | ~near, start.w, -system.g0)])
-    problem = system, reactions(system, load, u0), undecided, certificate.free(~near)
-    others = np.where(near, STICK, SEPARATION)
+    problem, ends = static_problem(segments, start, load), [known]
+    system, _, undecided, _ = problem
     try:
         # six nodes with friction
         if undecided.sets <= 4**6:
             found = all_solutions(*problem)
-            return np.where(found.states > 0, found.states, others), found.complete
-        ends = [known]
-        for first in (FORWARD, BACKWARD) if near.all() else ():
+            return found.states, found.complete
+        for first in (FORWARD, BACKWARD):
             end = states_by_newton(system, start, load, first)
             ends += [] if end is None else [end.state]
-        if rubbing.sum() <= 40:
+        if len(undecided.touching) <= 40:
             of_nodes = Problem.of(*problem)
             ends += map(of_nodes.whole, of_nodes.by_covers())
     except np.linalg.LinAlgError:
-        return np.zeros((0, n), dtype=np.int8), False
+        return np.zeros((0, system.n), dtype=np.int8), False
     kept, forces = list[States](), list[Array]()
     for state in {state.tobytes(): state for state in ends}.values():
-        solution = end_in_states(segments, start, load, np.where(state > 0, state, others))
+        solution = end_in_states(segments, start, load, np.where(state > 0, state, STICK))
         if solution is None:
             continue
         different = SAME_RATES * largest_force(system, load, solution.r, 0.0)
         if all(np.abs(solution.r - other).max() > different for other in forces):
             kept.append(solution.state)
             forces.append(solution.r)
-    return np.array(kept, dtype=np.int8).reshape(-1, n), False
+    return np.array(kept, dtype=np.int8).reshape(-1, system.n), False
