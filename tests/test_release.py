@@ -155,15 +155,3 @@ def test_conda_recipe_asks_for_the_dependencies_of_the_project() -> None:
         name = CONDA_NAMES.get(name, name)
         assert asked.pop(name) == f"{name} {limits}"
     assert set(asked) == {"python", "fenics-dolfinx"}
-
-
-def test_paper_has_the_sections_of_the_journal_and_cites_what_is_in_its_bibliography() -> None:
-    text, bibliography = (text_of(f"docs/paper/paper.{kind}") for kind in ("md", "bib"))
-    head = yaml.safe_load(text.split("---\n")[1])
-    assert {"title", "tags", "authors", "affiliations", "date", "bibliography"} <= set(head)
-    wanted = ["Summary", "Statement of need", "State of the field", "Software design"]
-    wanted += ["Research impact statement", "AI usage disclosure", "Acknowledgements", "References"]
-    assert re.findall(r"^# (.+)$", text, re.M) == wanted
-    assert 750 <= len(text.split("---\n", 2)[2].split()) <= 1750
-    cited = set(re.findall(r"@(\w+)", text.split("---\n", 2)[2]))
-    assert cited == set(re.findall(r"^@\w+{(\w+),", bibliography, re.M))

@@ -113,25 +113,6 @@ def test_the_safe_slip_of_half_a_body_is_written_for_both_halves(tmp_path: Path)
     assert np.array_equal(slip, -slip[::-1]) and slip.any()
 
 
-@pytest.mark.parametrize(
-    ("changes", "words"),
-    [
-        (["shakedown.mean={press=1.0, shear=0.6}"], "no residual slip can hold the mean loads"),
-    ],
-)
-def test_command_refuses_in_one_line_and_writes_nothing(
-    shared_tmp_path: Path, capsys: pytest.CaptureFixture[str], changes: list[str], words: str
-) -> None:
-    file, out = scene_file(shared_tmp_path), shared_tmp_path / "study"
-    settings = [part for change in changes for part in ("--set", change)]
-    assert cli.main(["shakedown", file, "--out", str(out), *settings]) == 2
-    printed = capsys.readouterr().err
-    if root:
-        assert words in printed
-        assert printed.count("\n") == 1
-    assert not out.exists()
-
-
 def test_text_and_diagram_show_the_limits_at_the_mean_of_the_scene() -> None:
     found = rf.shakedown(rf.from_toml(SCENE, ["shakedown.mean={press=1.0, shear=0.1}"]))
     if found is None:

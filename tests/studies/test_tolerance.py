@@ -223,11 +223,6 @@ def test_a_finished_search_goes_on_with_a_smaller_tolerance(shared_tmp_path: Pat
         assert summary_of(out)["accuracy"]["met"]
 
 
-def test_a_sweep_does_not_leave_a_tolerance_aside_without_a_word(shared_tmp_path: Path) -> None:
-    with pytest.raises(rf.InputError, match="tolerance: a sweep solves all its cases"):
-        rf.sweep(searching(block(), 1e-2), {"contact.friction": [0.1]}, shared_tmp_path / "sweep")
-
-
 def test_sharp_corners_in_contact_are_graded_unasked(shared_tmp_path: Path) -> None:
     """True errors against a mesh twice as fine; equal elements are three times worse."""
     scene = rf.read_scene(DEMOS / "punch_axisymmetric.toml", ["output.cycles=[]"])

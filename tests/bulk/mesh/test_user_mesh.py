@@ -16,7 +16,7 @@ from receding_fenicsx.errors import InputError
 from receding_fenicsx.evolution.problem import with_profiles
 from receding_fenicsx.interface.system import ContactSystem
 from receding_fenicsx.mpi import given, on_root
-from receding_fenicsx.scene.model import Body, Contact, Load, Material, Scene, Support, Tie
+from receding_fenicsx.scene.model import Body, Contact, Load, Material, Scene, Support
 from receding_fenicsx.timing import Timer
 
 comm = MPI.COMM_WORLD
@@ -104,11 +104,6 @@ Curve Loop(1) = {1 : 4}; Plane Surface(1) = {1};
 Transfinite Curve{1, 3} = contact_elements + 1; Transfinite Curve{2, 4} = 5;
 Transfinite Surface{1};
 Physical Curve("foot") = {1}; Physical Curve("head") = {3}; Physical Curve(7) = {2};
-"""
-LINES = """
-Point(1) = {0, 0, 0}; Point(2) = {2, 0, 0}; Point(3) = {1, 0, 0};
-Line(1) = {1, 2}; Line(2) = {2, 3}; Line(3) = {3, 1};
-Curve Loop(1) = {1 : 3}; Plane Surface(1) = {1}; Physical Curve("foot") = {1};
 """
 
 
@@ -241,14 +236,6 @@ def test_span_has_to_end_at_vertices(shared_tmp_path: Path) -> None:
     assert "load 'p' span: no vertex" in refused(replace(scene, loads=(load,)))
 
 
-def test_contacts_that_share_a_facet_are_refused(shared_tmp_path: Path) -> None:
-    scene = two_cells(shared_tmp_path / "my.msh", edges={**EDGES, "side": np.array([[2, 5]])})
-    tied = replace(scene, contacts=(Contact(edge="foot"),), ties=(Tie(edge="foot"),))
-    assert "[tie]: 'foot' lies on 'foot', which is in another contact or tie" in refused(tied)
-    both = (Contact(edge="foot"), Contact(edge="side"))
-    assert len(make_mesh(comm, replace(scene, contacts=both), False).contacts) == 2
-
-
 def test_edge_in_pieces_is_refused(shared_tmp_path: Path) -> None:
     points = np.vstack([POINTS, [[3.0, 0.0], [3.0, 1.0]]])
     cells = [np.vstack([SQUARES, [[2, 6, 7, 5]]])]
@@ -257,49 +244,19 @@ def test_edge_in_pieces_is_refused(shared_tmp_path: Path) -> None:
     assert "'foot' is in pieces, with nothing from -0.5 to 0.5 along it" in text
 
 
-@pytest.mark.parametrize(
-    ("text", "words"),
-    [
-        ("Point(1) = {0, 0, 0};\nLine(1) = {1, };", "gmsh cannot use it"),
-        ("// nothing\n", "gmsh finds nothing in it"),
-        (LINES, "has no cells; is the outline of its surface closed, and does it enclose an area?"),
-        (GEO.replace("Physical Curve", "//"), "it has none, declare Physical Curve"),
-        (GEO + "Extrude {0, 0, 1} { Surface{1}; Layers{1}; }", "not plane"),
-        (GEO + 'Physical Surface("core") = {1};', ""),
-    ],
-)
-def test_geo_file_that_cannot_serve_is_refused(
-    text: str, words: str, shared_tmp_path: Path
-) -> None:
-    scene = geo_scene(shared_tmp_path / "my.geo", text)
-    if words:
-        assert words in refused(scene)
-    else:
-        assert make_mesh(comm, scene, False).cell == "triangle"
-
-
-def test_negative_friction_on_a_users_edge_is_refused(shared_tmp_path: Path) -> None:
-    scene = geo_scene(shared_tmp_path / "my.geo")
-    bad = replace(scene, contacts=(Contact("foot", friction="0.1*x"),))
-    with pytest.raises(InputError, match=r"\[contact\] friction: is -0.2 at x = -2 along 'foot'"):
-        system_of(bad)
-
-
-def test_unknown_parameters_surfaces_and_files_are_refused(shared_tmp_path: Path) -> None:
-    path = shared_tmp_path / "my.geo"
-    text = refused(geo_scene(path, parameters={"widht": 6.0}))
-    assert "has no parameter 'widht'; did you mean 'width'?" in text
-    text = refused(geo_scene(path, GEO + 'Physical Surface("core") = {1};', surface="cor"))
-    assert "no physical surface 'cor'; did you mean 'core'?" in text
+def test_a_surface_in_two_groups_has_no_material(shared_tmp_path: Path) -> None:
     names = ("core", "all")
     groups = "".join(f'Physical Surface("{name}") = {{1}};\n' for name in names)
-    scene = geo_scene(path, GEO + groups)
+    scene = geo_scene(shared_tmp_path / "my.geo", GEO + groups)
     materials = tuple(Material(2.0, 0.3, name=name) for name in names)
     text = refused(replace(scene, materials=materials))
     assert "the physical surface 'core/all' has no material; it is in two groups" in text
-    with_parameters = two_cells(shared_tmp_path / "my.msh")
-    body = replace(with_parameters.body, parameters={"width": 1.0})
-    assert "parameters are for .geo files" in refused(replace(with_parameters, body=body))
+
+
+def test_msh_files_that_cannot_serve_are_refused(shared_tmp_path: Path) -> None:
+    scene = two_cells(shared_tmp_path / "my.msh")
+    body = replace(scene.body, parameters={"width": 1.0})
+    assert "parameters are for .geo files" in refused(replace(scene, body=body))
     second = np.array([[0, 2, 3, 1, 4, 5]])
     order_two = two_cells(shared_tmp_path / "two.msh", cells=[second])
     assert "cells of higher order" in refused(order_two)
