@@ -105,20 +105,6 @@ FUNCTIONS: dict[str, tuple[Callable[..., Array], int, int]] = {
 }
 """Functions in expressions: implementation, smallest and largest number of arguments."""
 
-OPERATIONS: dict[type[ast.operator | ast.cmpop], Callable[[Array, Array], NDArray[Any]]] = {
-    ast.Add: np.add,
-    ast.Sub: np.subtract,
-    ast.Mult: np.multiply,
-    ast.Div: np.divide,
-    ast.Pow: np.power,
-    ast.Lt: np.less,
-    ast.LtE: np.less_equal,
-    ast.Gt: np.greater,
-    ast.GtE: np.greater_equal,
-    ast.Eq: np.equal,
-    ast.NotEq: np.not_equal,
-}
-
 
 def evaluate_expression(text: str, x: ArrayLike, y: ArrayLike | None = None) -> Array:
     """Evaluate an expression in ``x`` (and ``y``, unless None) at many points.
@@ -154,6 +140,10 @@ def evaluate_expression(text: str, x: ArrayLike, y: ArrayLike | None = None) -> 
 
 def _walk(node: ast.expr, names: dict[str, Array], text: str) -> Array:
     """Return the value of one node of the parsed expression."""
+    operators: dict[type[ast.AST], Callable[[Array, Array], NDArray[Any]]]
+    operators = {ast.Add: np.add, ast.Sub: np.subtract, ast.Mult: np.multiply, ast.Div: np.divide}
+    operators |= {ast.Pow: np.power, ast.Lt: np.less, ast.LtE: np.less_equal, ast.Gt: np.greater}
+    operators |= {ast.GtE: np.greater_equal, ast.Eq: np.equal, ast.NotEq: np.not_equal}
     if isinstance(node, ast.Constant):
         number = node.value
         if isinstance(number, int | float) and not isinstance(number, bool):
@@ -170,14 +160,14 @@ def _walk(node: ast.expr, names: dict[str, Array], text: str) -> Array:
     if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.UAdd | ast.USub):
         value = _walk(node.operand, names, text)
         return -value if isinstance(node.op, ast.USub) else value
-    if isinstance(node, ast.BinOp) and type(node.op) in OPERATIONS:
+    if isinstance(node, ast.BinOp) and type(node.op) in operators:
         sides = (_walk(side, names, text) for side in (node.left, node.right))
-        return np.asarray(OPERATIONS[type(node.op)](*sides), dtype=float)
-    if isinstance(node, ast.Compare) and all(type(op) in OPERATIONS for op in node.ops):
+        return np.asarray(operators[type(node.op)](*sides), dtype=float)
+    if isinstance(node, ast.Compare) and all(type(op) in operators for op in node.ops):
         values = [_walk(term, names, text) for term in (node.left, *node.comparators)]
         truth = np.asarray(1.0)
         for op, left, right in zip(node.ops, values, values[1:], strict=False):
-            truth = truth * OPERATIONS[type(op)](left, right)
+            truth = truth * operators[type(op)](left, right)
         return truth
     if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and not node.keywords:
         check_known(node.func.id, list(FUNCTIONS), f"'{text}'", "name")

@@ -81,7 +81,7 @@ def body_points(scene: Scene, body: Body) -> tuple[Array, Array]:
 def load_samples(scene: Scene, load: Load) -> Array:
     """Return the positions along a load's span at which its profile is checked."""
     low, high = load.span or edge_range(scene, load.edge)
-    # points along an edge at which load profiles are checked (odd: one lies at the centre)
+    # of an odd number one is at the centre
     return 0.5 * (low + high) + 0.5 * (high - low) * np.linspace(-1.0, 1.0, 401)
 
 

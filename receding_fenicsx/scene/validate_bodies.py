@@ -23,9 +23,6 @@ from receding_fenicsx.scene.model import (
 )
 from receding_fenicsx.scene.profiles import check_table, directions, evaluate_checked
 
-LENGTH_TOLERANCE = 1e-9
-"""Distance of two positions that count as equal, over the length of the edge."""
-
 
 def of_bodies(scene: Scene) -> Rules:
     """Names, shapes and materials of the bodies."""
@@ -81,14 +78,13 @@ def of_bodies(scene: Scene) -> Rules:
             yield f"{at} poisson: its square must be below {most}, not {m.poisson**2:g}"
     if len({material.kinematics for material in used}) > 1:
         yield "[material] kinematics: differs between the bodies; use the same for all"
-    for body in scene.bodies:
-        low, high = (body.position[0] + 0.5 * side * body.width for side in (-1.0, 1.0))
+    for body in scene.bodies if scene.axisymmetric else ():
+        x, width, low = body.position[0], body.width, body.position[0] - 0.5 * body.width
         # the smallest hole of a ring, over its width
-        ring = scene.axisymmetric and body.is_rectangle and not symmetry.is_cylinder(scene, body)
-        if ring and not low > 1e-6 * body.width:
+        if body.is_rectangle and x != 0.0 and not low > 1e-6 * width:
             yield (
-                f"{scene.label(body)} position: x = {body.position[0]:g} and width {body.width:g} "
-                f"make a ring from r = {low:g} to {high:g}; move it off the axis r = 0, or put a "
+                f"{scene.label(body)} position: x = {x:g} and width {width:g} make a ring from "
+                f"r = {low:g} to {x + 0.5 * width:g}; move it off the axis r = 0, or put a "
                 "cylinder (its width is the diameter) at x = 0"
             )
 
@@ -282,7 +278,7 @@ def of_span(scene: Scene, edge: str, span: tuple[float, float] | None, at: str) 
     if scene.find_edge(edge)[1] == "far" and not meshed:
         yield f"{at}: the far field of a half-plane has no parts; remove span"
     low, high = span if meshed else symmetry.edge_range(scene, edge)
-    slack, own = LENGTH_TOLERANCE * abs(high - low), f"[{span[0]:g}, {span[1]:g}]"
+    slack, own = 1e-9 * abs(high - low), f"[{span[0]:g}, {span[1]:g}]"  # round-off
     if not span[1] - span[0] > slack:
         yield f"{at}: {own} is empty; write [lower end, upper end]"
     if span[0] < low - slack or span[1] > high + slack:

@@ -22,12 +22,7 @@ from receding_fenicsx.scene.model import (
 )
 from receding_fenicsx.scene.options import KINDS
 from receding_fenicsx.scene.profiles import check_table, evaluate_checked
-from receding_fenicsx.scene.validate_bodies import (
-    LENGTH_TOLERANCE,
-    has_mesh_file,
-    of_edge,
-    of_span,
-)
+from receding_fenicsx.scene.validate_bodies import has_mesh_file, of_edge, of_span
 
 
 def of_load(scene: Scene, load: Load) -> checks.Rules:
@@ -99,23 +94,25 @@ def of_load(scene: Scene, load: Load) -> checks.Rules:
 
 def _off_contact(scene: Scene, load: Load, at: str) -> checks.Rules:
     """A load on a rectangle is off the contact."""
-    if has_mesh_file(scene, load.edge):
-        return
+    span = None if load.travel else load.span
     for joint, label in zip(scene.joints, scene.joint_labels, strict=True):
-        if scene.find_edge(load.edge) == scene.find_edge(joint.edge):
-            whole = symmetry.edge_range(scene, load.edge)
-            span = (not load.travel and load.span) or whole
-            if _overlap(span, joint.span or whole) > LENGTH_TOLERANCE * (whole[1] - whole[0]):
-                what = "contact" if "contact" in label else "tie"
-                yield (
-                    f'{at}: overlaps the {what} on the {what} edge "{load.edge}"; use another '
-                    f"edge, or a span outside the {what}'s"
-                )
+        on = not has_mesh_file(scene, load.edge)
+        on &= scene.find_edge(load.edge) == scene.find_edge(joint.edge)
+        if on and _overlap(scene, load.edge, span, joint.span):
+            what = "contact" if "contact" in label else "tie"
+            yield (
+                f'{at}: overlaps the {what} on the {what} edge "{load.edge}"; use another '
+                f"edge, or a span outside the {what}'s"
+            )
 
 
-def _overlap(a: tuple[float, float], b: tuple[float, float]) -> float:
-    """Return the length that two spans share, negative where they are apart."""
-    return min(a[1], b[1]) - max(a[0], b[0])
+def _overlap(scene: Scene, edge: str, *spans: tuple[float, float] | None) -> bool:
+    """Return whether spans of an edge, None for all of it, share more than round-off."""
+    low, high = -np.inf, np.inf  # those of a mesh file are not known yet
+    if not (has_mesh_file(scene, edge) or scene.find_edge(edge)[0].is_half_plane):
+        low, high = symmetry.edge_range(scene, edge)
+    begins, ends = zip(*(span or (low, high) for span in spans), strict=True)
+    return bool(min(ends) - max(begins) > (1e-9 * (high - low) if high < np.inf else 0.0))
 
 
 def _of_body_load(scene: Scene, load: Load, kinds: list[str]) -> checks.Rules:
@@ -178,17 +175,11 @@ def of_parts(scene: Scene) -> checks.Rules:
                 on = f'a force on "{forced.edge or "a body"}" and a displacement on "{moved.edge}"'
                 yield f"{a.label}: is {on}; give them two names"
             kind, other = (next(k for k in KINDS if checks.is_given(part, k)) for part in (a, b))
-            if kind == other and a.on_body and b.on_body and a.body == b.body:
+            if kind == other and a.on_body and a.body == b.body:
                 yield f"{a.label}: has two of {kind} on one body; add them"
             if kind != other or a.on_body or scene.find_edge(a.edge) != scene.find_edge(b.edge):
                 continue
-            if has_mesh_file(scene, a.edge) or scene.find_edge(a.edge)[0].is_half_plane:
-                overlap = a.span is None or b.span is None or _overlap(a.span, b.span) > 0.0
-            else:
-                whole = symmetry.edge_range(scene, a.edge)
-                length = LENGTH_TOLERANCE * (whole[1] - whole[0])
-                overlap = _overlap(a.span or whole, b.span or whole) > length
-            if overlap:
+            if _overlap(scene, a.edge, a.span, b.span):
                 same = f'a {kind} on the same part of "{a.edge}"'
                 yield f"{a.label}: two of its parts are {same}; write them as one, or rename one"
 
@@ -322,7 +313,7 @@ def of_place(scene: Scene, body: Body, point: tuple[float, ...], at: str) -> che
     left, right = (body.position[0] + side * body.width for side in (-0.5, 0.5))
     low, high = (body.position[1] + part for part in (0.0, body.height))
     left = 0.0 if symmetry.is_cylinder(scene, body) else left
-    slack = LENGTH_TOLERANCE * max(body.width, body.height)
+    slack = 1e-9 * max(body.width, body.height)  # round-off
     if not (left - slack <= x <= right + slack and low - slack <= y <= high + slack):
         body_is = f"{left:g} <= x <= {right:g}, {low:g} <= y <= {high:g}"
         yield f"{at}: ({x:g}, {y:g}) lies outside the body, {body_is}; move it"
