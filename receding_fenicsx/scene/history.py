@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from receding_fenicsx.arrays import Array, Ints, described
+from receding_fenicsx.arrays import Array, Ints, as_numbers, described
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.scene.checks import Rules, broken, refuse, suggestion, unused
 from receding_fenicsx.scene.model import INTERFERENCE, Harmonic, HistoryOptions, Scene
@@ -37,12 +37,7 @@ class History:
         """Convert names and load factors given as lists."""
         object.__setattr__(self, "load_names", tuple(self.load_names))
         for name in ("path", "loop"):
-            try:
-                rows = np.asarray(getattr(self, name), dtype=np.float64)
-            except (TypeError, ValueError):
-                raise InputError(
-                    f"the history's {name} has to be rows of {len(self.load_names)} load factors"
-                ) from None
+            rows = as_numbers(getattr(self, name), f"the history's {name}")
             if name == "loop" and not rows.size:
                 rows = rows.reshape(0, len(self.load_names))
             object.__setattr__(self, name, rows)
@@ -99,19 +94,16 @@ def check_history(history: History, load_names: tuple[str, ...]) -> None:
             f"the history drives loads {list(history.load_names)}, the system has "
             f"{list(load_names)}: name the same loads in the same order"
         )
-    path, loop = np.asarray(history.path), np.asarray(history.loop)
+    path, loop = history.path, history.loop
     for name, rows, least in (("path", path, 2), ("loop", loop, 0)):
         if rows.ndim != 2 or rows.shape[1] != len(load_names) or len(rows) < least:
             raise InputError(
                 f"the history's {name} has shape {rows.shape}, expected at least {least} rows of "
                 f"{len(load_names)} load factors"
             )
-        wrong = ~np.isfinite(rows).all(axis=1)
-        if np.any(wrong):
-            raise InputError(
-                f"row {np.argmax(wrong)} of the history's {name}, "
-                f"{named_factors(load_names, rows[np.argmax(wrong)])}, is not finite"
-            )
+        for k in np.flatnonzero(~np.isfinite(rows).all(axis=1)):
+            at = named_factors(load_names, rows[k])
+            raise InputError(f"row {k} of the history's {name}, {at}, is not finite")
     if np.any(path[0]):
         raise InputError(
             f"the history's path starts at load factors {named_factors(load_names, path[0])}: "
@@ -134,13 +126,12 @@ def leg_number(history: History, name: str, cycle: int = 1) -> int:
     n = len(polyline) - 1
     size = np.abs(polyline).sum(axis=1)
     if name in ("loading", "unloading"):
-        rises = size[1:] > size[:-1]
-        legs = [k for k in range(n) if rises[k] == (name == "loading")]
+        legs = np.flatnonzero((np.diff(size) > 0.0) == (name == "loading"))
         if len(legs) != 1:
             raise InputError(
                 f"cycle {cycle} has {len(legs)} {name} legs; give a leg number, 0 to {n - 1}"
             )
-        return legs[0]
+        return int(legs[0])
     if not name.isdecimal() or int(name) >= n:
         raise InputError(
             f"leg '{name}': cycle {cycle} has legs 0 to {n - 1}; give a number, or loading or "
@@ -219,15 +210,11 @@ def history_from_scene(scene: Scene) -> History:
         raise InputError('[history] cycles: must be at least 1, not 0; or use kind = "monotonic"')
     held = _held(scene)
     columns = [scene.load_names.index(name) for name in varying]
-
-    def widened(rows: Array) -> Array:
-        wide = np.tile(held[-1], (len(rows), 1))
-        wide[:, columns] = rows
-        return wide
-
-    path = np.vstack([held[:-1], widened(path)])
+    wide = np.tile(held[-1], (len(path) + len(loop), 1))
+    wide[:, columns] = np.vstack([path, loop])
+    path, loop = np.vstack([held[:-1], wide[: len(path)]]), wide[len(path) :]
     cycles = options.cycles if len(loop) else 0
-    return ended_by(History(scene.load_names, path, widened(loop), cycles), options.until)
+    return ended_by(History(scene.load_names, path, loop, cycles), options.until)
 
 
 def _rules(scene: Scene, varying: tuple[str, ...]) -> Rules:
@@ -365,9 +352,7 @@ def _table(options: HistoryOptions, names: tuple[str, ...]) -> tuple[Array, Arra
 def _harmonic(options: HistoryOptions, names: tuple[str, ...]) -> tuple[Array, Array]:
     """Return path and polygon of a harmonic history, the coarsest one without ``corners``."""
     loads = [options.harmonic[name] for name in names]
-    mean, amplitude, phase = (
-        np.array([getattr(load, key) for load in loads]) for key in ("mean", "amplitude", "phase")
-    )
+    mean, amplitude, phase = np.array([[o.mean, o.amplitude, o.phase] for o in loads]).T
     # the cosine of angles in degrees, exact at multiples of 90
     degrees = corner_angles(options, names)[:-1, None] - phase
     quarters = np.round(degrees / 90.0)

@@ -45,12 +45,10 @@ class Units(Table):
 
     def product(self, stress: int, length: int) -> str:
         """Return the unit stress^a length^b as text; "" if one of the units is not known."""
-        parts = [(self.stress, stress), (self.length, length)]
-        needed = [(unit, power) for unit, power in parts if power]
-        if any(unit is None for unit, _ in needed):
-            return ""
-        raised = {1: "", 2: "²", 3: "³"}
-        return " ".join(f"{unit}{raised[power]}" for unit, power in needed)
+        powers = ((self.stress, stress), (self.length, length))
+        raised = ("", "", "²", "³")
+        parts = [unit and f"{unit}{raised[power]}" for unit, power in powers if power]
+        return " ".join(filter(None, parts)) if all(parts) else ""
 
     def of_force(self, axisymmetric: bool) -> str:
         """Return the unit of forces: of the full circle, or in the plane for unit thickness."""

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.errors import InputError
-from receding_fenicsx.scene.model import FREE, Body, Contact, Load, Scene, Spring, Support
+from receding_fenicsx.scene.model import FREE, Body, Contact, Joint, Load, Scene, Spring, Support
 from receding_fenicsx.scene.options import KINDS
 from receding_fenicsx.scene.profiles import directions, evaluate
 
@@ -39,10 +39,9 @@ def edge_range(scene: Scene, edge: str) -> tuple[float, float]:
     if name not in EDGES:
         raise InputError(f"'{edge}' is no edge of a rectangle; use one of {', '.join(EDGES)}")
     half = 0.5 * (body.width if name in HORIZONTAL else body.height)
-    if scene.axisymmetric and name in HORIZONTAL:
-        middle = body.position[0]
-        return 0.0 if is_cylinder(scene, body) else middle - half, middle + half
-    return -half, half
+    middle = body.position[0] if scene.axisymmetric and name in HORIZONTAL else 0.0
+    on_axis = name in HORIZONTAL and is_cylinder(scene, body)
+    return 0.0 if on_axis else middle - half, middle + half
 
 
 def edge_points(scene: Scene, edge: str, along: ArrayLike) -> tuple[Array, Array]:
@@ -51,8 +50,7 @@ def edge_points(scene: Scene, edge: str, along: ArrayLike) -> tuple[Array, Array
     t = np.asarray(along, dtype=float)
     x, y = body.position
     if name in HORIZONTAL:
-        if not scene.axisymmetric:  # there positions are radii
-            t = t + x
+        t = t + (0.0 if scene.axisymmetric else x)  # positions are radii
         return t, np.full(t.shape, y + (0.0 if name == "bottom" else body.height))
     side = -0.5 if name == "left" else 0.5
     return np.full(t.shape, x + side * body.width), t + (y + 0.5 * body.height)
@@ -101,9 +99,8 @@ def is_mirror_symmetric(scene: Scene) -> bool:
         return False
     if any(not body.is_rectangle or body.position[0] != 0.0 for body in scene.bodies):
         return False
-    for joint in scene.joints:
-        if not (is_horizontal(scene, joint.edge) and _span_is_even(scene, joint.edge, joint.span)):
-            return False
+    if not all(_is_mirrored(scene, joint) for joint in scene.joints):
+        return False
     for contact in scene.contacts:
         x = contact_samples(scene, contact)
         gaps = [load.gap for load in scene.loads if load.gap and load.edge == contact.edge]
@@ -123,7 +120,7 @@ def is_mirror_symmetric(scene: Scene) -> bool:
             body = next(body for body in scene.bodies if load.body in (None, body.name))
             # from left to right along the first axis
             x, y = (part.T for part in body_points(scene, body))
-        elif is_horizontal(scene, load.edge) and _span_is_even(scene, load.edge, load.span):
+        elif _is_mirrored(scene, load):
             x, y = edge_points(scene, load.edge, load_samples(scene, load))
         else:
             return False
@@ -152,9 +149,12 @@ def _is_even(values: Array, sign: float = 1.0, scale: float | None = None) -> bo
     return bool(np.all(np.abs(values - sign * values[::-1]) <= 1e-12 * scale))  # round-off
 
 
-def _span_is_even(scene: Scene, edge: str, span: tuple[float, float] | None) -> bool:
-    low, high = edge_range(scene, edge)
-    return span is None or _is_even(np.array(span), -1.0, high - low)
+def _is_mirrored(scene: Scene, part: Joint | Load) -> bool:
+    """Return whether a part of a horizontal edge is its own mirror image."""
+    if not is_horizontal(scene, part.edge):
+        return False
+    low, high = edge_range(scene, part.edge)
+    return part.span is None or _is_even(np.array(part.span), -1.0, high - low)
 
 
 def _key(scene: Scene, part: Spring | Support, mirrored: bool) -> tuple[object, ...]:

@@ -66,7 +66,7 @@ def test_history_takes_lists_and_refuses_rows_of_unequal_length_and_text() -> No
     assert repr(lists) == repr(arrays)
     assert History(("P", "Q"), path, []).loop.shape == (0, 2)  # type: ignore[arg-type]
     for wrong in ([[0, 0], [1]], [[0, 0], ["a", 1]], [[0, 0], [None, {}]]):
-        with pytest.raises(InputError, match="history's path has to be rows of 2 load factors"):
+        with pytest.raises(InputError, match="history's path: has to be numbers"):
             History(("P", "Q"), wrong, loop)  # type: ignore[arg-type]
 
 
