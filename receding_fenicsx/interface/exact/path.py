@@ -150,7 +150,7 @@ class EventPath:
     def _from_rest(self, problem: LegProblem) -> Leg:
         """Follow a leg from rest, or jump to its end, by one static problem."""
         load = problem.ends[1]
-        return load_from_rest(self.segments, problem, self._limit(np.zeros_like(load), load))
+        return load_from_rest(self.segments, problem, self.limit(np.zeros_like(load), load))
 
     def _resting(self, start: ContactState, ends: tuple[Array, Array]) -> ContactState:
         """Return where an unloaded body with gaps comes to rest under the load of a leg."""
@@ -174,7 +174,7 @@ class EventPath:
         except SingularExchange as error:
             raise lost_by_loose_motion(self.system, b) from error
         except SolveError as error:
-            limit, node = self._limit(a, b), self._low_friction_node
+            limit, node = self.limit(a, b), self._low_friction_node
             if isinstance(error, NoEquilibrium) and (limit is not None or node is None):
                 raise
             if limit is not None:
@@ -188,7 +188,7 @@ class EventPath:
                 f"round-off; make it 0, or {LOW_FRICTION:.0e} at least"
             ) from error
         if not is_balanced(self.system, b, leg.end):
-            limit = self._limit(a, b)
+            limit = self.limit(a, b)
             if limit is not None and limit.s < 1.0 - 1e-7:
                 # round-off of a vanishing stiffness has carried the loads
                 raise NoEquilibrium(limit.text)
@@ -255,7 +255,7 @@ class EventPath:
         changed[events.node] = True
         self._opened[events.node[(events.old == SEPARATION) | (events.new == SEPARATION)]] = True
 
-    def _limit(self, a: Array, b: Array) -> Limit | None:
+    def limit(self, a: Array, b: Array) -> Limit | None:
         """Return where equilibrium ends on a leg, None where it does not."""
         key = a.tobytes(), b.tobytes()
         if key not in self._limits:
@@ -264,7 +264,7 @@ class EventPath:
 
     def _equilibrium_ends(self, ends: tuple[Array, Array]) -> float:
         """Return the place on a leg where equilibrium ends, infinite where it does not."""
-        limit = self._limit(*ends)
+        limit = self.limit(*ends)
         return np.inf if limit is None else limit.s
 
 

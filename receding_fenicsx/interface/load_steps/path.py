@@ -15,15 +15,16 @@ from dataclasses import replace
 import numpy as np
 
 from receding_fenicsx.arrays import Array
-from receding_fenicsx.errors import SolveError
-from receding_fenicsx.interface.equilibrium import Limit, furthest
+from receding_fenicsx.errors import NoEquilibrium, NoQuasiStaticContinuation, SolveError
 from receding_fenicsx.interface.exact.free_motions import at_rest
-from receding_fenicsx.interface.exact.legs import LegProblem
+from receding_fenicsx.interface.exact.jumps import add_jump, check_jumps, find_jump
+from receding_fenicsx.interface.exact.legs import LegProblem, unchanged
 from receding_fenicsx.interface.exact.rest import carries_nothing, zero_crossing
 from receding_fenicsx.interface.exact.segments import tied
 from receding_fenicsx.interface.gauss_seidel.sweeps import GaussSeidelOptions, solve_step
 from receding_fenicsx.interface.law import BACKWARD, FORWARD, STICK
-from receding_fenicsx.interface.load_steps.steps import LegInSteps, StepTrials
+from receding_fenicsx.interface.load_steps.steps import StepTrials, seen_changes
+from receding_fenicsx.interface.residual import relative_residual
 from receding_fenicsx.interface.system import Changes, ContactState, ContactSystem, Leg
 from receding_fenicsx.interface.tolerances import JUMP_STEP
 
@@ -49,7 +50,6 @@ class GaussSeidelPath:
         """
         self.system, self.options, self.steps, self.on_jump = system, options, steps, on_jump
         self._trials = StepTrials(system, options)
-        self._limits: dict[tuple[bytes, bytes], Limit | None] = {}
 
     def trace_leg(
         self, start: ContactState, ends: tuple[Array, Array], force_scale: float, samples: int = 0
@@ -73,9 +73,10 @@ class GaussSeidelPath:
         resting = start
         if carries_nothing(start, force_scale) and not np.any(ends[0]):
             resting = at_rest(self.system, start, ends[1])
-        now = self.begin(LegProblem(resting, ends, force_scale))
-        now.leg.events = Changes.between(0.0, start.state, resting.state)
-        now.leg.stops = [(0.0, resting.u)]
+        problem = LegProblem(resting, ends, force_scale)
+        leg = unchanged(problem)
+        leg.events = Changes.between(0.0, start.state, resting.state)
+        leg.stops = [(0.0, resting.u)]
         stored = {round((j + 1) * self.steps / samples) for j in range(samples)}
         crossing = zero_crossing(ends)
         s = 0.0
@@ -83,73 +84,88 @@ class GaussSeidelPath:
             s_end = k / self.steps
             if crossing is not None and s < crossing < s_end:
                 # complete unloading undoes all slip: a step across it would keep that
-                self.advance(now, s, crossing)
+                leg = self.advance(problem, leg, s, crossing)
                 s = crossing
-            self.advance(now, s, s_end)
+            leg = self.advance(problem, leg, s, s_end)
             s = s_end
             if k in stored:
-                now.leg.samples.append((s, now.end))
-        return now.leg
+                leg.samples.append((s, leg.end))
+        return leg
 
     def static_leg(self, start: ContactState, ends: tuple[Array, Array], force_scale: float) -> Leg:
         """Jump to the end of a leg in one step; slip is counted from ``start``."""
-        now = self.begin(LegProblem(start, ends, force_scale))
-        now.check_equilibrium(1.0)
+        self._check_equilibrium(ends, 1.0)
         patient = replace(self.options, stalled_sweeps=self.options.max_sweeps)
-        step = solve_step(self.system, start, ends[1], patient, force_scale)
-        now.leg.sweeps += step.sweeps
-        now.add(step, (0.0, 1.0))
-        now.leg.samples = [(1.0, now.end)]
-        return now.leg
+        leg = solve_step(self.system, start, ends[1], patient, force_scale)
+        leg.events = Changes.between(1.0, start.state, leg.end.state)
+        leg.stops, leg.samples = [(1.0, leg.end.u)], [(1.0, leg.end)]
+        return leg
 
-    def begin(self, problem: LegProblem) -> LegInSteps:
-        """Return a leg on which nothing has been followed yet."""
-        a, b = problem.ends
-        key = a.tobytes(), b.tobytes()
-        if key not in self._limits:
-            self._limits[key] = furthest(self.system, a, b)
-        return LegInSteps(self.system, problem, self._limits[key])
+    def _check_equilibrium(self, ends: tuple[Array, Array], s: float) -> None:
+        """Raise NoEquilibrium where equilibrium ends before s."""
+        limit = self._trials.exact.limit(*ends)
+        if limit is not None and s > limit.s:
+            raise NoEquilibrium(limit.text)
 
-    def advance(self, now: LegInSteps, s: float, s_end: float) -> None:
-        """Advance by one load step from s to ``s_end``, in parts where it may contain a jump."""
-        now.check_equilibrium(s_end)
-        targets, part = [s_end], 0.0
+    def advance(self, problem: LegProblem, leg: Leg, s: float, s_end: float) -> Leg:
+        """Advance by one load step from s to ``s_end``, in parts where it may contain a jump.
+
+        Args:
+            problem: the leg, from the state at its start.
+            leg: what has been followed so far.
+            s: place that has been reached.
+            s_end: end of the step.
+
+        Returns:
+            What has been followed then.
+        """
+        self._check_equilibrium(problem.ends, s_end)
+        targets, part, system = [s_end], 0.0, self.system
         for _ in range(300):
-            trial = self._trials.attempt(now, s, targets[-1])
-            if trial.found is None:
+            found, reached = self._trials.attempt(problem, leg, s, targets[-1])
+            if found is None:
                 last = s + part  # as long a part as the one before
-                targets.append(max(trial.s, last) if last < targets[-1] else trial.s)
+                targets.append(max(reached, last) if last < targets[-1] else reached)
                 part = 0.0
                 continue
-            reached = trial.s
-            if isinstance(trial.found, SolveError):
-                if self._take_exact_path(now, s_end):
-                    return
+            before = leg.end
+            if isinstance(found, SolveError):
+                exact = self._exact_path(problem, leg, s_end)
+                if exact is not None:
+                    return exact
+                if self.on_jump != "static" or not isinstance(found, NoQuasiStaticContinuation):
+                    raise found
                 reached = min(s + JUMP_STEP, s_end)
-                segments = self._trials.continuation.segments
-                now.add_jump(segments, (s, reached), self.on_jump, trial.found)
+                load = problem.load(reached)
+                check_jumps(system, len(leg.jumps), load)
+                jump = find_jump(self._trials.exact.segments, before, load, load)
+                add_jump(leg, (s, reached), jump)
+                slip, scale = (jump.end.u - before.u)[: system.n], leg.force_scale
+                residual = relative_residual(system, jump.end, slip, system.local_stiffness, scale)
+                leg.residual = max(leg.residual, residual)
             else:
-                before = now.end
-                now.add(trial.found, (s, reached))
-                ties = self._ties(now, before, reached)
-                now.leg.ties = Changes.joined(now.leg.ties, *ties)
+                seen = seen_changes(found, before, reached, [s])
+                stops = [(reached, found.end.u)]
+                # sweeps are counted where they are spent, also those of steps not accepted
+                leg.add(replace(found, events=seen, stops=stops, samples=[], sweeps=0))
+                leg.ties = Changes.joined(leg.ties, *self._ties(leg, before, reached))
             part = reached - s
             s, targets = reached, [target for target in targets if target > reached]
             if not targets:
-                return
+                return leg
             if targets[-1] - s > 10.0 * part:
                 targets.append(s + 10.0 * part)  # grow gradually
         raise SolveError(
-            f"the load step before {self.system.load_text(now.load(s_end))} was taken in "
+            f"the load step before {system.load_text(problem.load(s_end))} was taken in "
             "300 parts without finding whether the contact jumps in it; use method events"
         )
 
-    def _ties(self, now: LegInSteps, before: ContactState, s: float) -> list[Changes]:
+    def _ties(self, leg: Leg, before: ContactState, s: float) -> list[Changes]:
         """Return nodes on limits at a step's end; stuck ones as near to theirs as new slip."""
-        segments, n, end = self._trials.continuation.segments, self.system.n, now.end
+        segments, n, end = self._trials.exact.segments, self.system.n, leg.end
         found = list[Changes]()
         if s < 1.0:  # the next leg begins with those at the end of this one
-            on = segments.values(end)[n:] <= segments.limit[n:] * now.leg.force_scale
+            on = segments.values(end)[n:] <= segments.limit[n:] * leg.force_scale
             found.append(tied(segments, np.array([s]), end.state[None], on[None]))
         A, B = segments.values(before)[2 * n :].reshape(2, -1)
         stuck = segments.frictional & (before.state == STICK)
@@ -163,17 +179,23 @@ class GaussSeidelPath:
             found.append(Changes.between(s, before.state, other))
         return found
 
-    def _take_exact_path(self, now: LegInSteps, s_end: float) -> bool:
-        """Take the exact path from the leg's start where it continues; return whether it does."""
-        if now.leg.jumps:
-            return False
-        problem = replace(
-            now.problem,
-            force_scale=now.leg.force_scale,
-            samples=tuple(s for s, _ in now.leg.samples),
+    def _exact_path(self, problem: LegProblem, leg: Leg, s_end: float) -> Leg | None:
+        """Return the exact path from the leg's start to ``s_end``, None where it does not lead."""
+        if leg.jumps:
+            return None
+        places = tuple(s for s, _ in leg.samples)
+        problem = replace(problem, force_scale=leg.force_scale, samples=places)
+        walk, error, at_rest = self._trials.follow(problem, s_end)
+        if error is not None:
+            return None
+        found = walk.finish(at_rest)
+        at_start = leg.events.select(leg.events.s == 0.0)
+        return replace(
+            found,
+            events=Changes.joined(
+                at_start, seen_changes(found, problem.start, s_end, list(places))
+            ),
+            stops=[*found.stops, (s_end, found.end.u)],
+            residual=max(leg.residual, found.residual),
+            sweeps=leg.sweeps,
         )
-        path = self._trials.continuation.follow(problem, s_end, now.limit)
-        if path.error is not None:
-            return False
-        now.replace(path.walk.finish(path.at_rest), s_end)
-        return True

@@ -17,7 +17,7 @@ from receding_fenicsx.interface.exact.jumps import (
     lost_by_loose_motion,
     no_state_beyond,
 )
-from receding_fenicsx.interface.exact.legs import LegProblem, evenly_spaced
+from receding_fenicsx.interface.exact.legs import LegProblem, evenly_spaced, unchanged
 from receding_fenicsx.interface.exact.path import LEFT_TO_NEXT_LEG, EventPath
 from receding_fenicsx.interface.exact.pivot_matrix import SingularExchange
 from receding_fenicsx.interface.exact.rest import carries_nothing, zero_crossing
@@ -333,12 +333,11 @@ class BranchedPath:
         while now is not None and not np.any(now.branch[leg.end.state == SEPARATION]):
             path, force, inner = self._inner(now, problem, self.sweeps)
             assert isinstance(path, GaussSeidelPath)
-            steps = path.begin(replace(inner, s_start=0.0))
             try:
-                path.advance(steps, s, target)
+                found = path.advance(inner, unchanged(inner), s, target)
             except (NoEquilibrium, NoQuasiStaticContinuation):
                 return None
-            found = self._outer(steps.leg, problem, force, target)
+            found = self._outer(found, problem, force, target)
             if not np.array_equal(inner.start.state, leg.end.state):
                 found.events = Changes.between(target, leg.end.state, found.end.state)
             wrong = self._violated(now, found.end, leg.force_scale)
