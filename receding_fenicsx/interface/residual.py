@@ -144,6 +144,8 @@ def residual_at_rest(system: ContactSystem, end: ContactState, force_scale: floa
         end: the state, reactions evaluated afresh.
         force_scale: largest nodal force of the history so far.
     """
+    if force_scale == 0.0:
+        return 0.0  # nothing presses
     slipping = SLIP_SIGN[end.state] != 0.0
     worst = relative_residual(system, end, np.zeros(system.n), system.local_stiffness, force_scale)
     off_limit = np.abs(end.Q - system.law.slip_force(end.state, end.P))[slipping]

@@ -17,6 +17,7 @@ from problems import (
     WRONG,
     Outcome,
     Problem,
+    capped,
     judge,
     limited,
     oblique,
@@ -102,6 +103,13 @@ SINGLE = {
         "60000067 60000434 60000475 60000604 60001026 61000048 61000717 74000586 61000644 "
         "61001002 98000548 98000836 98001255 98001488",
         {ACCEPTED},
+    ),
+    # one of two bonds opens and presses the other; loads that press nothing; a free body unloaded
+    # in load steps; the branch of a stuck node that is changed too early
+    "shear limits and cohesion": (
+        capped,
+        "98400228 99400018 99400084 99400121",
+        {ACCEPTED, REFUSED},
     ),
     # springs slide the body back in the last 1e-9 of unloading: no continuation, or a jump
     "pulled back": (sprung, "61001120", {REFUSED, MISNAMED}),

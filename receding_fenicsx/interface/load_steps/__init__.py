@@ -22,7 +22,7 @@ bottom:
    * It leads through, and the step ends near it, $|u_\mathrm{step} - u_\mathrm{exact}| \le \tfrac12
      |u_\mathrm{exact} - u_\mathrm{start}|$: accepted, the difference is the error of the step in
      time. If not, sweeps start again from the exact end; after that the step is halved. Where
-     sweeps stall, the exact path is taken.
+     sweeps stall, and at a complete unloading, the exact path is taken.
    * It ends inside: it is taken up to there, and a step of $10^{-9}$ of the leg decides. If the
      displacements change by a finite amount, the body jumps.
 6. **Jump** (`path`: `GaussSeidelPath.advance`). Before a jump counts, the exact path is followed

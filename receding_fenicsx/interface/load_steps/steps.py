@@ -42,9 +42,6 @@ STEP_ERROR = 0.5
 """Distance between the ends of a load step and of the exact path, over the length of the latter, up
 to which it is the error of a step in time."""
 
-SMALL_STEP_ERROR = 0.02
-"""The same distance up to which sweeps from a better initial guess are not tried."""
-
 
 class Trial(NamedTuple):
     """Result of a trial of one part of a load step."""
@@ -87,17 +84,14 @@ class StepTrials:
         walk, error, at_rest = self.follow(start, s_to)
         is_smallest = s_to - s <= 1.5 * SMALLEST_PART
         if error is None:
-            # where nothing presses a free body sweeps may leave it anywhere off its plane
-            allowed = SMALL_STEP_ERROR if at_rest else STEP_ERROR
-            near = step and self._nearest(leg, part, walk.here(), step, allowed)
-            if near is not None:
-                return Trial(near, s_to)
-            if is_smallest or step is None:
-                return Trial(walk.finish(at_rest), s_to)
             if at_rest:
+                # where nothing presses a free body sweeps may leave it anywhere off its plane
                 with suppress(SolveError):
                     return Trial(walk.finish(at_rest), s_to)
-            return Trial(None, 0.5 * (s + s_to))
+            near = step and self._nearest(leg, part, walk.here(), step)
+            if near is None and (is_smallest or step is None):
+                return Trial(walk.finish(at_rest), s_to)
+            return Trial(near, s_to if near else 0.5 * (s + s_to))
         unloaded, segments = s == 0.0 and not np.any(part[0]), self.exact.segments
         if unloaded and is_at_rest(self.system, part[0]) and is_closed(segments, leg.end, scale):
             # from rest all grows in proportion to the load: one static problem
@@ -179,12 +173,7 @@ class StepTrials:
         return step
 
     def _nearest(
-        self,
-        leg: Leg,
-        part: tuple[Array, Array],
-        exact: ContactState,
-        step: Leg,
-        allowed: float,
+        self, leg: Leg, part: tuple[Array, Array], exact: ContactState, step: Leg
     ) -> Leg | None:
         """Return the step that ends nearest to the exact path, None if the error is too large."""
         length = self.size(exact.u - leg.end.u)
@@ -196,11 +185,11 @@ class StepTrials:
             distance = self.size(change - free @ (free.T @ change))
             return distance / (length + STEP_ON_LIMIT * step.force_scale / STEP_ERROR)
 
-        if error(step) <= SMALL_STEP_ERROR:
-            return step
-        with suppress(NotConverged):
-            step = min(step, self._solve(leg, part, exact), key=error)
-        return step if error(step) <= allowed else None
+        if error(step) > 0.02:
+            # sweeps from a better initial guess may end nearer
+            with suppress(NotConverged):
+                step = min(step, self._solve(leg, part, exact), key=error)
+        return step if error(step) <= STEP_ERROR else None
 
 
 def seen_changes(found: Leg, start: ContactState, s: float, stops: list[float]) -> Changes:

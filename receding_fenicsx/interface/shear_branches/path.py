@@ -41,6 +41,7 @@ class Tried:
     def __init__(self, cones: Cones) -> None:
         """Start with nothing tried."""
         self.cones, self.keys, self.left = cones, set[bytes](), list[Branches]()
+        self._early = set[bytes]()
 
     def following(self, now: Branches, wrong: list[tuple[int, int]]) -> Branches | None:
         """Return a set of branches that was not tried, None where all of them were.
@@ -56,6 +57,15 @@ class Tried:
             if new.key not in self.keys:
                 return new
         return None
+
+    def changes_early(self, now: Branches, sooner: Branches) -> bool:
+        """Return whether to try other branches before the ones that lead on, which are left."""
+        early, n = {now.key, sooner.key}, len(now.branch)
+        if len(early) < 2 or not early.isdisjoint(self._early) or len(self._early) > 4 * n:
+            return False
+        self._early.add(now.key)
+        self.left.append(now)
+        return True
 
 
 class BranchedPath:
@@ -164,10 +174,9 @@ class BranchedPath:
             trial, end, error = self._piece(now, problem, target)
             no_way = isinstance(error, NoQuasiStaticContinuation)
             at, wrong, ahead = self._first_passed(now, problem, (trial, end), no_way)
-            tried.keys.add(now.key)
             # the branches in use may be changed before as well: fewer pieces
             sooner = self.cones.passed(now, ahead)
-            if sooner.key not in tried.keys and len(tried.keys) <= 4 * self.system.n:
+            if sooner.key not in tried.keys and tried.changes_early(now, sooner):
                 now = sooner
                 continue
             error = None if wrong else error
@@ -417,7 +426,7 @@ class BranchedPath:
         Raises:
             SolveError: it is above its tolerance.
         """
-        scale = leg.force_scale or 1.0  # nothing presses
+        scale = leg.force_scale
         residual = residual_at_rest(self.system, leg.end, scale)
         leg.residual = max(leg.residual, residual)
         accepted = ACCEPTED_RESIDUAL if self.sweeps is None else STEP_ON_LIMIT
