@@ -199,12 +199,9 @@ def run(
             read = replace(read, accuracy=replace(read.accuracy, tolerance=tolerance))
             validate(read)
         if resume:
-            if study.overwrite:
-                raise InputError("--resume and --overwrite: give one of them")
-            if system is not None:
-                raise InputError(
-                    "--resume and --system: the run has its own system; give one of them"
-                )
+            if study.overwrite or system is not None:
+                other = "overwrite" if study.overwrite else "system"
+                raise InputError(f"--resume and --{other}: give one of them")
             finished = comm.bcast(on_root(comm, lambda: is_finished(out, read)))
             if finished and (error or starts):
                 raise InputError(
@@ -347,10 +344,9 @@ def joint(
     if curve is not None:
         print(f"{curve!r}\n{study.told('joint.csv')}")
     failed = [] if curve is None else [row["error"] for row in curve.table.failed]
-    if comm.bcast(curve is not None and len(failed) == len(curve.table)):
-        raise SolveError(
-            f"joint: all amplitudes failed, the smallest with: {comm.bcast(failed)[0]}"
-        )
+    reason = failed[0] if curve is not None and len(failed) == len(curve.table) else ""
+    if reason := comm.bcast(reason):
+        raise SolveError(f"joint: all amplitudes failed, the smallest with: {reason}")
 
 
 @app.command
@@ -452,8 +448,7 @@ def export(
             told = fclib.export(source, out, (cycle, leg, at), since, overwrite)
             print(f"{told}, written to {out}")
 
-    comm = require_mpi() if reduced else world()
-    on_root(comm, work) if comm is not None else work()
+    on_root(require_mpi() if reduced else world(), work)
 
 
 @app.command(name="import")
@@ -473,11 +468,7 @@ def import_(
     """
     from receding_fenicsx.exchange.importing import import_file
 
-    comm = world()
-    if comm is None:
-        import_file(specification, out, overwrite)
-    else:
-        on_root(comm, lambda: import_file(specification, out, overwrite))
+    on_root(world(), lambda: import_file(specification, out, overwrite))
 
 
 @app.command
@@ -520,6 +511,7 @@ def schema() -> None:
 @app.command
 def doctor() -> int:
     """List installed versions and test the installation."""
+    from receding_fenicsx.arrays import aligned
     from receding_fenicsx.environment import examine
 
     comm, missing = world(), False
@@ -527,10 +519,8 @@ def doctor() -> int:
         import petsc4py.PETSc  # noqa: F401 - it must start on all ranks together
     if is_root(comm):
         findings = examine()
-        width = max(len(f.name) for f in findings)
-        for finding in findings:
-            text = finding.version if finding.version is not None else f"MISSING: {finding.advice}"
-            print(f"{finding.name:{width}}  {text}")
+        rows = [[f.name, f.version or f"MISSING: {f.advice}"] for f in findings]
+        print(*aligned(rows), sep="\n")
         missing = any(finding.version is None for finding in findings)
         print("some requirements are missing" if missing else "all requirements are met")
     return int(missing if comm is None else comm.bcast(missing))

@@ -12,42 +12,13 @@ import shutil
 import subprocess
 import sys
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from importlib import import_module, metadata
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from mpi4py import MPI
-
-FACTORISE = """
-try:
-    import dolfinx_solver
-except ImportError:
-    pass
-from petsc4py import PETSc
-for number, value in (3, 6), (4, 2):
-    PETSc.Options().setValue(f"mat_mumps_icntl_{number}", value)
-matrix = PETSc.Mat().createAIJ((2, 2), nnz=1, comm=PETSc.COMM_SELF)
-for i in range(2):
-    matrix.setValue(i, i, 4.0)
-matrix.assemble()
-pc = PETSc.PC().create(PETSc.COMM_SELF)
-pc.setOperators(matrix)
-pc.setType("cholesky")
-pc.setFactorSolverType("mumps")
-pc.setUp()
-"""
-"""Program that factorises a small matrix by MUMPS, which prints its version."""
-
-RENDER = """
-import pyvista
-plotter = pyvista.Plotter(off_screen=True, window_size=(64, 64))
-plotter.add_mesh(pyvista.Sphere(), color="red")
-picture = plotter.screenshot(return_img=True)
-raise SystemExit(0 if picture.std() > 0 else 3)
-"""
-"""Program that renders a sphere; exit code 3 if the picture is empty."""
 
 MPI_VARIABLES = re.compile(r"^(PMIX_|OMPI_|PMI_|PRTE_|HYDI_|MPI_LOCALNRANKS|MPI_LOCALRANKID)")
 """Variables that make a child process join this MPI job; they are removed for it."""
@@ -64,7 +35,7 @@ class Finding:
 
 def versions() -> dict[str, str]:
     """Return the versions of all requirements that are installed."""
-    found = {f.name: f.version for f in _modules()}
+    found = {f.name: f.version for f in _packages(tested=False)}
     return {name: version for name, version in found.items() if version is not None}
 
 
@@ -87,35 +58,11 @@ def examine() -> list[Finding]:
     own = Path(sys.executable).with_name("mpiexec")  # PyPI's MPI needs its own
     program = str(own) if own.exists() else shutil.which("mpirun")
     return [
-        *map(_tested, _modules()),
+        *_packages(tested=True),
         Finding("C compiler", compiler, "install gcc: DOLFINx compiles its forms with it"),
         Finding("mpirun", program, "install the MPI that DOLFINx is linked with"),
         _rendering(),
     ]
-
-
-def _tested(finding: Finding) -> Finding:
-    """Test MUMPS; add a note to an untested DOLFINx or a slow BLAS."""
-    if finding.version is None:
-        return finding
-    if finding.name == "MUMPS":
-        # on every system its output holds its version
-        output, failure = _child(FACTORISE)
-        said = re.search(r"DMUMPS +([0-9][0-9.]*)", output)
-        if failure or said is None:
-            reason = failure or "its output has no version"
-            return Finding("MUMPS", None, f"{reason}; check that PETSc and MPI belong together")
-        return replace(finding, version=f"{said[1]}, works")
-    if finding.name == "matplotlib":
-        # the versions in a summary do without loading it
-        return _probe("matplotlib", _module_version, finding.advice)
-    # releases that the test suite runs with
-    if finding.name == "dolfinx" and not re.match(r"0\.(5|11)(\.|$)", finding.version):
-        return replace(finding, version=f"{finding.version}, not tested (0.5 and 0.11 are)")
-    if "reference BLAS" in finding.version:
-        slow = "3 to 5 times slower than OpenBLAS: apt install libopenblas0-pthread"
-        return replace(finding, version=f"{finding.version}; {slow}")
-    return finding
 
 
 def child_environment() -> dict[str, str]:
@@ -123,43 +70,46 @@ def child_environment() -> dict[str, str]:
     return {key: value for key, value in os.environ.items() if not MPI_VARIABLES.match(key)}
 
 
-def _modules() -> list[Finding]:
-    debian = (
-        "apt install python3-dolfinx-real (or pip install dolfinx-solver-real on Python >= 3.12)"
-    )
-    return [
-        _probe("python", lambda _: platform.python_version()),
-        _probe("receding_fenicsx", _module_version),
-        _probe("numpy", _module_version),
-        _probe("scipy", _module_version),
-        _probe("numba", metadata.version),
-        _probe(
-            "h5py", _module_version, "apt install python3-h5py (Debian's DOLFINx needs Debian's)"
-        ),
-        _probe("MPI", _mpi, debian),
-        _probe("mpi4py", _module_version, debian),
-        _probe("dolfinx", _module_version, debian),
-        _probe(
+def _packages(tested: bool) -> list[Finding]:
+    """Find packages and libraries; ``tested``: also test MUMPS and load Matplotlib."""
+    debian = "apt install python3-dolfinx-real (Python >= 3.12: or pip install dolfinx-solver-real)"
+    of_module, of_package = _module_version, metadata.version
+    found: list[tuple[str, Callable[[str], str], str]] = [
+        ("python", lambda _: platform.python_version(), ""),
+        ("receding_fenicsx", of_module, ""),
+        ("numpy", of_module, ""),
+        ("scipy", of_module, ""),
+        ("numba", of_package, ""),
+        ("h5py", of_module, "apt install python3-h5py (Debian's DOLFINx needs Debian's)"),
+        ("MPI", _mpi, debian),
+        ("mpi4py", of_module, debian),
+        ("dolfinx", _dolfinx, debian),
+        (
             "petsc",
             lambda _: ".".join(map(str, import_module("petsc4py.PETSc").Sys.getVersion())),
             debian,
         ),
-        _probe("MUMPS", _mumps, "use a PETSc built with MUMPS, such as Debian's"),
-        _probe(
+        (
+            "MUMPS",
+            _tested_mumps if tested else _mumps,
+            "use a PETSc built with MUMPS, such as Debian's, and the MPI that it belongs to",
+        ),
+        (
             "gmsh",
-            _module_version,
+            of_module,
             "pip install gmsh in the program's environment and apt install libgl1 libglu1-mesa "
             "libxrender1 libxcursor1 libxfixes3 libxft2 libfontconfig1 libxinerama1",
         ),
-        _probe("matplotlib", metadata.version),
-        _probe("pyvista", metadata.version),
-        _probe("vtk", metadata.version, "pip install 'vtk>=9.5,<9.6' in the program's environment"),
-        *(_probe(name, metadata.version) for name in ("pillow", "imageio-ffmpeg", "loky")),
-        _probe("BLAS", _blas, "apt install libopenblas0-pthread"),
+        ("matplotlib", of_module if tested else of_package, ""),
+        ("pyvista", of_package, ""),
+        ("vtk", of_package, "pip install 'vtk>=9.5,<9.6' in the program's environment"),
+        *((name, of_package, "") for name in ("pillow", "imageio-ffmpeg", "loky")),
+        ("BLAS", _blas, "apt install libopenblas0-pthread"),
     ]
+    return [_probe(*entry) for entry in found]
 
 
-def _probe(name: str, version: Callable[[str], str], advice: str = "") -> Finding:
+def _probe(name: str, version: Callable[[str], str], advice: str) -> Finding:
     """Find a version by a function of the name."""
     advice = advice or f"pip install {name} in the program's environment"
     try:
@@ -172,6 +122,13 @@ def _probe(name: str, version: Callable[[str], str], advice: str = "") -> Findin
 def _module_version(name: str) -> str:
     module = import_module(name)
     return str(getattr(module, "__version__", None) or metadata.version(name))
+
+
+def _dolfinx(name: str) -> str:
+    version = _module_version(name)
+    # releases that the test suite runs with
+    tested = re.match(r"0\.(5|11)(\.|$)", version)
+    return version if tested else f"{version}, not tested (0.5 and 0.11 are)"
 
 
 def _mpi(_: str) -> str:
@@ -190,15 +147,46 @@ def _mumps(_: str) -> str:
     return named[0] if named else "built into PETSc"
 
 
+def _tested_mumps(_: str) -> str:
+    """Factorise a small matrix by MUMPS, which prints its version on every system."""
+    _mumps(_)
+    output, failure = _child(
+        """
+try:
+    import dolfinx_solver
+except ImportError:
+    pass
+from petsc4py import PETSc
+for number, value in (3, 6), (4, 2):
+    PETSc.Options().setValue(f"mat_mumps_icntl_{number}", value)
+matrix = PETSc.Mat().createAIJ((2, 2), nnz=1, comm=PETSc.COMM_SELF)
+for i in range(2):
+    matrix.setValue(i, i, 4.0)
+matrix.assemble()
+pc = PETSc.PC().create(PETSc.COMM_SELF)
+pc.setOperators(matrix)
+pc.setType("cholesky")
+pc.setFactorSolverType("mumps")
+pc.setUp()
+"""
+    )
+    said = re.search(r"DMUMPS +([0-9][0-9.]*)", output)
+    if failure or said is None:
+        raise RuntimeError(failure or "its output has no version")
+    return f"{said[1]}, works"
+
+
 def _blas(_: str) -> str:
     import_module("numpy")
     with contextlib.suppress(ImportError):  # MUMPS may use another BLAS than NumPy
         import_module("petsc4py.PETSc")
     names = _loaded(r"lib((?:scipy_)?openblas[^/]*?|mkl_rt|blis[^/]*?)(?:-[0-9a-f]+)?\.so")
     # OpenBLAS too has a libblas, in a folder of its own
-    names += ["the reference BLAS"] if _loaded(r"(libblas)\.so", "/blas/") else []
+    slow = "; 3 to 5 times slower than OpenBLAS: apt install libopenblas0-pthread"
+    reference = bool(_loaded(r"(libblas)\.so", "/blas/"))
+    named = " and ".join(names + ["the reference BLAS"] * reference) or "unknown"
     threads = os.environ.get("OPENBLAS_NUM_THREADS") or os.environ.get("OMP_NUM_THREADS") or "all"
-    return f"{' and '.join(names) or 'unknown'}, {threads} thread(s)"
+    return f"{named}, {threads} thread(s){slow * reference}"
 
 
 def _loaded(pattern: str, folder: str = "/") -> list[str]:
@@ -233,7 +221,15 @@ def _child(program: str) -> tuple[str, str]:
 def _rendering() -> Finding:
     """Render in a child process, since VTK may crash without EGL and OSMesa."""
     libraries = [lib for lib in ("EGL", "OSMesa") if ctypes.util.find_library(lib)]
-    _, failure = _child(RENDER)
+    _, failure = _child(
+        """
+import pyvista
+plotter = pyvista.Plotter(off_screen=True, window_size=(64, 64))
+plotter.add_mesh(pyvista.Sphere(), color="red")
+picture = plotter.screenshot(return_img=True)
+raise SystemExit(0 if picture.std() > 0 else 3)  # 3: the picture is empty
+"""
+    )
     advice = f"{failure}; apt install libosmesa6 (or libegl1)"
     works = f"works (found: {', '.join(libraries) or 'a display'})"
     return Finding("off-screen rendering", None if failure else works, advice)

@@ -7,8 +7,7 @@ import sys
 import time
 from collections.abc import Callable
 from functools import cache
-from types import TracebackType
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -43,9 +42,7 @@ def _set_hook() -> None:
 
     earlier = sys.excepthook
 
-    def report_and_leave(
-        kind: type[BaseException], error: BaseException, trace: TracebackType | None
-    ) -> None:
+    def report_and_leave(kind: Any, error: BaseException, trace: Any) -> None:
         earlier(kind, error, trace)
         leave(MPI.COMM_WORLD, getattr(error, "exit_code", 1), f"{kind.__name__}: {error}")
 
@@ -82,8 +79,13 @@ def leave(comm: MPI.Comm, code: int, text: str = "") -> None:
     comm.Abort(code)
 
 
-def on_root(comm: MPI.Comm, work: Callable[[], T]) -> T | None:
-    """Run ``work`` on rank 0 while the other ranks sleep; raise its exception on every rank."""
+def on_root(comm: MPI.Comm | None, work: Callable[[], T]) -> T | None:
+    """Run ``work`` on rank 0 while the other ranks sleep; raise its exception on every rank.
+
+    Without a communicator, in a process without MPI, it is run at once.
+    """
+    if comm is None:
+        return work()
     result: T | None = None
     error: BaseException | None = None
     if comm.rank == 0:
@@ -132,14 +134,12 @@ def on_all(comm: MPI.Comm, work: Callable[[], T]) -> T:
     ``work`` must not communicate: if one rank fails in a collective, the others never leave it. The
     error is this rank's own, or that of the lowest failing rank.
     """
-    result: T | None = None
-    error: BaseException | None = None
+    result, error = None, None
     try:
         result = work()
     except BaseException as caught:
         error = caught
-    errors = guarded(comm).allgather(error)
-    for other in errors:
-        if other is not None:
-            raise error or other
+    errors = [other for other in guarded(comm).allgather(error) if other is not None]
+    if errors:
+        raise error or errors[0]
     return result  # type: ignore[return-value]

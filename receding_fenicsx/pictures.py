@@ -1,4 +1,7 @@
-"""Pictures of a run: figures, snapshots of the body, films."""
+"""Pictures of a run: figures, snapshots of the body, films.
+
+Drawing modules are imported when something is drawn: a run without pictures needs no such library.
+"""
 
 from __future__ import annotations
 
@@ -13,10 +16,10 @@ import numpy as np
 from receding_fenicsx import mpi
 from receding_fenicsx.arrays import spread
 from receding_fenicsx.bulk.from_scene import bulk_of
-from receding_fenicsx.errors import RecedingError
 from receding_fenicsx.evolution.instants import Instant
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.evolution.replay import instant_of
+from receding_fenicsx.measures.limit_nodes import as_shown
 from receding_fenicsx.mpi import world
 from receding_fenicsx.scene import history
 from receding_fenicsx.scene.model import Scene
@@ -52,8 +55,8 @@ def snapshot(
     Returns:
         The files written, on rank 0; None on the others.
     """
-    with drawing_modules():
-        from receding_fenicsx.output.snapshots.draw import snapshots
+    from receding_fenicsx.output.snapshots.draw import snapshots
+
     with _run_body(folder, lambda _: [(cycle, leg, at)], comm, progress) as (bulk, instants, say):
         return snapshots(bulk, instants, Path(folder) / "snapshots", say=say)
 
@@ -79,9 +82,9 @@ def animate(
     Returns:
         The files written, .mp4 and .gif, on rank 0; None on the others.
     """
-    with drawing_modules():
-        from receding_fenicsx.output.snapshots.draw import animate as film
-        from receding_fenicsx.output.snapshots.page import quantity_of
+    from receding_fenicsx.output.snapshots.draw import animate as film
+    from receding_fenicsx.output.snapshots.page import quantity_of
+
     quantity, file = quantity_of(stress), Path(folder) / f"animations/cycle{cycle:04d}_{stress}"
 
     def spaced(scene: Scene) -> tuple[Any, Any, Any]:
@@ -125,8 +128,8 @@ def draw_slip_mode(
 
     The scene is that of the system that the mode is of. Rank 0 gets the file.
     """
-    with drawing_modules():
-        from receding_fenicsx.output.snapshots.draw import draw_mode
+    from receding_fenicsx.output.snapshots.draw import draw_mode
+
     with picture_body(scene, comm or world()) as bulk:
         return draw_mode(bulk, critical, Path(file))
 
@@ -148,10 +151,9 @@ def draw_run(
     System, record and folder are those of rank 0. Not ``everything``: only the pictures that answer
     the scene's question.
     """
-    with drawing_modules():
-        from receding_fenicsx.output.plots import figures
-        from receding_fenicsx.output.snapshots.draw import snapshots
-        from receding_fenicsx.output.snapshots.page import quantity_of
+    from receding_fenicsx.output.plots import figures
+    from receding_fenicsx.output.snapshots.draw import snapshots
+    from receding_fenicsx.output.snapshots.page import quantity_of
 
     def begin() -> list[Instant]:
         found, formats = mpi.given(record), ("png", "pdf") if pdf else ("png",)
@@ -214,26 +216,12 @@ def shown_instant(
     scene: Scene, system: ContactSystem, record: Record, where: tuple[int, str, float]
 ) -> Instant:
     """Return an instant with the states that zone maps show; ``where`` is cycle, leg and s."""
-    with drawing_modules():
-        from receding_fenicsx.measures.limit_nodes import as_shown
     return as_shown(record, system, instant_of(scene, system, record, *where))
 
 
 def plot(record: Record, folder: Path) -> list[Path]:
     """Draw all figures of a run into ``folder`` and write its report; return the files."""
-    with drawing_modules():
-        from receding_fenicsx.output.plots import figures
-        from receding_fenicsx.output.report import html
+    from receding_fenicsx.output.plots import figures
+    from receding_fenicsx.output.report import html
+
     return [*figures.plot_all(record, folder), html.write_report(folder.parent, record.scene_toml)]
-
-
-@contextlib.contextmanager
-def drawing_modules() -> Iterator[None]:
-    """Import drawing modules; refer to the doctor where one of their libraries is missing.
-
-    They are imported only when something is drawn: a run without pictures needs no such library.
-    """
-    try:
-        yield
-    except ModuleNotFoundError as error:
-        raise RecedingError(f"pictures: {error}; see receding-fenicsx doctor") from None

@@ -120,6 +120,8 @@ def ending(error: BaseException) -> tuple[int, str]:
             return 130, "interrupted"  # 128 + SIGINT, as shells have it
         case SystemExit():
             return int(error.code or 0), ""
+        case ModuleNotFoundError():
+            return 1, f"error: {error}; see {PROGRAM} doctor"
         case BrokenPipeError():  # the reader of the output has closed the pipe
             sys.stdout = None
             return 0, ""

@@ -134,6 +134,7 @@ def test_run_prints_a_table_and_no_progress_into_a_file(
         (OSError(errno.ENOSPC, "full", "f"), 1, "receding-fenicsx: error: f: cannot be written"),
         (PermissionError(errno.EACCES, "no", "f"), 2, "receding-fenicsx: error: f: cannot be used"),
         (BrokenPipeError(), 0, ""),
+        (ModuleNotFoundError("No module 'g'"), 1, "receding-fenicsx: error: No module 'g'; see"),
     ],
 )
 @pytest.mark.one_rank
@@ -186,10 +187,10 @@ def test_doctor_says_what_is_missing_and_how_to_get_it(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     def crash() -> environment.Finding:
-        monkeypatch.setattr(environment, "RENDER", "import os; os.abort()")
+        monkeypatch.setattr(environment, "_child", lambda _: child("import os; os.abort()"))
         return rendering()
 
-    rendering = environment._rendering
+    rendering, child = environment._rendering, environment._child
     monkeypatch.setattr(environment, "_rendering", crash)
     monkeypatch.setitem(sys.modules, "gmsh", None)  # makes importing it fail
     assert cli.main(["doctor"]) == 1

@@ -29,7 +29,7 @@ from receding_fenicsx.measures.fatigue import fatigue_summary
 from receding_fenicsx.mpi import world
 from receding_fenicsx.output.report import summary
 from receding_fenicsx.output.report.run import limit_summary
-from receding_fenicsx.pictures import draw_run, drawing_modules
+from receding_fenicsx.pictures import draw_run
 from receding_fenicsx.scene import history
 from receding_fenicsx.scene.model import Scene
 from receding_fenicsx.scene.validate import validate
@@ -158,13 +158,13 @@ def run(
                     run_of = (found.scene, found.system, record, folder)
                     draw_run(comm, *run_of, **drawn, say=timer.say)
                     if "accuracy" in found.extra:
-                        with drawing_modules():
-                            from receding_fenicsx.output.plots.study_plots import draw_search
+                        from receding_fenicsx.output.plots.study_plots import draw_search
+
                         place = mpi.given(folder) / "figures" if comm.rank == 0 else Path()
                         mpi.on_root(comm, lambda: draw_search(found.extra["accuracy"], place))
             write_costs()
-            with drawing_modules():
-                from receding_fenicsx.output.report import html
+            from receding_fenicsx.output.report import html
+
             scene_toml = "" if record is None else record.scene_toml
             mpi.on_root(comm, lambda: html.write_report(mpi.given(folder), scene_toml))
     if failure is not None:

@@ -121,7 +121,7 @@ def test_nodal_forces_of_all_bodies_balance_in_all_contacts(order: tuple[int, ..
             assert force == pytest.approx(G.T @ expected, abs=1e-11 * np.abs(expected).max())
         assert set(parts.body) == {0, 1, 2}
         # the load is drawn on the third body, whatever the order of the contacts
-        (arrows,) = load_arrows(scene, ("p",), parts, np.ones(1), 0.0, 1.0)
+        (arrows,) = load_arrows(scene, parts, np.ones(1), 0.0, 1.0)
         assert arrows.heads[:, 1] == pytest.approx(3.0, abs=0.1)
 
     rf.on_root(comm, check)

@@ -142,9 +142,9 @@ def test_figures_of_harmonic_loads_are_drawn_over_their_phase() -> None:
     assert bulk[:, 0] == pytest.approx((0.1 + AMPLITUDE * cosine) / 0.4, abs=1e-12)
     # what is drawn at the phase of a turning point are its states
     angle, table = Q[:, 1], found.turning_points
-    moved = zone_map(found, 3).moved_to(angle / 360.0)
+    drawn = zone_map(found, 3)
     for row in np.flatnonzero(table.cycle == 3)[:-1]:
-        before, after = (moved.states(angle[table.leg[row] + 1] / 360.0 + d) for d in (-1e-9, 1e-9))
+        before, after = (drawn.states(table.leg[row] + 1.0 + d) for d in (-1e-7, 1e-7))
         assert np.all((table.state[row] == before) | (table.state[row] == after))
     tops = [axes.get_title() for axes in rf.figures.tractions(found, found.at(3, leg=5)).axes]
     assert tops[0].startswith(f"cycle 3, phase ${angle[6]:.0f}$°\n$P$ $800$ N/mm, $Q$")

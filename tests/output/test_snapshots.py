@@ -24,7 +24,7 @@ from receding_fenicsx.errors import RecedingError
 from receding_fenicsx.output.plots import style
 from receding_fenicsx.output.snapshots.draw import snapshots
 from receding_fenicsx.output.snapshots.page import QUANTITIES, colours_of, fringe_value
-from receding_fenicsx.output.snapshots.render import POOL, Pixels, render
+from receding_fenicsx.output.snapshots.render import Pixels, render
 from receding_fenicsx.output.snapshots.view import load_arrows
 from receding_fenicsx.pictures import picture_body
 from receding_fenicsx.scene.model import Load, Material
@@ -141,7 +141,7 @@ def test_renderer_that_crashes_is_said_and_replaced() -> None:
         triangle = SQUARE[:3], np.array([[0, 1, 2]])
         return render(*triangle, values, (0.0, 1.0), colours, window, (40, 40))
 
-    process = workers.result(POOL, workers.submit(POOL, os.getpid))
+    process = workers.result("renderer", workers.submit("renderer", os.getpid))
     os.kill(process, signal.SIGSTOP)  # so that it is killed while it has a job
     threading.Timer(0.5, os.kill, (process, signal.SIGKILL)).start()
     with pytest.raises(RecedingError, match=r"ended by SIGKILL.*libosmesa6") as told:
@@ -170,7 +170,7 @@ def test_loads_on_a_cylinder_are_drawn_on_both_sides_of_its_axis(load: Load) -> 
     view, fields = made
     if load.displacement is not None or load.on_body:
         with np.errstate(all="raise", under="ignore"):
-            assert load_arrows(scene, ("p0",), fields, np.ones(1), 0.0, 1e6) == []
+            assert load_arrows(scene, fields, np.ones(1), 0.0, 1e6) == []
         assert view.arrows == []
         return
     (arrows,) = view.arrows

@@ -220,7 +220,7 @@ def test_a_load_and_its_conjugate_have_the_units_whose_product_is_work(
     assert np.add(kind.unit, kind.conjugate_unit).tolist() == [1, 2]
     scales = replace(scales_of(odd("plane strain")), kinds=(kind,), units=UNITS, length_symbol="")
     assert scales.load_unit(0) == unit
-    assert scales.conjugate(0, prescribed=False).bracket == f" ({conjugate})"
+    assert scales.conjugate(0, prescribed=False)[1] == f"$ ({conjugate})"
 
 
 @pytest.mark.parametrize("unit", ["$", "$$", r"\$x", "%_^{}", "µm", "$\\frac", "a$b"])

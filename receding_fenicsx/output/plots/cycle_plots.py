@@ -7,11 +7,13 @@ from typing import Any, Literal
 
 import matplotlib as mpl
 import numpy as np
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator, ScalarFormatter
+from numpy.typing import NDArray
 
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.errors import InputError
@@ -22,9 +24,9 @@ from receding_fenicsx.output.plots.series import Loop
 
 
 @mpl.rc_context(style.RC)
-def slip_per_cycle(record: Record, scales: Scales | None = None) -> Figure:
+def slip_per_cycle(record: Record) -> Figure:
     """Draw the slip increment of each cycle at some nodes, with fitted powers of N."""
-    scales = scales or scales_of(record)
+    scales = scales_of(record)
     unit, behind = scales.elastic(1, 1)
     lines = series.slip_lines(record, scales.length, unit)
     if not lines:
@@ -47,24 +49,25 @@ def slip_per_cycle(record: Record, scales: Scales | None = None) -> Figure:
 
 
 @mpl.rc_context(style.RC)
-def dissipation_per_cycle(
-    record: Record, scales: Scales | None = None, stepped: Record | None = None
-) -> Figure:
+def dissipation_per_cycle(record: Record, stepped: Record | None = None) -> Figure:
     """Draw the dissipation of each cycle over that of the first; also that of another method."""
     names = {"events": "exact events", "gauss-seidel": "Gauss-Seidel"}
     figure = style.new_figure(style.COLUMN, 2.4)
     axes = figure.subplots()
-    ratio = record.cycles.dissipation / record.cycles.dissipation[0]
-    N = np.arange(1, len(ratio) + 1)
-    label, colours = names.get(record.method, record.method), style.SERIES_COLOURS
-    axes.plot(N, ratio, "o-", color=colours[0], ms=2.4, lw=0.8, label=label)
-    if stepped is not None and len(stepped.cycles.dissipation):
-        other = stepped.cycles.dissipation / stepped.cycles.dissipation[0]
-        label, count = names.get(stepped.method, stepped.method), np.arange(1, len(other) + 1)
-        axes.plot(count, other, "s", mfc="none", mec=colours[1], ms=4.5, mew=0.7, label=label)
+    blue, orange = style.SERIES_COLOURS[:2]
+    looks: list[dict[str, Any]] = [
+        {"marker": "o", "color": blue, "ms": 2.4, "lw": 0.8},
+        {"marker": "s", "ls": "", "mfc": "none", "mec": orange, "ms": 4.5, "mew": 0.7},
+    ]
+    for found, look in zip([record, stepped], looks, strict=True):
+        if found is not None and len(D := found.cycles.dissipation):
+            label = names.get(found.method, found.method)
+            axes.plot(np.arange(1, len(D) + 1), D / D[0], label=label, **look)
+    if len(axes.lines) > 1:
         axes.legend(loc="upper right")
-    look: dict[str, Any] = {"textcoords": "offset points", "fontsize": 8.0, "ha": "right"}
-    axes.annotate(f"{ratio[-1]:.4f}", (float(N[-1]), ratio[-1]), xytext=(-4, 5), **look)
+    ratio = record.cycles.dissipation / record.cycles.dissipation[0]
+    look = {"textcoords": "offset points", "fontsize": 8.0, "ha": "right"}
+    axes.annotate(f"{ratio[-1]:.4f}", (len(ratio), ratio[-1]), xytext=(-4, 5), **look)
     axes.set(xlabel="cycle $N$", ylabel="dissipation, $D_N/D_1$")
     axes.set_ylim(0.0, 1.1 * float(ratio.max()))
     # largest number of cycles on a linear axis; more are on a logarithmic one
@@ -79,9 +82,9 @@ def dissipation_per_cycle(
 
 
 @mpl.rc_context(style.RC)
-def dissipation_density(record: Record, scales: Scales | None = None) -> Figure:
+def dissipation_density(record: Record) -> Figure:
     """Draw the dissipation per contact area in the first and the last cycle."""
-    scales = scales or scales_of(record)
+    scales = scales_of(record)
     unit, behind = scales.elastic(2, 1)
     density, used = record.cycles.dissipation_density / unit, record.weight > 0.0
     figure = style.new_figure(style.COLUMN, 2.4)
@@ -101,14 +104,8 @@ def dissipation_density(record: Record, scales: Scales | None = None) -> Figure:
     return figure
 
 
-ROUND_OFF = 1e-9
-"""Part of the largest position, displacement or traction below which a value is round-off."""
-
-
 @mpl.rc_context(style.RC)
-def hysteresis(
-    record: Record, cycles: int | Sequence[int] | None = None, scales: Scales | None = None
-) -> Figure:
+def hysteresis(record: Record, cycles: int | Sequence[int] | None = None) -> Figure:
     """Draw each load against its work-conjugate quantity; the areas of the loops are work.
 
     Forces and stresses are drawn upwards, displacements along, also where they are prescribed.
@@ -116,8 +113,8 @@ def hysteresis(
     last cycle. Right of each loop is its difference from the chord, the straight line between the
     extreme loads of the last loop.
     """
-    scales, paths = scales or scales_of(record), _paths(record, cycles)
-    moves = moving_loads(paths)
+    scales, paths = scales_of(record), series.paths_of(record, cycles)
+    moves, looks = moving_loads(paths), _looks(paths)
     if not moves:
         raise InputError(
             f"hysteresis: no load or more than {MOST_TOLD} change, or the record has no load "
@@ -128,37 +125,39 @@ def hysteresis(
     panels = figure.subplots(len(moves), 2, squeeze=False)
     for n, (k, row) in enumerate(zip(moves, panels, strict=True)):
         name = record.load_names[k]
-        other = scales.conjugate(k, prescribed=bool(record.load_sign[k] > 0.0))
-        delta = other.symbol if is_word(name) else rf"{other.symbol}_{{{load_symbol(name)}}}"
+        kind, prescribed = scales.kinds[k], bool(record.load_sign[k] > 0.0)
+        one, behind, upright = scales.conjugate(k, prescribed)
+        delta = kind.symbol if is_word(name) else rf"{kind.symbol}_{{{load_symbol(name)}}}"
         largest, load_label = scales.load_axis(k, name)
         # displacement per load between the extreme loads of the last loop, and at zero load
         last, moved = paths[-1].load[:, k], paths[-1].displacement[:, k]
         low, high = np.argmin(last), np.argmax(last)
         run = float(last[high] - last[low])
         slope = float(moved[high] - moved[low]) / run if run else 0.0
-        offset = float(moved[high] - slope * last[high]) / other.unit
+        offset = float(moved[high] - slope * last[high]) / one
         most = max(float(np.abs(path.displacement[:, k]).max()) for path in paths)
-        for path in paths:
-            load, size = path.load[:, k] / largest, path.displacement[:, k] / other.unit
-            bend = (path.displacement[:, k] - slope * path.load[:, k]) / other.unit - offset
-            bend = _without_round_off(bend, most / abs(other.unit))
+        for path, look in zip(paths, looks, strict=True):
+            load, size = path.load[:, k] / largest, path.displacement[:, k] / one
+            bend = (path.displacement[:, k] - slope * path.load[:, k]) / one - offset
+            bend = _without_round_off(bend, most / abs(one))
             # first loading is not a loop and lies far from the chord
             shown = (size, bend) if path.cycle or len(paths) == 1 else (size,)
             for axes, conjugate in zip(row, shown, strict=False):
-                x, y = (load, conjugate) if other.upright else (conjugate, load)
-                _draw_path(axes, x, y, path, paths)
-        notes = (other.name, "less the chord of the last loop")
+                x, y = (load, conjugate) if upright else (conjugate, load)
+                _draw_path(axes, x, y, path.turning, look)
+        notes = (kind.conjugate, "less the chord of the last loop")
         labels = (delta, rf"({delta} - \mathrm{{chord}})")
         for m, (axes, symbol, note) in enumerate(zip(row, labels, notes, strict=True)):
-            own = f"${symbol}{other.behind}${other.bracket}"
-            along, up = (load_label, own) if other.upright else (own, load_label)
+            own = f"${symbol}{behind}"
+            along, up = (load_label, own) if upright else (own, load_label)
             axes.set(xlabel=along, ylabel=style.wrapped([up], height))
-            axis: Literal["x", "y"] = "y" if other.upright else "x"
+            axis: Literal["x", "y"] = "y" if upright else "x"
             axes.ticklabel_format(axis=axis, scilimits=(-2, 3), useMathText=True)
             style.ticks(axes.xaxis, 5)
             panel = style.panel_title(2 * n + m, 2 * len(moves), note)
             axes.set_title(panel, loc="left", pad=4.0)
-    figure.legend(handles=_cycle_handles(paths), loc="outside lower center", ncols=len(paths))
+    handles = [Line2D([], [], **look) for look in looks]
+    figure.legend(handles=handles, loc="outside lower center", ncols=len(paths))
     return figure
 
 
@@ -167,7 +166,6 @@ def trajectories(
     record: Record,
     nodes: int | Sequence[int] | None = None,
     cycles: int | Sequence[int] | None = None,
-    scales: Scales | None = None,
 ) -> Figure:
     """Draw paths of nodes in the planes of tractions (q, p) and displacements (v, w).
 
@@ -175,7 +173,7 @@ def trajectories(
     turning points. Each node has a column; by default there are representative nodes, and first
     loading, first and last cycle.
     """
-    scales, paths = scales or scales_of(record), _paths(record, cycles)
+    scales, paths = scales_of(record), series.paths_of(record, cycles)
     if nodes is None:
         chosen = series.representative_nodes(record)
         if not chosen:
@@ -192,22 +190,20 @@ def trajectories(
     low, high = (f([f(path.w[:, chosen]) for path in paths]) / unit for f in (np.min, np.max))
     room = 0.1 * (high - low) or 1.0
     for n, i in enumerate(chosen):
-        above, below = panels[:, n]
-        _draw_traction_path(above, record, paths, i, scales)
-        _draw_displacement_path(below, record, paths, i, scales)
-        below.set_ylim(low - room, high + room)
-        below.tick_params(labelleft=n == 0)
+        _draw_node(panels[0, n], panels[1, n], record, paths, i, scales)
+        panels[1, n].set_ylim(low - room, high + room)
+        panels[1, n].tick_params(labelleft=n == 0)
         x = _without_round_off(record.x[i], float(np.abs(record.x).max()))
         where = scales.position(float(x) / scales.length, ".3g")
-        above.set_title(style.panel_title(n, columns, where))
-        for axes in (above, below):
+        panels[0, n].set_title(style.panel_title(n, columns, where))
+        for axes in panels[:, n]:
             style.ticks(axes.xaxis, 3)
             style.ticks(axes.yaxis, 5)
             axes.ticklabel_format(scilimits=(-3, 4), useMathText=True)
     traction = scales.peak_traction()[1]
     panels[0, 0].set_ylabel(scales.with_unit(f"$p{traction}$", traction, stress=1))
     panels[1, 0].set_ylabel(scales.with_unit(f"$w{slip}$", slip, length=1))
-    handles: list[Any] = _cycle_handles(paths)
+    handles: list[Artist] = [Line2D([], [], **look) for look in _looks(paths)]
     if np.any(record.friction.present[chosen]):
         cone = r"$|q| \leq f p$"
         if not record.friction.is_cone:
@@ -219,55 +215,39 @@ def trajectories(
     return figure
 
 
-def _draw_traction_path(
-    axes: Axes, record: Record, paths: Sequence[Loop], node: int, scales: Scales
+def _draw_node(
+    above: Axes, below: Axes, record: Record, paths: Sequence[Loop], node: int, scales: Scales
 ) -> None:
-    """Draw p against q of a node, with its friction cone up to the top of the axes."""
+    """Draw p against q of a node with its friction cone, and w against v with the plane w = -g0."""
     unit, divided = scales.peak_traction()
-    largest = float(np.abs([path.p.max() for path in paths]).max())
-    for path in paths:
-        q = _without_round_off(path.q[:, node], largest)
-        _draw_path(axes, q / unit, path.p[:, node] / unit, path, paths)
+    slip, over = scales.elastic(1, 1)
+    largest = max(float(path.p.max()) for path in paths)
+    for path, look in zip(paths, _looks(paths), strict=True):
+        q, p = _without_round_off(path.q[:, node], largest), path.p[:, node]
+        _draw_path(above, q / unit, p / unit, path.turning, look)
+        _draw_path(below, path.v[:, node] / slip, path.w[:, node] / slip, path.turning, look)
+    # the cone reaches the top of the axes
     top = 1.05 * max(float(path.p[:, node].max()) for path in paths) / unit or 1.0
-    left, right = axes.get_xlim()
     law = record.traction_law(unit)[node]
     low, high = (float(limit) for limit in law.limits(np.asarray(top)))
-    reach = 1.15 * max(abs(left), abs(right), -low, high) or 1.0
-    if law.is_cone:
-        axes.fill_between([low, 0.0, high], [top, 0.0, top], top, zorder=0, **style.CONE)
-    else:
-        p = np.linspace(0.0, top, 200)
-        axes.fill_betweenx(p, *law.limits(p), zorder=0, **style.CONE)
-    axes.set_xlim(-reach, reach)
-    axes.set_ylim(-0.04 * top, top)
-    axes.set_xlabel(scales.with_unit(f"$q{divided}$", divided, stress=1))
-
-
-def _draw_displacement_path(
-    axes: Axes, record: Record, paths: Sequence[Loop], node: int, scales: Scales
-) -> None:
-    """Draw w against v of a node, with the plane w = -g0 if the node separates from it."""
-    unit, divided = scales.elastic(1, 1)
-    for path in paths:
-        _draw_path(axes, path.v[:, node] / unit, path.w[:, node] / unit, path, paths)
+    reach = 1.15 * max(*map(abs, above.get_xlim()), -low, high) or 1.0
+    p = np.linspace(0.0, top, 2 if law.is_cone else 200)
+    above.fill_betweenx(p, *law.limits(p), zorder=0, **style.CONE)
+    above.set_xlim(-reach, reach)
+    above.set_ylim(-0.04 * top, top)
+    above.set_xlabel(scales.with_unit(f"$q{divided}$", divided, stress=1))
     if np.any(paths[-1].w[:, node] > -record.g0[node]):
-        axes.axhline(-float(record.g0[node]) / unit, **style.GUIDE)
-    largest = max(float(np.abs(path.v).max()) for path in paths) / unit or 1.0
-    left, right = axes.get_xlim()
-    if right - left < ROUND_OFF * largest:
+        below.axhline(-float(record.g0[node]) / slip, **style.GUIDE)
+    largest = max(float(np.abs(path.v).max()) for path in paths) / slip or 1.0
+    if np.ptp(below.get_xlim()) < 1e-9 * largest:
         # the node does not move
-        axes.set_xlim(-0.5 * largest, 0.5 * largest)
-    axes.set_xlabel(scales.with_unit(f"$v{divided}$", divided, length=1))
+        below.set_xlim(-0.5 * largest, 0.5 * largest)
+    below.set_xlabel(scales.with_unit(f"$v{over}$", over, length=1))
 
 
 def _without_round_off(values: Array, largest: float) -> Array:
     """Return values with 0 in place of round-off of the largest."""
-    return np.where(np.abs(values) > ROUND_OFF * largest, values, 0.0)
-
-
-def _paths(record: Record, cycles: int | Sequence[int] | None) -> list[Loop]:
-    requested = series.requested_cycles(record, cycles) if cycles is not None else None
-    return [series.loop_of(record, cycle) for cycle in requested or series.shown_cycles(record)]
+    return np.where(np.abs(values) > 1e-9 * largest, values, 0.0)
 
 
 def moving_loads(paths: Sequence[Loop]) -> list[int]:
@@ -285,26 +265,25 @@ def moving_loads(paths: Sequence[Loop]) -> list[int]:
     return found if len(found) <= MOST_TOLD else []
 
 
-def _draw_path(axes: Axes, x: Array, y: Array, path: Loop, paths: Sequence[Loop]) -> None:
-    look = _look(path, paths)
+def _draw_path(
+    axes: Axes, x: Array, y: Array, turning: NDArray[np.bool_], look: dict[str, Any]
+) -> None:
+    """Draw a cycle, and its turning points as dots unless these are more than 40."""
     axes.plot(x, y, **look)
-    # largest number of turning points of a cycle that have dots
-    if np.count_nonzero(path.turning) <= 40:
-        dots = 1.6 + look["lw"]
-        axes.plot(x[path.turning], y[path.turning], "o", color=look["color"], ms=dots)
+    if np.count_nonzero(turning) <= 40:
+        axes.plot(x[turning], y[turning], "o", color=look["color"], ms=1.6 + look["lw"])
 
 
-def _cycle_handles(paths: Sequence[Loop]) -> list[Line2D]:
-    names = [f"cycle {path.cycle}" if path.cycle else "first loading" for path in paths]
-    looks = [_look(path, paths) for path in paths]
-    return [Line2D([], [], label=name, **look) for name, look in zip(names, looks, strict=True)]
-
-
-def _look(path: Loop, paths: Sequence[Loop]) -> dict[str, Any]:
-    """Return colour and width of a cycle: earlier ones are wider, to be seen below later ones."""
-    if path.cycle == 0:
-        return {"color": style.GUIDE_COLOUR, "lw": 1.4}
-    numbers = [other.cycle for other in paths if other.cycle]
-    place, colours = numbers.index(path.cycle), style.SERIES_COLOURS
-    width = 0.8 + min(1.4 * (len(numbers) - 1 - place), 4.2)
-    return {"color": colours[place % len(colours)], "lw": width}
+def _looks(paths: Sequence[Loop]) -> list[dict[str, Any]]:
+    """Return name, colour and width of cycles: earlier ones are wider, to be seen below later."""
+    looks: list[dict[str, Any]] = []
+    numbers = [path.cycle for path in paths if path.cycle]
+    for path in paths:
+        if path.cycle == 0:
+            looks.append({"label": "first loading", "color": style.GUIDE_COLOUR, "lw": 1.4})
+            continue
+        place = numbers.index(path.cycle)
+        colour = style.SERIES_COLOURS[place % len(style.SERIES_COLOURS)]
+        width = 0.8 + min(1.4 * (len(numbers) - 1 - place), 4.2)
+        looks.append({"label": f"cycle {path.cycle}", "color": colour, "lw": width})
+    return looks

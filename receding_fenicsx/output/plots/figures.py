@@ -22,7 +22,6 @@ from receding_fenicsx.errors import InputError
 from receding_fenicsx.evolution.moment import Moment, moment_of
 from receding_fenicsx.evolution.probes import probe_names
 from receding_fenicsx.evolution.record import Record
-from receding_fenicsx.evolution.record_data import States
 from receding_fenicsx.measures.fatigue import fatigue, short_cracks
 from receding_fenicsx.output.plots import series
 from receding_fenicsx.output.plots.cycle_plots import (
@@ -170,7 +169,7 @@ def last_cycle(record: Record) -> int:
 
 def _parts(record: Record, load: Array) -> Array:
     """Return absolute load factors, each over its largest."""
-    largest = np.abs(record.turning_points.load).max(axis=0)
+    largest = np.abs(record.turning_points.load).max(axis=0, initial=0.0)
     return np.asarray(np.abs(load / np.where(largest > 0.0, largest, 1.0)))
 
 
@@ -178,10 +177,8 @@ def _largest_first_load(record: Record) -> Moment | None:
     """Return the turning point of cycle 0 with the largest loads in contact."""
     table = record.turning_points
     rows = np.flatnonzero((table.cycle == 0) & np.any(table.P > 0.0, axis=1))
-    if not len(rows):
-        return None
     size = _parts(record, table.load[rows]).sum(axis=1)
-    return moment_of(record, table, int(rows[np.argmax(size)]))
+    return moment_of(record, table, int(rows[np.argmax(size)])) if len(rows) else None
 
 
 figure(
@@ -190,16 +187,13 @@ figure(
     caption="Tractions, friction cone and states at the largest load of the first loading.",
     main=lambda last: last == 0,
 )(tractions)
-
-
-def _sampled_first_unloading(record: Record) -> list[tuple[int, int]]:
-    where = series.first_unloading(record)
-    return [where] if where is not None and where in series.legs_of(record, where[0]) else []
-
-
 figure(
     "zones_first_unloading",
-    needs=_sampled_first_unloading,
+    needs=lambda record: [
+        where
+        for where in [series.first_unloading(record)]
+        if where is not None and where in series.legs_of(record, where[0])
+    ],
     caption="Zones of stick, slip and separation along the first unloading.",
     main=lambda last: last <= 1,
 )(zone_maps)
@@ -207,16 +201,15 @@ figure(
 
 def _third_of_load(record: Record) -> Moment | None:
     """Return the instant of the first unloading where about a third of the largest load is left."""
-    where = series.first_unloading(record)
-    if where is None:
-        return None
-    instants: list[tuple[float, int, States, int]] = []
+    cycle, leg = series.first_unloading(record) or (-1, -1)
+    instants: list[tuple[float, Moment]] = []
     for table in (record.samples, record.turning_points):
-        here = (table.cycle == where[0]) & (table.leg == where[1]) & np.any(table.P > 0.0, axis=1)
-        for row in np.flatnonzero(here).tolist():
-            off = abs(_parts(record, table.load[row]).max() - 1.0 / 3.0)
-            instants.append((off, len(instants), table, row))
-    return moment_of(record, *min(instants)[2:]) if instants else None
+        here = (table.cycle == cycle) & (table.leg == leg) & np.any(table.P > 0.0, axis=1)
+        off = np.abs(_parts(record, table.load).max(axis=1, initial=0.0) - 1.0 / 3.0)
+        if np.any(here):
+            row = int(np.argmin(np.where(here, off, np.inf)))
+            instants.append((float(off[row]), moment_of(record, table, row)))
+    return min(instants, key=lambda instant: instant[0])[1] if instants else None
 
 
 figure(
@@ -231,11 +224,11 @@ figure(
 )(lambda record, _: slip_per_cycle(record))
 figure(
     "zones_last_cycle",
-    needs=lambda record: last_cycle(record) > 1 and series.legs_of(record, last_cycle(record)),
+    needs=lambda record: series.legs_of(record, max(last_cycle(record), 2)),
     caption="Zones along the last cycle. Dashed line: nodes that reach the friction limit without "
     "slip.",
     main=True,
-)(lambda record, _: zone_maps(record, last_cycle(record)))
+)(lambda record, legs: zone_maps(record, legs[0][0]))
 
 
 @figure(
@@ -268,17 +261,9 @@ figure(
     needs=lambda record: bool(np.any(record.cycles.dissipation_density > 0.0)),
     caption="Dissipation per contact area in a cycle, along the contact edge.",
 )(lambda record, _: dissipation_density(record))
-
-
-def _moving(record: Record) -> list[int]:
-    """Return the loads that move in the shown cycles."""
-    cycles = series.shown_cycles(record) if last_cycle(record) > 0 else []
-    return moving_loads([series.loop_of(record, cycle) for cycle in cycles])
-
-
 figure(
     "hysteresis",
-    needs=_moving,
+    needs=lambda record: last_cycle(record) > 0 and moving_loads(series.paths_of(record)),
     caption="Loads against their work-conjugate displacements; the area of a loop is work.",
     main=True,
     all_edges=True,
@@ -311,7 +296,6 @@ figure(
     all_edges=True,
     each=True,
 )(probe_stresses)
-
 figure(
     "fatigue",
     needs=lambda record: [name for name in fatigue(record) if len(record.probe(name).points) > 1],

@@ -33,13 +33,9 @@ def is_word(name: str) -> bool:
 
 
 def shown_name(name: str) -> str:
-    """Return a load's name as text; the middle of a long name is left out."""
-    return _shortened(name).replace("$", r"\$")
-
-
-def _shortened(name: str) -> str:
-    # "interference" is whole
-    return name if len(name) <= 12 else f"{name[:5]}…{name[-4:]}"
+    """Return a load's name as text; the middle of a name longer than "interference" is left out."""
+    short = name if len(name) <= 12 else f"{name[:5]}…{name[-4:]}"
+    return short.replace("$", r"\$")
 
 
 def load_symbol(name: str) -> str:
@@ -53,7 +49,8 @@ def load_symbol(name: str) -> str:
         **{"\\": r"\backslash ", "^": r"\wedge ", "~": r"\sim ", "#": r"\sharp "},
         **{'"': "''", "`": "'"},
     }
-    word = "".join(commands.get(letter, letter) for letter in _shortened(name))
+    short = shown_name(name).replace(r"\$", "$")
+    word = "".join(commands.get(letter, letter) for letter in short)
     return rf"\mathrm{{{word}}}"
 
 
@@ -84,9 +81,8 @@ def kind_of(scene: Scene | None, name: str, axisymmetric: bool) -> LoadKind:
     if scene and name in [bolt.name for bolt in scene.bolts]:
         return LoadKind(1.0, (0, 1), "force of the bolt", (1, lengths - 1), "F")
     units = [unit for load in scene.loads for unit in load.units] if scene else []
-    parts = [unit for unit in units if unit.name == name]
-    found = {_size_and_kind(part) for part in parts}
-    size, kind = found.pop() if len(found) == 1 else (0.0, "factor")
+    parts = [_size_and_kind(unit) for unit in units if unit.name == name]
+    size, kind = parts[0] if len({*parts}) == 1 else (0.0, "factor")
     if (len(parts) > 1 and kind in ("force", "displacement")) or size == 0.0:
         size, kind = 1.0, "factor"
     displaced = "displaced volume" if axisymmetric else "displaced area"
@@ -116,28 +112,12 @@ def _size_and_kind(load: Load) -> tuple[float, str]:
     return (hypot(*numbers) if len(numbers) == len(values) else 0.0), kind
 
 
-class Conjugate(NamedTuple):
-    """The work-conjugate quantity of a load in figures: U over ``unit``.
-
-    It is ``upright``, on the vertical axis, if it is a force or the work over a prescribed
-    displacement.
-    """
-
-    unit: float
-    symbol: str
-    behind: str
-    bracket: str
-    name: str
-    upright: bool
-
-
 @dataclass(frozen=True)
 class Scales:
     """Units of the figures of a record."""
 
-    # length, length_symbol: unit of length; height "h" of a rectangle, or 1 and ""
-    length: float
-    length_symbol: str
+    length: float  # unit of length: height of a rectangle, or 1
+    length_symbol: str  # "h", or ""
     pressure: float  # pressure of the only load at factor 1; 1 if there is none
     pressure_symbol: str  # its symbol; "" if tractions are not divided by it
     load_max: Array  # (n_loads,) largest absolute factor of each load over the history, or 1
@@ -192,19 +172,21 @@ class Scales:
         """Return the unit of a load; "" if it is not known or the load is a factor."""
         return self._unit_of(self.kinds[k].unit)
 
-    def conjugate(self, k: int, prescribed: bool) -> Conjugate:
-        """Return the work-conjugate quantity of a load, which may be a prescribed displacement."""
-        kind, behind = self.kinds[k], ""
-        unit = kind.size
+    def conjugate(self, k: int, prescribed: bool) -> tuple[float, str, bool]:
+        """Return the unit of the work-conjugate quantity of a load in figures, and its label.
+
+        The label is what follows the symbol. Also returned is whether it is on the vertical axis,
+        as a force is, or the work over a prescribed displacement.
+        """
+        kind = self.kinds[k]
+        unit, behind = kind.size, in_unit("$", self._unit_of(kind.conjugate_unit))
         if not prescribed and self._nondimensional():
             # conjugate to the pressure, not to its factor: an area, or the volume of a circle
-            unit, behind = self.elastic(1, 3 if self.axisymmetric else 2)
-            unit *= self.pressure
+            unit, over = self.elastic(1, 3 if self.axisymmetric else 2)
+            unit, behind = unit * self.pressure, f"{over}$"
         # a tension of the far field is a prescribed strain; the tension does its work on -U
         tension = prescribed and kind.unit == (1, 0)
-        bracket = "" if behind else in_unit("", self._unit_of(kind.conjugate_unit))
-        unit, upright = (-unit, False) if tension else (unit, prescribed)
-        return Conjugate(unit, kind.symbol, behind, bracket, kind.conjugate, upright)
+        return (-unit, behind, False) if tension else (unit, behind, prescribed)
 
     def _unit_of(self, powers: tuple[int, int]) -> str:
         if powers == (1, 2 if self.axisymmetric else 1):
@@ -295,16 +277,13 @@ def pressure_of(scene: Scene | None, load_names: tuple[str, ...]) -> tuple[float
 
 def load_pieces(record: Record, moment: Moment, scales: Scales) -> tuple[str, list[str]]:
     """Return the name of the leg of an instant, and a text for each load there."""
-    found = []
-    told = told_loads(record.scene, tuple(moment.load), np.array([*moment.load.values()]))
-    for k, (name, value) in enumerate(moment.load.items()):
-        if k not in told:
-            continue
+    found, names = [], tuple(moment.load)
+    for k in told_loads(record.scene, names, np.array([*moment.load.values()])):
+        part = moment.load[names[k]] / scales.load_axis(k, names[k])[0]
         if unit := scales.load_unit(k):
-            shown = three_digits(value / scales.load_axis(k, name)[0])
-            found.append(f"{load_text(name)} ${shown}$ {unit}")
+            found.append(f"{load_text(names[k])} ${three_digits(part)}$ {unit}")
         else:
-            found.append(describe_factors((name,), np.array([value / scales.load_max[k]])))
+            found.append(describe_factors((names[k],), np.array([part])))
     return _place(record, moment.cycle, moment.leg, moment.s), found
 
 

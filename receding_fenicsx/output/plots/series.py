@@ -13,13 +13,9 @@ from numpy.typing import NDArray
 from receding_fenicsx.arrays import Array, Ints, spread
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.evolution.record import Record
-from receding_fenicsx.evolution.record_data import States
 from receding_fenicsx.interface.law import State
 from receding_fenicsx.interface.measures.steady import PowerLaw, fit_power_law
 from receding_fenicsx.scene.history import corner_angles, is_straight
-
-CURVED_LEGS = 12
-"""Number of legs above which a cycle is a curve rather than loading and unloading."""
 
 
 def leg_ends(record: Record, cycle: int, leg: int) -> tuple[Array, Array]:
@@ -46,7 +42,8 @@ def first_unloading(record: Record) -> tuple[int, int] | None:
     table = record.turning_points
     for where in zip(table.cycle.tolist(), table.leg.tolist(), strict=True):
         if is_unloading(record, *where):
-            return where if np.count_nonzero(table.cycle == where[0]) <= CURVED_LEGS else None
+            # a cycle of more legs than these is a curve rather than loading and unloading
+            return where if np.count_nonzero(table.cycle == where[0]) <= 12 else None
     return None
 
 
@@ -67,12 +64,6 @@ def phases(record: Record) -> Array | None:
 def sampled_cycles(record: Record) -> list[int]:
     """Return the cycles that the record holds samples of."""
     return [int(cycle) for cycle in np.unique(record.samples.cycle)]
-
-
-def shown_cycles(record: Record) -> list[int]:
-    """Return first loading, first and last cycle, as far as there are samples."""
-    cycles = sampled_cycles(record)
-    return sorted({*cycles[:2], *cycles[-1:]})
 
 
 def requested_cycles(record: Record, asked: int | Iterable[int]) -> list[int]:
@@ -118,14 +109,12 @@ class Loop:
     """n instants of one cycle in order of time, from the end of the cycle before, or from rest."""
 
     cycle: int
-    # load, displacement: (n, n_loads) load factors and their work-conjugate displacements
-    load: Array
-    displacement: Array
+    load: Array  # (n, n_loads) load factors
+    displacement: Array  # (n, n_loads) displacements conjugate to them
     # (n_loads,) -1 for forces, +1 for prescribed displacements, whose conjugates are forces times
     # the displacements at factor 1
     load_sign: Array
-    # p, q, v, w: (n, N) tractions and displacements
-    p: Array
+    p: Array  # (n, N), as q, v and w
     q: Array
     v: Array
     w: Array
@@ -147,25 +136,30 @@ def loop_of(record: Record, cycle: int) -> Loop:
     """Return a sampled cycle's path."""
     requested_cycles(record, cycle)
     points, samples = record.turning_points, record.samples
-    before = np.flatnonzero(points.cycle < cycle)[-1:]
-    parts: list[tuple[States, NDArray[np.intp], bool]] = [(points, before, True)]
-    for end in np.flatnonzero(points.cycle == cycle):
-        here = (samples.cycle == cycle) & (samples.leg == points.leg[end])
-        rows = np.flatnonzero(here & (samples.s > 0.0) & (samples.s < 1.0))
-        parts.append((samples, rows[np.argsort(samples.s[rows], kind="stable")], False))
-        parts.append((points, np.array([end]), True))
+    before, ends = np.flatnonzero(points.cycle < cycle)[-1:], points.cycle == cycle
+    turning = np.append(before, np.flatnonzero(ends))
+    inside = (samples.cycle == cycle) & (samples.s > 0.0) & (samples.s < 1.0)
+    inside &= np.isin(samples.leg, points.leg[ends])
+
+    def join(name: str) -> Array:
+        return np.concatenate([getattr(points, name)[turning], getattr(samples, name)[inside]])
+
+    order = np.lexsort([join(name) for name in ("s", "leg", "cycle")])
     # at rest all is zero, but for an initial slip
     slipped = record.scene is not None and record.scene.history.initial_slip is not None
     rest = 0 if len(before) or slipped else 1
-    turning = [False] * rest + [turns for _, rows, turns in parts for _ in rows]
+    names = "load", "load_displacement", "p", "q", "v", "w"
+    load, moved, p, q, v, w = (np.pad(join(k)[order], [(rest, 0), (0, 0)]) for k in names)
+    turns = np.pad(order < len(turning), (rest, 0))
+    return Loop(cycle, load, moved, record.load_sign, p, q, v, w, turns)
 
-    def join(name: str) -> Array:
-        found = np.vstack([getattr(table, name)[rows] for table, rows, _ in parts])
-        return np.vstack([np.zeros((rest, found.shape[1])), found])
 
-    load, moved = join("load"), join("load_displacement")
-    p, q, v, w = map(join, ("p", "q", "v", "w"))
-    return Loop(cycle, load, moved, record.load_sign, p, q, v, w, np.array(turning))
+def paths_of(record: Record, cycles: int | Iterable[int] | None = None) -> list[Loop]:
+    """Return the paths of cycles, by default of the first loading, first and last cycle sampled."""
+    sampled = sampled_cycles(record)
+    chosen = {*sampled[:2], *sampled[-1:]}
+    requested = sorted(chosen) if cycles is None else requested_cycles(record, cycles)
+    return [loop_of(record, cycle) for cycle in requested]
 
 
 def representative_nodes(record: Record) -> list[int]:

@@ -9,7 +9,6 @@ from typing import Any
 
 import matplotlib as mpl
 import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter
 
@@ -41,8 +40,18 @@ def branches(tree: BranchTree) -> Figure:
     figure = style.new_figure(width, 2.6 + 0.17 * len(paths))
     panels = figure.subplots(1, len(moves), squeeze=False)[0]
     for n, (k, axes) in enumerate(zip(moves, panels, strict=True)):
-        for number, (branch, path) in enumerate(zip(tree.branches, paths, strict=False)):
-            _draw_branch(axes, number, branch, (path[0][:, k], path[1][:, k]))
+        for number, (branch, (load, moved)) in enumerate(zip(tree.branches, paths, strict=False)):
+            colour = style.SERIES_COLOURS[number % len(style.SERIES_COLOURS)]
+            # each branch is 2 points to the right of and below the one before: they may coincide
+            shift = number * 2.0 / 72.0, -number * 2.0 / 72.0
+            moving = mpl.transforms.ScaledTranslation(*shift, figure.dpi_scale_trans)
+            beside = {"color": colour, "transform": axes.transData + moving}
+            label = f"branch {number}: {branch.name}{', then ends' if branch.failure else ''}"
+            axes.plot(moved[:, k], load[:, k], lw=1.4, label=label, **beside)
+            axes.update_datalim(np.stack([moved[:, k], load[:, k]], axis=1))
+            axes.autoscale_view()
+            if branch.failure:
+                axes.plot(moved[-1:, k], load[-1:, k], "x", ms=8.0, mew=1.6, zorder=5, **beside)
         name = names[k]
         symbol = "U" if is_word(name) else f"U_{{{load_symbol(name)}}}"
         axes.set(xlabel=f"${symbol}$", ylabel=load_text(name))
@@ -62,27 +71,9 @@ def _path(branch: Branch) -> tuple[Array, Array]:
         return np.concatenate([getattr(table, key) for table in tables])
 
     order = np.lexsort([all_of(key) for key in ("s", "leg", "cycle")])
-    load, moved = all_of("load")[order], all_of("load_displacement")[order]
-    rest = np.zeros((1, load.shape[1]))
-    return np.vstack([rest, load]), np.vstack([rest, moved])
-
-
-def _draw_branch(axes: Axes, number: int, branch: Branch, path: tuple[Array, Array]) -> None:
-    """Draw one branch; its label tells the choices and whether it ends."""
-    load, moved = path
-    colour = style.SERIES_COLOURS[number % len(style.SERIES_COLOURS)]
-    # each branch is 2 points to the right of and below the one before: they may coincide
-    shift = number * 2.0 / 72.0
-    beside = axes.transData + mpl.transforms.ScaledTranslation(
-        shift, -shift, axes.figure.dpi_scale_trans
-    )
-    label = f"branch {number}: {branch.name}{', then ends' if branch.failure else ''}"
-    axes.plot(moved, load, color=colour, lw=1.4, label=label, transform=beside)
-    axes.update_datalim(np.stack([moved, load], axis=1))
-    axes.autoscale_view()
-    if branch.failure:
-        end = moved[-1:], load[-1:]
-        axes.plot(*end, "x", color=colour, ms=8.0, mew=1.6, zorder=5, transform=beside)
+    from_rest = [(1, 0), (0, 0)]
+    load, moved = (np.pad(all_of(k)[order], from_rest) for k in ("load", "load_displacement"))
+    return load, moved
 
 
 @mpl.rc_context(style.RC)
@@ -128,17 +119,12 @@ def slip_mode(system: ContactSystem, critical: CriticalFriction) -> Figure:
     return figure
 
 
-def draw_search(search: Mapping[str, Any], folder: Path) -> Path:
-    """Draw a search, the key "accuracy" of a summary, as ``accuracy.png`` in a folder."""
-    make_folder(folder)
-    path = folder / "accuracy.png"
-    style.save(error_over_time(search), path)
-    return path
-
-
 @mpl.rc_context(style.RC)
-def error_over_time(search: Mapping[str, Any]) -> Figure:
-    """Draw twice the relative estimates of the asked numbers over the seconds since the start."""
+def draw_search(search: Mapping[str, Any], folder: Path) -> None:
+    """Draw a search, the key "accuracy" of a summary, as ``accuracy.png`` in a folder.
+
+    Shown are twice the relative estimates of the asked numbers over the seconds since the start.
+    """
     way, tolerance = search["way"], search["tolerance"]
     seconds = np.cumsum([level["seconds"] for level in way])
     last = way[-1]["numbers"]
@@ -171,4 +157,5 @@ def error_over_time(search: Mapping[str, Any]) -> Figure:
         axes.tick_params(axis="x", which="both", pad=4.0)
     axes.yaxis.set_major_locator(LogLocator(numticks=8))
     figure.legend(loc="outside lower left", fontsize=7.5, labelspacing=0.2, borderpad=0.1)
-    return figure
+    make_folder(folder)
+    style.save(figure, folder / "accuracy.png")

@@ -28,16 +28,13 @@ from numpy.typing import ArrayLike
 
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.atomic import new_file
-from receding_fenicsx.evolution import description
+from receding_fenicsx.evolution.description import STATE_COLOURS as STATE_COLOURS
 from receding_fenicsx.interface.law import STATE_NAMES, State
 from receding_fenicsx.interface.measures.zones import FRICTIONLESS_CONTACT
 
-STATE_COLOURS = description.STATE_COLOURS
-"""Colours of the states; they stand there because notebooks show them without Matplotlib too."""
+# colour of text on each state's fill
 STATE_INKS = {state: "#ffffff" if state == State.BACKWARD_SLIP else "#000000" for state in State}
-"""Colour of text on each state's fill."""
-STATE_OF_NAME = {name: state for state, name in STATE_NAMES.items()}
-"""States by the names that zones have."""
+STATE_OF_NAME = {name: state for state, name in STATE_NAMES.items()}  # names as zones have them
 PRESSURE_COLOUR, SHEAR_COLOUR = "#000000", "#d55e00"
 GUIDE_COLOUR, INK_OF_GUIDES = "#808080", "#505050"
 """Colours of friction cone, reference lines and undeformed outlines, and of secondary text."""
@@ -46,10 +43,8 @@ GUIDE: dict[str, Any] = {"color": GUIDE_COLOUR, "dashes": (3, 2), "lw": 0.8}
 CONE: dict[str, Any] = {"fc": "#ececec", "ec": GUIDE_COLOUR, "ls": (0, (3, 2)), "lw": 0.7}
 """Style of the friction cone |q| <= f p."""
 SERIES_COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9")
-COLUMN, PAGE = 3.54, 7.48
-"""Widths in inches of one column of a journal page (90 mm), and of a whole page (190 mm)."""
-DPI, NOTEBOOK_DPI = 300, 150
-"""Dots per inch of PNG files, and in a notebook."""
+COLUMN, PAGE = 3.54, 7.48  # widths in inches of a column (90 mm) and a journal page (190 mm)
+DPI, NOTEBOOK_DPI = 300, 150  # of PNG files, and in a notebook
 RC: dict[Any, Any] = {
     "font.family": "STIXGeneral",
     "mathtext.fontset": "stix",
@@ -146,15 +141,12 @@ def wrapped(pieces: Sequence[str], inches: float) -> str:
     lines: list[str] = []
     for n, piece in enumerate(pieces):
         text = piece + ("," if n + 1 < len(pieces) else "")
-        if lines and _width(f"{lines[-1]} {text}") <= inches:
-            lines[-1] += f" {text}"
-        else:
-            # mathematics has spaces of its own
-            words = re.findall(r"(?:\\.|\$(?:\\.|[^$\\])*\$|\S)+", text)
-            lines.append(words[0])
-            for word in words[1:]:
-                longer = _width(f"{lines[-1]} {word}") > inches
-                lines = [*lines, word] if longer else [*lines[:-1], f"{lines[-1]} {word}"]
+        # mathematics has spaces of its own
+        words = re.findall(r"(?:\\.|\$(?:\\.|[^$\\])*\$|\S)+", text)
+        whole = lines and _width(f"{lines[-1]} {text}") <= inches
+        for k, word in enumerate([text] if whole else words):
+            longer = not whole and (k == 0 or _width(f"{lines[-1]} {word}") > inches)
+            lines = [*lines, word] if longer else [*lines[:-1], f"{lines[-1]} {word}"]
     return "\n".join(lines)
 
 

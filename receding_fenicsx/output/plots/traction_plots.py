@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from itertools import pairwise
 from typing import Any
 
 import matplotlib as mpl
@@ -20,24 +19,23 @@ from receding_fenicsx.errors import InputError
 from receding_fenicsx.evolution.moment import Moment, recovered_tractions
 from receding_fenicsx.evolution.probes import ProbeHistory
 from receding_fenicsx.evolution.record import Record
+from receding_fenicsx.interface.law import Friction
 from receding_fenicsx.interface.measures.zones import zones
 from receding_fenicsx.measures.fatigue import fatigue, short_cracks
 from receding_fenicsx.measures.limit_nodes import shown_states
 from receding_fenicsx.output.plots import style
 from receding_fenicsx.output.plots.labels import Scales, load_pieces, scales_of
-from receding_fenicsx.output.plots.series import CURVED_LEGS, phases
+from receding_fenicsx.output.plots.series import phases
 
 
 @mpl.rc_context(style.RC)
-def tractions(
-    record: Record, moments: Moment | Sequence[Moment], scales: Scales | None = None
-) -> Figure:
+def tractions(record: Record, moments: Moment | Sequence[Moment]) -> Figure:
     """Draw tractions, friction cone and states along the contact edge, a panel for each instant.
 
     Instants are those of the record, such as ``record.at(9, "minimum")``; states are shown as
     :func:`~receding_fenicsx.measures.limit_nodes.shown_states` returns them.
     """
-    scales = scales or scales_of(record)
+    scales = scales_of(record)
     moments = [moments] if isinstance(moments, Moment) else moments
     if not isinstance(moments, Sequence) or {type(moment) for moment in moments} != {Moment}:
         raise InputError(
@@ -56,17 +54,27 @@ def tractions(
     figure = style.new_figure(style.COLUMN, 0.95 + 1.75 * panels + 0.14 * lines)
     grid = figure.add_gridspec(2 * panels, 1, height_ratios=[0.09, 1.0] * panels)
     axes: Axes | None = None
+    x, friction = record.x / scales.length, bool(np.any(record.friction.present))
     shown = [replace(m, state=shown_states(record, m.cycle, m.state)) for m in moments]
     for n, moment in enumerate(shown):
         band = figure.add_subplot(grid[2 * n], sharex=axes)
         axes = figure.add_subplot(grid[2 * n + 1], sharex=band)
         _draw_band(band, record, moment.state, scales)
         band.set_title(texts[n], pad=6.0)
-        _draw_curves(axes, record, moment, scales)
+        unit, used = 1.0, record.weight > 0.0
+        if scales.pressure_symbol:  # the pressure acting then
+            unit = abs(next(iter(moment.load.values()))) * scales.pressure or 1.0
+        p, q = (part[used] / unit for part in recovered_tractions(record, moment))
+        shear, law = q if friction else None, record.traction_law(unit)[used]
+        guides = [begin for _, begin, _ in zones(x, moment.state)[1:]]
+        label = draw_tractions(axes, x[used], p, shear, law, guides, scales.divided)
+        axes.set_xlim(*scales.ends(record.x))
+        style.ticks(axes.yaxis, 7)
+        axes.set_ylabel(scales.with_unit(label, scales.divided, stress=1))
         axes.tick_params(labelbottom=n == panels - 1)
         if n == panels - 1:
             axes.set_xlabel(scales.x_label)
-    if np.any(record.friction.present):
+    if friction:
         cone = rf"$\pm f p{scales.divided}$"
         # two coefficients need no formula: the cone is drawn between both limits
         cone_alone = record.f_backward is None and record.friction.is_cone
@@ -100,41 +108,44 @@ def _draw_band(axes: Axes, record: Record, state: NDArray[np.int8], scales: Scal
     )
 
 
-def _draw_curves(axes: Axes, record: Record, moment: Moment, scales: Scales) -> None:
-    """Draw recovered p and q, and the friction cone, at the nodes with weight."""
-    used, unit = record.weight > 0.0, 1.0
-    if scales.pressure_symbol:  # the pressure acting then
-        unit = abs(next(iter(moment.load.values()))) * scales.pressure or 1.0
-    x = record.x[used] / scales.length
-    p, q = (part[used] / unit for part in recovered_tractions(record, moment))
-    low, high = record.traction_law(unit)[used].limits(p)
+def draw_tractions(
+    axes: Axes,
+    x: Array,
+    p: Array,
+    q: Array | None,
+    law: Friction,
+    guides: list[float],
+    divided: str,
+) -> str:
+    """Draw p over x, and with friction q and the cone; return the label of the axis.
+
+    ``guides`` are ends of zones, ``divided`` is behind the symbols.
+    """
+    low, high = law.limits(p)
     axes.axhline(0.0, color="black", lw=0.4)
-    for _, begin, _ in zones(record.x / scales.length, moment.state)[1:]:
-        axes.axvline(begin, color=style.GUIDE_COLOUR, lw=0.4, dashes=(1, 2))
-    label = f"$p{scales.divided}$"
-    axes.plot(x, p, color=style.PRESSURE_COLOUR)
-    if np.any(record.friction.present):
-        label += f",  $q{scales.divided}$"
-        axes.fill_between(x, low, high, **style.CONE)
-        axes.plot(x, q, color=style.SHEAR_COLOUR)
-    axes.set_xlim(*scales.ends(record.x))
-    axes.set_ylim(*style.focus(p, np.concatenate([q, high, low])))
-    style.ticks(axes.yaxis, 7)
-    axes.set_ylabel(scales.with_unit(label, scales.divided, stress=1))
+    for place in guides:
+        axes.axvline(place, color=style.GUIDE_COLOUR, lw=0.4, dashes=(1, 2))
+    axes.plot(x, p, color=style.PRESSURE_COLOUR, label=f"$p{divided}$")
+    axes.set_ylim(*style.focus(p, np.concatenate([*([] if q is None else [q]), high, low])))
+    if q is None:
+        return f"$p{divided}$"
+    axes.fill_between(x, low, high, **style.CONE)
+    axes.plot(x, q, color=style.SHEAR_COLOUR, label=f"$q{divided}$")
+    return f"$p{divided}$,  $q{divided}$"
 
 
 @mpl.rc_context(style.RC)
-def probe_stresses(record: Record, name: str, scales: Scales | None = None) -> Figure:
+def probe_stresses(record: Record, name: str) -> Figure:
     """Draw the stresses at a probe.
 
     Of one point: along the load path of the first loading, of cycle 1 and of the last cycle. Of
     several: against the distance along them, at turning points of the last cycle.
     """
-    scales = scales or scales_of(record)
-    probe, angles = record.probe(name), phases(record)
+    scales, probe, angles = scales_of(record), record.probe(name), phases(record)
     draw = _along_path if len(probe.points) == 1 else _along_points
-    figure, panels = draw(probe, scales, angles)
-    handles, labels = panels[0].get_legend_handles_labels()
+    stresses = np.concatenate([probe.stress, probe.von_mises[..., None]], axis=-1)
+    figure, first = draw(probe, stresses, scales, angles)
+    handles, labels = first.get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside upper center", ncols=len(labels))
     return figure
 
@@ -142,10 +153,10 @@ def probe_stresses(record: Record, name: str, scales: Scales | None = None) -> F
 @mpl.rc_context(style.RC)
 def fatigue_along(record: Record, name: str) -> Figure:
     """Draw Smith, Watson and Topper's parameter along a probe, and the angle of its plane."""
-    found, points = fatigue(record)[name]["swt"], record.probe(name).points
-    distance = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1)))
+    found, probe = fatigue(record)[name]["swt"], record.probe(name)
+    points = probe.points
     level = bool(np.ptp(points[:, 1]) <= 1e-9 * np.ptp(points[:, 0]))
-    x = points[:, 0] if level else distance
+    x = points[:, 0] if level else _distances(probe)
     figure = style.new_figure(style.COLUMN, 3.4)
     upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(2, 1))
     upper.plot(x, found.value, color=style.PRESSURE_COLOUR)
@@ -179,21 +190,19 @@ def crack_along(record: Record, name: str) -> Figure:
 
 
 def _along_path(
-    probe: ProbeHistory, scales: Scales, angles: Array | None
-) -> tuple[Figure, list[Axes]]:
+    probe: ProbeHistory, stresses: Array, scales: Scales, angles: Array | None
+) -> tuple[Figure, Axes]:
     """Draw stresses at one point against the position on the legs of some cycles."""
     shown = sorted({0, min(1, int(probe.cycle[-1])), int(probe.cycle[-1])})
     figure = style.new_figure(style.PAGE if len(shown) > 1 else style.COLUMN, 2.5)
-    axes = figure.subplots(1, len(shown), sharey=True, squeeze=False)[0]
-    values = _stresses(probe)[:, 0]
-    for n, (panel, cycle) in enumerate(zip(axes, shown, strict=True)):
+    panels = figure.subplots(1, len(shown), sharey=True, squeeze=False)[0]
+    for n, (panel, cycle) in enumerate(zip(panels, shown, strict=True)):
         start = np.flatnonzero(probe.cycle == cycle - 1)[-1:]
         rows = np.concatenate([start, np.flatnonzero(probe.cycle == cycle)])
         path = np.where(probe.cycle[rows] < cycle, 0.0, probe.leg[rows] + probe.s[rows])
-        drawn = values[rows]
+        drawn = stresses[rows, 0]
         if cycle == 0:
-            path = np.concatenate([[0.0], path])
-            drawn = np.vstack([np.zeros((1, values.shape[1])), drawn])
+            path, drawn = np.append(0.0, path), np.pad(drawn, [(1, 0), (0, 0)])
         elif angles is not None:
             path = np.interp(path, np.arange(len(angles)), angles)
         _draw_stresses(panel, path, drawn, scales)
@@ -201,7 +210,7 @@ def _along_path(
         panel.set_title(style.panel_title(n, len(shown), text))
         legs = int(probe.leg[rows].max()) + 1
         panel.set(xlim=(0.0, legs), xlabel="legs of the cycle" if cycle else "legs from rest")
-        for leg in range(1, legs if legs <= CURVED_LEGS else 1):
+        for leg in range(1, legs if legs <= 12 else 1):  # more are a curve
             panel.axvline(leg, **style.GUIDE)
         style.ticks(panel.xaxis)
         if cycle and angles is not None:
@@ -209,22 +218,20 @@ def _along_path(
             style.phase_axis(panel.xaxis)
         if n:
             panel.set_ylabel("")
-    return figure, axes.tolist()
+    return figure, panels[0]
 
 
 def _along_points(
-    probe: ProbeHistory, scales: Scales, angles: Array | None
-) -> tuple[Figure, list[Axes]]:
+    probe: ProbeHistory, stresses: Array, scales: Scales, angles: Array | None
+) -> tuple[Figure, Axes]:
     """Draw stresses along the points at up to four turning points of the last cycle."""
     rows = np.flatnonzero((probe.cycle == probe.cycle[-1]) & (probe.kind == "turning point"))
     chosen = rows[np.linspace(0, len(rows) - 1, min(len(rows), 4)).astype(int)]
-    steps = [float(np.hypot(*(b - a))) for a, b in pairwise(probe.points)]
-    distance = np.concatenate([[0.0], np.cumsum(steps)]) / scales.length
+    distance = _distances(probe) / scales.length
     figure = style.new_figure(style.COLUMN, 0.8 + 1.7 * len(chosen))
-    axes = figure.subplots(len(chosen), 1, sharex=True, squeeze=False)[:, 0]
-    values = _stresses(probe)
-    for n, (panel, row) in enumerate(zip(axes, chosen, strict=True)):
-        _draw_stresses(panel, distance, values[row], scales, "o" if len(distance) <= 12 else "")
+    panels = figure.subplots(len(chosen), 1, sharex=True, squeeze=False)[:, 0]
+    for n, (panel, row) in enumerate(zip(panels, chosen, strict=True)):
+        _draw_stresses(panel, distance, stresses[row], scales, "o" if len(distance) <= 12 else "")
         leg, cycle = int(probe.leg[row]), int(probe.cycle[row])
         text = f"end of leg {leg}, cycle {cycle}"
         if angles is not None and cycle:
@@ -232,13 +239,14 @@ def _along_points(
         panel.set_title(style.panel_title(n, len(chosen), text))
         panel.set_xlim(0.0, distance[-1])
     over = f"$/{scales.length_symbol}$" if scales.length_symbol else ""
-    axes[-1].set_xlabel(scales.with_unit(f"distance along the points{over}", over, length=1))
-    return figure, axes.tolist()
+    panels[-1].set_xlabel(scales.with_unit(f"distance along the points{over}", over, length=1))
+    return figure, panels[0]
 
 
-def _stresses(probe: ProbeHistory) -> Array:
-    """Return (n, points, 5): the stress components and von Mises' equivalent stress."""
-    return np.concatenate([probe.stress, probe.von_mises[..., None]], axis=-1)
+def _distances(probe: ProbeHistory) -> Array:
+    """Return the distances of a probe's points along them from the first one."""
+    steps = np.linalg.norm(np.diff(probe.points, axis=0), axis=1)
+    return np.append(0.0, np.cumsum(steps))
 
 
 def _draw_stresses(axes: Axes, x: Array, values: Array, scales: Scales, marker: str = "") -> None:

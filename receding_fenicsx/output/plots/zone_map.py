@@ -20,10 +20,6 @@ from receding_fenicsx.interface.law import State
 from receding_fenicsx.measures.limit_nodes import SLIP
 from receding_fenicsx.output.plots.series import legs_of
 
-FLICKER = 0.08
-"""Longest change between stick and slip, as a part of a leg, that counts as flicker: with elements
-of degree 2 single nodes at the ends of zones change their state and change back."""
-
 Change = tuple[float, int]
 """Position s on the leg, and the new state."""
 
@@ -33,7 +29,7 @@ class Timeline:
     """States of one node along a leg."""
 
     state: NDArray[np.int8]  # (n,) successive states, each different from the one before
-    s: Array  # (n + 1,) begins of the states and end of the last one, from 0 to 1
+    s: Array  # (n + 1,) begins of the states and end of the last one, from 0 on
 
     def at(self, s: float | Array) -> NDArray[np.int8]:
         """Return the state at s; at a change the new state."""
@@ -45,11 +41,11 @@ class Timeline:
         return list(zip(self.s[:-1].tolist(), self.state.tolist(), strict=True))
 
 
-def timeline(changes: Iterable[Change]) -> Timeline:
+def timeline(changes: Iterable[Change], end: float = 1.0) -> Timeline:
     """Make a timeline from the first state and its changes, in order of s."""
     states: list[int] = []
     begins: list[float] = []
-    for s, new in [*changes, (1.0, -1)]:
+    for s, new in [*changes, (end, -1)]:
         # a state before it of this part of a leg is round-off
         if begins and s - begins[-1] <= 1e-9:
             states.pop()
@@ -57,7 +53,7 @@ def timeline(changes: Iterable[Change]) -> Timeline:
         if new >= 0 and (not states or states[-1] != new):
             begins.append(s if states else 0.0)
             states.append(new)
-    return Timeline(np.array(states, dtype=np.int8), np.array([*begins, 1.0]))
+    return Timeline(np.array(states, dtype=np.int8), np.array([*begins, end]))
 
 
 def timelines_of(
@@ -133,43 +129,29 @@ def _order(run: NDArray[np.intp], old: NDArray[np.int8], new: NDArray[np.int8]) 
     n = len(run)
     left, right = run[0] - 1, run[-1] + 1
     forward = (np.arange(n) + 0.5) / n
-    joins_left = left >= 0 and old[left] == new[run[0]]
-    joins_right = right < len(old) and old[right] == new[run[0]]
-    leaves_left = left >= 0 and new[left] == old[run[0]]
-    leaves_right = right < len(old) and new[right] == old[run[0]]
-    if joins_left != joins_right:
-        return forward if joins_left else forward[::-1]
-    if joins_left:
+    sides = [k for k in (left, right) if 0 <= k < len(old)]
+    joins = [k for k in sides if old[k] == new[run[0]]]
+    leaves = [k for k in sides if new[k] == old[run[0]]]
+    if len(joins) == 2:
         return np.minimum(forward, forward[::-1]) * 2.0
-    if leaves_left != leaves_right:
-        return forward[::-1] if leaves_left else forward
+    if len(joins) == 1:
+        return forward if joins == [left] else forward[::-1]
+    if len(leaves) == 1:
+        return forward[::-1] if leaves == [left] else forward
     return np.full(n, 0.5)
 
 
 @dataclass(frozen=True)
 class ZoneMap:
-    """Zones of one leg over (x, s)."""
+    """Zones of n legs over (x, s): leg k at k <= s <= k + 1."""
 
-    x: Array  # (N,) positions of the nodes
     timelines: list[Timeline]  # timelines of the nodes
-    # states and polygons that cover x[0] to x[-1] and s from 0 to 1
-    pieces: list[tuple[State, Array]]
-    boundaries: Array  # (n, 2, 2) segments [[x, s], [x, s]] along which the state changes
+    pieces: list[tuple[State, Array]]  # states and polygons that cover all x, and s from 0 to n
+    boundaries: Array  # (m, 2, 2) segments [[x, s], [x, s]] along which the state changes
 
-    def states(self, s: float) -> NDArray[np.int8]:
-        """Return (N,) states of the nodes at s."""
+    def states(self, s: float | Array) -> NDArray[np.int8]:
+        """Return (N,) or (N, k) states of the nodes at s."""
         return np.array([line.at(s) for line in self.timelines], dtype=np.int8)
-
-    def moved_to(self, ends: Array) -> ZoneMap:
-        """Return the map of n legs that end at ``ends`` (n + 1,), from 0 to 1, not evenly."""
-        evenly = np.linspace(0.0, 1.0, len(ends))
-
-        def place(points: Array) -> Array:
-            return np.stack([points[..., 0], np.interp(points[..., 1], evenly, ends)], axis=-1)
-
-        lines = [Timeline(t.state, np.interp(t.s, evenly, ends)) for t in self.timelines]
-        pieces = [(state, place(polygon)) for state, polygon in self.pieces]
-        return ZoneMap(self.x, lines, pieces, place(self.boundaries))
 
 
 def zone_map(
@@ -179,51 +161,38 @@ def zone_map(
     stuck: NDArray[np.bool_] | None = None,
     flicker: float = 0.0,
 ) -> ZoneMap:
-    """Map the zones of one leg, or those of a whole cycle of n legs: k at k/n <= s <= (k + 1)/n.
+    """Map the zones of one leg, or those of all legs of a cycle.
 
-    Where two neighbouring nodes keep the same state through several legs, these have one polygon.
     The other arguments are those of :func:`timelines_of`.
     """
-    legs = legs_of(record, cycle) if leg is None else [(cycle, leg)]
-    n, x = len(legs), record.x
-    lines = [
-        [Timeline(t.state, (k + t.s) / n) for t in timelines_of(record, *where, stuck, flicker)]
-        for k, where in enumerate(legs)
-    ]
-    first, last = (np.array([[t.state[k] for t in row] for row in lines]) for k in (0, -1))
-    constant = np.array([[len(t.state) == 1 for t in row] for row in lines])
-    same = constant[:, 1:] & constant[:, :-1] & (first[:, 1:] == first[:, :-1])
+    legs, x = legs_of(record, cycle) if leg is None else [(cycle, leg)], record.x
+    lines: list[list[Timeline]] = []
     pieces: list[tuple[State, Array]] = []
     found: list[Array] = []
-    for i in range(len(x) - 1):
-        key = np.where(same[:, i], first[:, i], -1 - np.arange(n))
-        cuts = np.flatnonzero(np.diff(key)) + 1
-        for begin, end in pairwise([0, *cuts.tolist(), n]):
-            if same[begin, i]:
-                s0, s1 = begin / n, end / n
-                corners = [[x[i], s0], [x[i + 1], s0], [x[i + 1], s1], [x[i], s1]]
-                pieces.append((State(int(first[begin, i])), np.array(corners)))
-                continue
+    for n, where in enumerate(legs):
+        row = [Timeline(t.state, n + t.s) for t in timelines_of(record, *where, stuck, flicker)]
+        lines.append(row)
+        for (a, x0), (b, x1) in pairwise(zip(row, x.tolist(), strict=True)):
             # between two neighbouring nodes, from one change that both make to the next
-            a, b = lines[begin][i], lines[begin][i + 1]
             matched = [(0, 0), *_matches(a, b), (len(a.state), len(b.state))]
-            found += [np.array([[x[i], a.s[j]], [x[i + 1], b.s[k]]]) for j, k in matched[1:-1]]
+            found += [np.array([[x0, a.s[j]], [x1, b.s[k]]]) for j, k in matched[1:-1]]
             for (j0, k0), (j1, k1) in pairwise(matched):
-                parts = (Timeline(a.state[j0:j1], a.s[j0 : j1 + 1]), x[i])
-                other = (Timeline(b.state[k0:k1], b.s[k0 : k1 + 1]), x[i + 1])
-                _fill_block(parts, other, pieces, found)
+                left = Timeline(a.state[j0:j1], a.s[j0 : j1 + 1]), x0
+                right = Timeline(b.state[k0:k1], b.s[k0 : k1 + 1]), x1
+                _fill_block(left, right, pieces, found)
     # lines where nodes change their state at the turning point between two legs
     ends = np.concatenate([x[:1], 0.5 * (x[1:] + x[:-1]), x[-1:]])
-    for k in range(1, n):
-        changed = np.flatnonzero(first[k] != last[k - 1])
+    for k, (before, after) in enumerate(pairwise(lines), start=1):
+        pairs = zip(before, after, strict=True)
+        changed = np.flatnonzero([a.state[-1] != b.state[0] for a, b in pairs])
         for run in np.split(changed, np.flatnonzero(np.diff(changed) > 1) + 1):
             if len(run):
-                found.append(np.array([[ends[run[0]], k / n], [ends[run[-1] + 1], k / n]]))
+                found.append(np.array([[ends[run[0]], k], [ends[run[-1] + 1], k]]))
     whole = [
-        timeline(change for line in node for change in line.changes)
+        timeline((change for line in node for change in line.changes), float(len(legs)))
         for node in zip(*lines, strict=True)
     ]
-    return ZoneMap(x, whole, pieces, np.array(found).reshape(-1, 2, 2))
+    return ZoneMap(whole, pieces, np.array(found).reshape(-1, 2, 2))
 
 
 def _matches(a: Timeline, b: Timeline) -> list[tuple[int, int]]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import asdict
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -20,47 +21,38 @@ from receding_fenicsx.output.plots.labels import MOST_TOLD
 from receding_fenicsx.output.report.section import Rows, Summary, shown
 from receding_fenicsx.scene.options import in_unit
 
-Point = Summary
-"""A turning point of the summary."""
-
 
 def turning_points(record: Record) -> dict[str, Any]:
     """Return the turning points in order; with several contact edges one for each edge."""
-    edges = record.by_edge()
-    parts = [
-        ({"edge": name} if len(edges) > 1 else {}, part, ends.contact_betas(part))
-        for name, part in edges.items()
-    ]
-    count = len(record.turning_points.s)
-    points = [edge | _turning_point(part, i, b) for i in range(count) for edge, part, b in parts]
+    edges, cycle, points = record.by_edge(), record.turning_points.cycle, []
+    betas = {name: ends.contact_betas(part) for name, part in edges.items()}
+    for i, (name, part) in product(range(len(cycle)), edges.items()):
+        table, x = part.turning_points, part.x
+        found = zones(x, table.state[i], part.begins_on_axis, part.friction.present)
+        point: dict[str, Any] = {
+            **({"edge": name} if len(edges) > 1 else {}),
+            "cycle": int(cycle[i]),
+            "leg": int(table.leg[i]),
+            "load": dict(zip(record.load_names, table.load[i].tolist(), strict=True)),
+            "zones": [[zone, float(a), float(b)] for zone, a, b in found],
+            **({"p_axis": float(on_axis(x, table.p[i]))} if part.begins_on_axis else {}),
+            **ends.half_widths(part, i),
+            "p_max": float(table.p[i].max()),
+            "q_min": float(table.q[i].min()),
+            "q_max": float(table.q[i].max()),
+        }
+        # ends of zones are fitted in the first and the last cycles, if these have few legs: a fit
+        # takes longer than a cycle
+        early = cycle[i] <= 20 or cycle[i] == cycle[-1]
+        if early and np.count_nonzero(cycle == cycle[i]) <= 32:
+            point |= ends.half_width_estimates(part, i, betas[name])
+            point["zone_ends"] = ends.estimated_ends(part, i, betas[name])
+            point |= ends.corners_of(part, i)
+        points.append(point)
     return {"turning_points": points}
 
 
-def _turning_point(record: Record, i: int, betas: tuple[float, ...]) -> dict[str, Any]:
-    table = record.turning_points
-    x, cycle = record.x, table.cycle
-    found = zones(x, table.state[i], record.begins_on_axis, record.friction.present)
-    point: dict[str, Any] = {
-        "cycle": int(cycle[i]),
-        "leg": int(table.leg[i]),
-        "load": dict(zip(record.load_names, table.load[i].tolist(), strict=True)),
-        "zones": [[name, float(a), float(b)] for name, a, b in found],
-        **({"p_axis": float(on_axis(x, table.p[i]))} if record.begins_on_axis else {}),
-        **ends.half_widths(record, i),
-        "p_max": float(table.p[i].max()),
-        "q_min": float(table.q[i].min()),
-        "q_max": float(table.q[i].max()),
-    }
-    # ends of zones are fitted in the first and the last cycles, if these have few legs: a fit takes
-    # longer than a cycle
-    early = cycle[i] <= 20 or cycle[i] == cycle[-1]
-    if early and np.count_nonzero(cycle == cycle[i]) <= 32:
-        point |= ends.half_width_estimates(record, i, betas)
-        point |= {"zone_ends": ends.estimated_ends(record, i, betas), **ends.corners_of(record, i)}
-    return point
-
-
-def headline_points(summary: Summary) -> list[Point]:
+def headline_points(summary: Summary) -> list[Summary]:
     """Return the turning points of cycles 0, 1 and the last, of many legs those at extreme loads.
 
     In a cycle of more than 12 legs these are where a load factor is the smallest or the largest of
@@ -68,7 +60,7 @@ def headline_points(summary: Summary) -> list[Point]:
     """
     points = summary["turning_points"]
     found = []
-    for cycle in sorted({0, 1, _last_cycle(points)}):
+    for cycle in sorted({0, 1, *(p["cycle"] for p in points[-1:])}):
         rows = [p for p in points if p["cycle"] == cycle]
         legs = {p["leg"]: p["load"] for p in rows}
         kept = {*legs}
@@ -80,22 +72,21 @@ def headline_points(summary: Summary) -> list[Point]:
     return found
 
 
-def _last_cycle(points: Sequence[Point]) -> int:
-    return max((p["cycle"] for p in points), default=0)
-
-
-def _acting(point: Point) -> dict[str, float]:
+def _loads(point: Summary, form: str, between: str) -> str:
     """Return the load factors, of more than ``MOST_TOLD`` those that are not zero."""
     load: dict[str, float] = point["load"]
-    return {name: value for name, value in load.items() if value or len(load) <= MOST_TOLD}
+    told = {name: value for name, value in load.items() if value or len(load) <= MOST_TOLD}
+    return between.join(form.format(name, value) for name, value in told.items())
 
 
-def point_rows(summary: Summary) -> Rows:
-    """Return a row for each turning point of the table."""
-    form = length_format(summary)
-    rows = []
-    for p in headline_points(summary):
-        load = ", ".join(f"{name} = {value:z.6g}" for name, value in _acting(p).items())
+def point_table(summary: Summary) -> Rows:
+    """Return the heads of the columns, and a row for each turning point of the table."""
+    form, points = length_format(summary), headline_points(summary)
+    edges = any("edge" in p for p in points)
+    head = ["cycle", "load", "contact half width", "fitted", "stick half width", "fitted"]
+    head = [*["edge"] * edges, *head, "p max", "q min", "q max"]
+    rows: Rows = [[*(_in_units(name, summary) for name in head), zones_header(summary)]]
+    for p in points:
         widths: list[float | str | None] = []
         for kind in ("contact", "stick"):
             fitted, words = p.get(f"{kind}_half_width_estimate"), None
@@ -103,20 +94,13 @@ def point_rows(summary: Summary) -> Rows:
                 low, high = fitted["interval"]
                 words = f"{fitted['value']:{form}} ({low:{form}} to {high:{form}})"
             widths += [p[f"{kind}_half_width"], words]
-        values: list[float | str] = list(extremes_of(p))
+        p_max, *q = extremes_of(p)
+        values: list[float | str] = [p_max, *q]
         if p.get("p_max_singular"):
-            values = ["singular", *("singular" if value else value for value in values[1:])]
-        edge = [p["edge"]] if "edge" in p else []
-        rows.append([*edge, p["cycle"], load, *widths, *values, zones_shown(p, summary)])
+            values = ["singular", *("singular" if value else value for value in q)]
+        start = [*[p.get("edge")] * edges, p["cycle"], _loads(p, "{} = {:z.6g}", ", ")]
+        rows.append([*start, *widths, *values, zones_shown(p, summary)])
     return rows
-
-
-def point_head(summary: Summary) -> list[str]:
-    """Return the heads of the columns, with the scene's units."""
-    head = ["cycle", "load", "contact half width", "fitted", "stick half width", "fitted"]
-    edge = ["edge"] if any("edge" in p for p in summary["turning_points"]) else []
-    head = [_in_units(name, summary) for name in [*edge, *head, "p max", "q min", "q max"]]
-    return [*head, zones_header(summary)]
 
 
 def console_table(summary: Summary, most: int) -> list[str]:
@@ -126,7 +110,7 @@ def console_table(summary: Summary, most: int) -> list[str]:
     are shown are fitted.
     """
     points = headline_points(summary)
-    rank = {1: 2, 0: 1, _last_cycle(points): 0}
+    rank = {1: 2, 0: 1} | {p["cycle"]: 0 for p in points[-1:]}
     order = sorted(range(len(points)), key=lambda k: (rank[points[k]["cycle"]], -k))
     # all contact edges of an instant, or none
     edges = len({p.get("edge") for p in points}) or 1
@@ -138,14 +122,21 @@ def console_table(summary: Summary, most: int) -> list[str]:
         singular = point.get("p_max_singular", False)
         values = p_max, max(map(abs, q))
         largest.append(["singular" if singular and v else f"{v:{traction}}" for v in values])
+    widths = []
+    for kind in ("contact", "stick"):
+        known = [p[f"{kind}_half_width"] for p in chosen]
+        below = [p.get(f"{kind}_half_width_estimate") or {"fitted": False} for p in chosen]
+        if all(e["fitted"] for e in below):
+            known = [e["value"] for e in below]
+        dash = "" if all(value is None for value in known) else "-"
+        form = length_format(summary)
+        widths.append([dash if value is None else f"{value:{form}}" for value in known])
     columns = {
         "edge": [p.get("edge", "") for p in chosen],
         "cycle": [str(p["cycle"]) for p in chosen],
-        "load": [
-            " ".join(f"{name}={value:z.4g}" for name, value in _acting(p).items()) for p in chosen
-        ],
-        "contact half width": _half_widths("contact", chosen, summary),
-        "stick half width": _half_widths("stick", chosen, summary),
+        "load": [_loads(p, "{}={:z.4g}", " ") for p in chosen],
+        "contact half width": widths[0],
+        "stick half width": widths[1],
         "p_max": [p for p, _ in largest],
         "|q|_max": [q for _, q in largest],
         zones_header(summary): [zones_shown(p, summary) for p in chosen],
@@ -161,18 +152,7 @@ def console_table(summary: Summary, most: int) -> list[str]:
     return []
 
 
-def _half_widths(kind: str, points: Sequence[Point], summary: Summary) -> list[str]:
-    """Return the cells of a column of half widths; empty ones where none is known."""
-    values = [p[f"{kind}_half_width"] for p in points]
-    below = [p.get(f"{kind}_half_width_estimate") or {"fitted": False} for p in points]
-    if all(e["fitted"] for e in below):
-        values = [e["value"] for e in below]
-    if all(value is None for value in values):
-        return [""] * len(points)
-    return ["-" if value is None else f"{value:{length_format(summary)}}" for value in values]
-
-
-def extremes_of(point: Point) -> list[float]:
+def extremes_of(point: Summary) -> list[float]:
     """Return p_max, q_min and q_max of a turning point, with 0 in place of round-off."""
     values = [point[key] for key in ("p_max", "q_min", "q_max")]
     largest = max(map(abs, values))
@@ -185,7 +165,7 @@ def _in_units(name: str, summary: Summary) -> str:
     return in_unit(name, (summary.get("units") or {}).get(kind))
 
 
-def _one_half(point: Point, symmetry: str) -> bool:
+def _one_half(point: Summary, symmetry: str) -> bool:
     """Return whether the zones from the centre are shown alone: the others are their mirror."""
     on_axis = symmetry == "axisymmetric" and "p_axis" in point
     return "edge" not in point and (on_axis or symmetry == "mirror")
@@ -199,7 +179,7 @@ def zones_header(summary: Summary) -> str:
     return f"zones ({'from the axis' if symmetry == 'axisymmetric' else 'x > 0, from the centre'})"
 
 
-def zones_shown(point: Point, summary: Summary) -> str:
+def zones_shown(point: Summary, summary: Summary) -> str:
     """Return the zones of a turning point; of a symmetric contact those from the centre."""
     zones, form, symmetry = point["zones"], length_format(summary), summary["symmetry"]
     first, centre = f"{zones[0][1]:{form}} " if zones else "", -math.inf
@@ -237,15 +217,23 @@ def checks(record: Record) -> dict[str, Any]:
             behind = [name] if len(edges) > 1 else []
             for group in np.split(nodes, np.flatnonzero(np.diff(nodes) > 1) + 1):
                 ranges += [[*part.x[group[[0, -1]]].tolist(), *behind]] if len(group) else []
-    branch = {}
+    summary: dict[str, Any] = {"limit_without_slip": ranges}
+    if (found := record.uniqueness) is not None:
+        place = {"cycle": int(found.cycle), "leg": int(found.leg), "s": float(found.s)}
+        static = {"solutions": int(found.first_loading), "proved": bool(found.first_loading_proved)}
+        summary["uniqueness"] = {
+            "certified": bool(found.certified),
+            "margin": float(found.margin),  # null in the file where it is not finite
+            "solutions": int(found.solutions),
+            "where": {**place, "nodes": found.nodes.tolist()} if found.cycle >= 0 else None,
+            "first_loading": static if found.first_loading else None,
+            "symmetric_paths_only": bool(record.half),
+        }
     if record.choices:
         rule = record.scene.solver.branch if record.scene else "first"
-        choices = [asdict(choice) for choice in record.choices]
-        branch = {"branch": {"rule": rule, "choices": choices}}
+        summary["branch"] = {"rule": rule, "choices": [asdict(c) for c in record.choices]}
     return {
-        "limit_without_slip": ranges,
-        **uniqueness_summary(record),
-        **branch,
+        **summary,
         "residual_max": float(record.residual_max),
         "energy_error_max": float(record.energy_error_max),
         "events": int(record.n_events),
@@ -254,30 +242,15 @@ def checks(record: Record) -> dict[str, Any]:
     }
 
 
-def uniqueness_summary(record: Record) -> dict[str, Any]:
-    """Return the key "uniqueness" of the summary; nothing for records without it."""
-    found = record.uniqueness
-    if found is None:
-        return {}
-    place = {"cycle": int(found.cycle), "leg": int(found.leg), "s": float(found.s)}
-    static = {"solutions": int(found.first_loading), "proved": bool(found.first_loading_proved)}
-    return {
-        "uniqueness": {
-            "certified": bool(found.certified),
-            "margin": float(found.margin),  # null in the file where it is not finite
-            "solutions": int(found.solutions),
-            "where": {**place, "nodes": found.nodes.tolist()} if found.cycle >= 0 else None,
-            "first_loading": static if found.first_loading else None,
-            "symmetric_paths_only": bool(record.half),
-        }
-    }
-
-
 def uniqueness_rows(summary: Summary) -> Rows:
     """Return what a run says of uniqueness, a head and words for each fact; nothing without it."""
     found = summary.get("uniqueness")
     if found is None:
         return []
+
+    def solutions(count: int) -> str:
+        return f"{count} solution{'s' * (count != 1)} found"
+
     margin, place, static = found["margin"], found["where"], found["first_loading"]
     words = "certified" if found["certified"] else "not certified"
     if found["certified"] and static is not None and not static["proved"]:
@@ -291,7 +264,7 @@ def uniqueness_rows(summary: Summary) -> Rows:
         nodes = ", ".join(map(str, place["nodes"]))
         at = f", nodes {nodes}" if nodes else ""
         words = f"cycle {place['cycle']}, leg {place['leg']}, s = {place['s']:.6g}{at}; at most "
-        rows.append(["first doubt", f"{words}{_solutions(found['solutions'])} at one instant"])
+        rows.append(["first doubt", f"{words}{solutions(found['solutions'])} at one instant"])
     if margin is not None and np.isfinite(margin):
         where = "elsewhere the " if margin > 1.0 and not found["certified"] else ""
         words = f"{where}proof holds up to {margin:.3g} times the friction"
@@ -300,18 +273,17 @@ def uniqueness_rows(summary: Summary) -> Rows:
         rows.append(["friction margin", words])
     if static is not None:
         rest = "proved to be all" if static["proved"] else "others not excluded"
-        rows.append(["first loading", f"{_solutions(static['solutions'])}, {rest}"])
+        rows.append(["first loading", f"{solutions(static['solutions'])}, {rest}"])
     return rows
 
 
-def _solutions(count: int) -> str:
-    return f"{count} solution{'' if count == 1 else 's'} found"
-
-
-def _jump_rows(summary: Summary) -> Rows:
-    jumps = summary.get("jumps") or {"count": 0}
-    words = "{count}, energy released {energy_released:.4g}"
-    return [["jumps without a quasi-static path", words.format(**jumps)]] * bool(jumps["count"])
+def _path_rows(summary: Summary) -> Rows:
+    """Return jumps, and what a run says of uniqueness."""
+    jumps, rows = summary.get("jumps") or {"count": 0}, uniqueness_rows(summary)
+    if jumps["count"]:
+        words = f"{jumps['count']}, energy released {jumps['energy_released']:.4g}"
+        rows.insert(0, ["jumps without a quasi-static path", words])
+    return rows
 
 
 def _corners(summary: Summary) -> list[Summary]:
@@ -346,8 +318,7 @@ def check_rows(summary: Summary) -> Rows:
         [residual, f"{summary['residual_max']:.2e}"],
         [energy, f"{summary['energy_error_max']:.2e}"],
         *([k, str(summary[k])] for k in ("events", "sweeps")),
-        *_jump_rows(summary),
-        *uniqueness_rows(summary),
+        *_path_rows(summary),
         *corner_rows(summary),
         *([[limit, ranges]] if ranges else []),
     ]
@@ -356,7 +327,7 @@ def check_rows(summary: Summary) -> Rows:
 def check_lines(summary: Summary) -> list[str]:
     """Return jumps, the certificate with its first doubt, singular corners, residual and steps."""
     lines = []
-    for head, words in [*_jump_rows(summary), *uniqueness_rows(summary)]:
+    for head, words in _path_rows(summary):
         # how far the proof goes, and the first loading, are in the report
         if head not in ("friction margin", "first loading"):
             first, symmetric, _ = words.partition(", among mirror-symmetric paths")
@@ -382,28 +353,22 @@ CRITERIA = {
 }
 
 
-def _parameters(summary: Summary) -> dict[str, Any]:
-    return dict(summary.get("fatigue", {}).get("parameters", {}))
-
-
 def fatigue_note(summary: Summary) -> str:
     """Return what the mesh decides by more than a tenth."""
-    large = [
+    large = ", ".join(
         CRITERIA[name]
-        for name, row in _parameters(summary).items()
+        for name, row in summary["fatigue"]["parameters"].items()
         if row["estimate"] is not None and row["estimate"] > 0.1 * abs(row["max"])
-    ]
-    if not large:
-        return ""
-    return (
-        f"The mesh decides {', '.join(large)} by more than 10%: refine the ends of the contact; at "
-        "a singular corner take the mean over a length, [fatigue] average."
+    )
+    return large and (
+        f"The mesh decides {large} by more than 10%: refine the ends of the contact; at a singular "
+        "corner take the mean over a length, [fatigue] average."
     )
 
 
 def fatigue_lines(summary: Summary) -> list[str]:
     """Return the largest of Smith, Watson and Topper's parameter."""
-    row = _parameters(summary).get("swt")
+    row = summary.get("fatigue", {}).get("parameters", {}).get("swt")
     if row is None:
         return []
     life = "" if row["life"] is None else f", {row['life']:.3g} cycles"
@@ -413,7 +378,8 @@ def fatigue_lines(summary: Summary) -> list[str]:
 
 
 def fatigue_table(summary: Summary) -> Rows:
-    """Return the head and a row for each parameter."""
+    """Return the heads of the columns and a row for each parameter."""
     columns = "max", "x", "y", "probe", "angle", "estimate", "averaged", "life"
-    rows = [[CRITERIA[k], *map(row.get, columns)] for k, row in _parameters(summary).items()]
+    found = summary.get("fatigue", {}).get("parameters", {})
+    rows = [[CRITERIA[k], *map(row.get, columns)] for k, row in found.items()]
     return [["parameter", *columns], *rows]

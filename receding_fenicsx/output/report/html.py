@@ -12,7 +12,7 @@ from typing import NamedTuple
 import jinja2
 
 from receding_fenicsx.atomic import new_file
-from receding_fenicsx.output.report.run import model_line, ratio_words
+from receding_fenicsx.output.report.run import ratio_words
 from receding_fenicsx.output.report.section import Summary, shown
 from receding_fenicsx.output.report.summary import SECTIONS
 from receding_fenicsx.store.run_folder import read_summary
@@ -38,6 +38,8 @@ def report_html(
 ) -> str:
     """Return the report as HTML that refers to no other file; pictures are PNG files."""
     edges = {row["edge"] for row in summary["turning_points"] if "edge" in row}
+    spared = {"mirror": ", half of the body modelled", "axisymmetric": ", axisymmetric"}
+    methods = {"events": "exact path (events)", "gauss-seidel": "Gauss-Seidel in load steps"}
     environment = jinja2.Environment(
         loader=jinja2.FileSystemLoader(Path(__file__).parent),
         autoescape=True,
@@ -49,9 +51,12 @@ def report_html(
     return environment.get_template("template.html").render(
         summary=summary,
         title=summary["title"] or "Untitled run",
-        lead=model_line(summary),
+        lead=f"{summary['nodes']} contact nodes ({summary['modelled_nodes']} modelled"
+        f"{spared.get(summary['symmetry'], '')}), "
+        f"{methods.get(summary['method'], summary['method'])}, "
+        f"{len(summary['dissipation_per_cycle'])} cycles after first loading",
         cards=_cards(summary),
-        sections=[section for section in SECTIONS.values() if section.rows(summary)],
+        sections=[s for s in SECTIONS.values() if len(s.table(summary)) > s.headed],
         before_pictures=SECTIONS["Turning points"],
         pictures={
             "Figures": _figures(figures, edges),
@@ -63,20 +68,17 @@ def report_html(
 
 def _cards(summary: Summary) -> list[tuple[str, str]]:
     """Return the headline numbers, each with its name."""
-    steady = summary["steady"]
-    cards = []
-    if summary["dissipation_per_cycle"]:
-        when = f", from cycle {steady['cycle']}" if steady["reached"] else ""
-        cards.append(("steady state", f"{steady['kind']}{when}"))
-    if ratio := ratio_words(summary):
-        cards.append(ratio)
-    cards.append(("largest residual of the contact conditions", f"{summary['residual_max']:.1e}"))
-    counted = "events" if summary["method"] == "events" else "sweeps"
-    cards.append((counted, f"{summary[counted]:,}".replace(",", "\u202f")))
-    if "timings" in summary:
-        spent = sum(value for name, value in summary["timings"].items() if name != "pictures")
-        cards.append(("time without pictures, s", f"{spent:.2f}"))
-    return cards
+    steady, counted = summary["steady"], "events" if summary["method"] == "events" else "sweeps"
+    when = f", from cycle {steady['cycle']}" if steady["reached"] else ""
+    times = summary.get("timings", {})
+    spent = sum(value for name, value in times.items() if name != "pictures")
+    return [
+        *[("steady state", f"{steady['kind']}{when}")] * bool(summary["dissipation_per_cycle"]),
+        *[ratio for ratio in [ratio_words(summary)] if ratio],
+        ("largest residual of the contact conditions", f"{summary['residual_max']:.1e}"),
+        (counted, f"{summary[counted]:,}".replace(",", "\u202f")),
+        *[("time without pictures, s", f"{spent:.2f}")] * bool(times),
+    ]
 
 
 class Picture(NamedTuple):

@@ -32,26 +32,6 @@ def model(record: Record) -> dict[str, Any]:
     }
 
 
-def model_line(summary: Summary) -> str:
-    """Return size of the model, method and number of cycles."""
-    spared = {"mirror": ", half of the body modelled", "axisymmetric": ", axisymmetric"}
-    methods = {"events": "exact path (events)", "gauss-seidel": "Gauss-Seidel in load steps"}
-    return (
-        f"{summary['nodes']} contact nodes ({summary['modelled_nodes']} modelled"
-        f"{spared.get(summary['symmetry'], '')}), "
-        f"{methods.get(summary['method'], summary['method'])}, "
-        f"{len(summary['dissipation_per_cycle'])} cycles after first loading"
-    )
-
-
-def headline(summary: Summary) -> list[str]:
-    """Return title, size and method."""
-    return [
-        f"{summary['title'] or 'untitled'}: {summary['nodes']} contact nodes, "
-        f"{summary['modelled_nodes']} modelled, method {summary['method']}"
-    ]
-
-
 # -- warnings ------------------------------------------------------------------------------------
 
 
@@ -135,35 +115,31 @@ def forces(record: Record) -> dict[str, Any]:
     return {key: part for key, part in found.items() if part}
 
 
-def force_rows(summary: Summary) -> Rows:
+def force_table(summary: Summary) -> Rows:
     """Return smallest, largest and last force of each bolt and prescribed displacement."""
-    return [
+    rows = [
         [f"{what} {name}", min(force), max(force), force[-1]]
         for what, key in (("bolt", "bolts"), ("displacement", "forces"))
         for name, force in summary.get(key, {}).items()
         if force
     ]
+    return [["", "smallest", "largest", "last"], *rows]
 
 
 def force_lines(summary: Summary) -> list[str]:
     """Return smallest and largest forces on one line."""
-    found = [f"{who} {low:.4g} to {high:.4g}" for who, low, high, _ in force_rows(summary)]
+    found = [f"{who} {low:.4g} to {high:.4g}" for who, low, high, _ in force_table(summary)[1:]]
     return [f"smallest and largest force: {', '.join(found)}"] if found else []
 
 
 # -- space errors, and the search for a mesh that meets a tolerance ------------------------------
 
 
-def _value(found: Summary, empty: str = "singular") -> str:
-    """Return a number in figures; an infinite one has none."""
-    return empty if found["value"] is None else f"{found['value']:.6g}"
-
-
-def _error(found: Summary, empty: str, key: str = "error") -> str:
+def _error(found: Summary, empty: str) -> str:
     """Return an estimate in figures, or that it moves on without end."""
-    if key == "error" and found.get("converges") is False:
+    if found.get("converges") is False:
         return "does not converge in order"
-    return empty if found[key] is None else f"{found[key]:.1e}"
+    return shown(found["error"], "{:.1e}", empty)
 
 
 def _doubts(summary: Summary) -> Rows:
@@ -178,7 +154,8 @@ def error_rows(summary: Summary) -> Rows:
     for name, found in (summary.get("errors") or {}).items():
         order = found.get("order")
         seen = "" if order is None else f" (observed order {order:.1f})"
-        words = f"{name.replace('_', ' ')} {_value(found)}, estimated space error"
+        value = shown(found["value"], "{:.6g}", "singular")
+        words = f"{name.replace('_', ' ')} {value}, estimated space error"
         rows.append([words, _error(found, "unknown") + seen])
     return [*rows, *_doubts(summary)]
 
@@ -201,22 +178,20 @@ def error_lines(summary: Summary) -> list[str]:
     return lines
 
 
-def search_rows(summary: Summary) -> Rows:
+def search_table(summary: Summary) -> Rows:
     """Return the table of a search: a row for each mesh and number, then meshes without answer."""
-    if "accuracy" not in summary:
-        return []
-    rows: Rows = []
-    for level in summary["accuracy"]["way"]:
+    rows: Rows = ["elements nodes number value estimate relative seconds".split()]
+    search = summary.get("accuracy") or {"way": [], "failures": []}
+    for level in search["way"]:
         mesh = [str(level["elements"]), str(level["nodes"])]
         seconds = f"{level['seconds']:.2f}"
         for name, found in level["numbers"].items():
-            value = _value(found, "-" if found["converges"] is not False else "singular")
-            rows.append(
-                [*mesh, name, value, _error(found, "-"), _error(found, "-", "relative"), seconds]
-            )
+            empty = "singular" if found["converges"] is False else "-"
+            value, relative = shown(found["value"], "{:.6g}", empty), found["relative"]
+            both = _error(found, "-"), shown(relative, "{:.1e}")
+            rows.append([*mesh, name, value, *both, seconds])
             mesh, seconds = ["", ""], ""
-    failures = summary["accuracy"]["failures"]
-    return [*rows, *([str(n), "", "no answer", why, "", "", ""] for n, why in failures)]
+    return [*rows, *([str(n), "", "no answer", why, "", "", ""] for n, why in search["failures"])]
 
 
 def unmet(summary: Summary) -> str:
@@ -263,12 +238,13 @@ def cost_lines(summary: Summary) -> list[str]:
 # -- cycles ----------------------------------------------------------------------------------------
 
 
-def cycle_rows(summary: Summary) -> Rows:
-    """Return the first 20 cycles and the last one."""
+def cycle_table(summary: Summary) -> Rows:
+    """Return the heads of the columns, the first 20 cycles and the last one."""
     D, slip = summary["dissipation_per_cycle"], summary["slip_per_cycle_max"]
     first = D[0] if D and summary.get("dissipates", True) else 0.0
     numbers = sorted({*range(min(20, len(D))), len(D) - 1}) if D else []
-    return [[k + 1, D[k], D[k] / first if first else None, slip[k]] for k in numbers]
+    rows = [[k + 1, D[k], D[k] / first if first else None, slip[k]] for k in numbers]
+    return [["cycle N", "dissipation D", "over cycle 1", "largest slip increment"], *rows]
 
 
 def ratio_words(summary: Summary) -> tuple[str, str] | None:
@@ -291,12 +267,6 @@ def cycles(record: Record) -> dict[str, Any]:
     }
 
 
-def cycle_note(summary: Summary) -> str:
-    """Return the dissipation of the first loading."""
-    first = shown(summary["dissipation_first_loading"])
-    return f"Dissipation of the first loading: {first}. All cycles are in summary.json."
-
-
 # -- steady state --------------------------------------------------------------------------------
 
 
@@ -313,18 +283,18 @@ def steady_state(record: Record) -> dict[str, Any]:
     if not steady.reached and len(D) >= 8 and record.dissipates:
         keys = ("trend", "trend_value", "dissipation_limit")
         found |= dict(zip(keys, limit_of_decay(D), strict=True))
-    scene, doubling = record.scene, record.doubling
-    if scene is None or scene.history.kind != "harmonic":
-        return {"steady": found, **limit_summary(record)}
-    # the polygon that stands for a harmonic history
-    polygon: dict[str, Any] = {"corners": len(history_from_scene(scene).loop) - 1}
-    if doubling is None or is_straight(scene.history):
-        polygon["error_estimate"] = 0.0 if is_straight(scene.history) else None
-    else:
-        tolerance = scene.history.tolerance or 1e-3
-        polygon |= {"error_estimate": float(doubling[-1, 1]), "tolerance": tolerance}
-        polygon["doubling"] = [[int(n), float(e)] for n, e in doubling]
-    return {"steady": found, "harmonic": polygon, **limit_summary(record)}
+    summary, scene, doubling = {"steady": found}, record.scene, record.doubling
+    if scene is not None and scene.history.kind == "harmonic":
+        # the polygon that stands for a harmonic history
+        polygon: dict[str, Any] = {"corners": len(history_from_scene(scene).loop) - 1}
+        if doubling is None or is_straight(scene.history):
+            polygon["error_estimate"] = 0.0 if is_straight(scene.history) else None
+        else:
+            tolerance = scene.history.tolerance or 1e-3
+            polygon |= {"error_estimate": float(doubling[-1, 1]), "tolerance": tolerance}
+            polygon["doubling"] = [[int(n), float(e)] for n, e in doubling]
+        summary["harmonic"] = polygon
+    return summary | limit_summary(record)
 
 
 def limit_summary(record: Record) -> dict[str, Any]:
@@ -387,52 +357,42 @@ def limit_rows(summary: Summary) -> Rows:
     rows = [["limit of infinitely many cycles", words], *reason]
     if limit.get("walk") is not None:
         rows.append(["ratchetting", f"a cycle adds the slip {limit['walk']:.6g}"])
-    return [*rows, *_starts_rows(limit.get("starts"))]
+    if (starts := limit.get("starts")) is not None:
+        words = ", ".join(f"{count} {kind}" for kind, count in starts["kinds"].items())
+        if starts["dissipation"] is not None:
+            low, high = starts["dissipation"]
+            spread = "" if starts["spread"] is None else f" (spread {starts['spread']:.2g})"
+            words += f"; dissipation per cycle {low:.6g} to {high:.6g}{spread}"
+        if len(starts["zones"]) > 1:
+            nodes = f"{starts['nodes_that_differ']} of {starts['nodes']} nodes"
+            words += f"; {len(starts['zones'])} arrangements of zones, which differ at {nodes}"
+        differ = "do not differ" if starts["same"] else "differ"
+        rows.append([f"limits from {starts['count']} initial slips {differ}", words])
+    return rows
 
 
-def _starts_rows(starts: Summary | None) -> Rows:
-    """Return a row on the limits from further initial slips, if they were asked for."""
-    if starts is None:
-        return []
-    words = ", ".join(f"{count} {kind}" for kind, count in starts["kinds"].items())
-    if starts["dissipation"] is not None:
-        low, high = starts["dissipation"]
-        spread = "" if starts["spread"] is None else f" (spread {starts['spread']:.2g})"
-        words += f"; dissipation per cycle {low:.6g} to {high:.6g}{spread}"
-    if len(starts["zones"]) > 1:
-        nodes = f"{starts['nodes_that_differ']} of {starts['nodes']} nodes"
-        words += f"; {len(starts['zones'])} arrangements of zones, which differ at {nodes}"
-    differ = "do not differ" if starts["same"] else "differ"
-    return [[f"limits from {starts['count']} initial slips {differ}", words]]
-
-
-def _polygon_rows(summary: Summary) -> Rows:
-    """Return the row on the polygon that stands for a harmonic history, if it is one."""
-    polygon = summary.get("harmonic")
-    if polygon is None:
-        return []
-    error = polygon["error_estimate"]
-    if error is not None and np.isfinite(error):
-        words = f"{error:.1e}" if error else "none, a straight line"
-    else:
-        ended = "tolerance" in polygon
-        words = "unknown, the history ended early" if ended else "not estimated, fixed corners"
-    head = f"harmonic history, polygon of {polygon['corners']} corners"
-    return [[head, f"error of the dissipation per cycle {words}"]]
+def steady_rows(summary: Summary) -> Rows:
+    """Return steady state, limit, and the polygon that stands for a harmonic history."""
+    rows, polygon = [*_first_rows(summary), *limit_rows(summary)], summary.get("harmonic")
+    if polygon is not None:
+        error, ended = polygon["error_estimate"], "tolerance" in polygon
+        if error is not None and np.isfinite(error):
+            words = f"{error:.1e}" if error else "none, a straight line"
+        else:
+            words = "unknown, the history ended early" if ended else "not estimated, fixed corners"
+        head = f"harmonic history, polygon of {polygon['corners']} corners"
+        rows.append([head, f"error of the dissipation per cycle {words}"])
+    return rows
 
 
 def steady_lines(summary: Summary) -> list[str]:
     """Return the steady state with the ratio of dissipations, and the limit, on a line each."""
-    first, limit, polygon = _first_rows(summary), limit_rows(summary), _polygon_rows(summary)
-    if len(limit) > 1 and limit[1][0] == "reason":
-        # how it was found is in the report
-        limit = [[limit[0][0], limit[0][1].partition(", found")[0]], *limit[2:]]
-    # the law of an extrapolation is in the report
+    # the law of an extrapolation, and how a limit was found, are in the report
+    first = _first_rows(summary)
     together = "; ".join(f"{head}: {words}".partition(" (")[0] for head, words in first)
-    rest = [f"{head}: {words}" for head, words in [*limit, *polygon]]
+    rest = [
+        f"{head}: {words.partition(', found by a')[0]}"
+        for head, words in steady_rows(summary)[len(first) :]
+        if head != "reason"
+    ]
     return [together, *rest]
-
-
-def steady_rows(summary: Summary) -> Rows:
-    """Return steady state, limit and polygon."""
-    return [*_first_rows(summary), *limit_rows(summary), *_polygon_rows(summary)]

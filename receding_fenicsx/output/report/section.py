@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -27,11 +27,11 @@ class Section:
     name: str  # heading; "" for a section without one
     # returns the keys of the summary from a record
     summary: Callable[[Record], dict[str, Any]] = lambda _: {}
-    # returns the rows of the table from the summary; without rows the report omits it
-    rows: Callable[[Summary], Rows] = lambda _: []
-    # returns the heads of the columns; without them the first column is what a row is
-    head: Callable[[Summary], Sequence[str]] = lambda _: []
-    note: Callable[[Summary], str] = lambda _: ""  # returns a paragraph before the table
+    # returns the rows of the table from the summary, the first one with the heads of the columns if
+    # it is ``headed``; without further rows the report omits the section
+    table: Callable[[Summary], Rows] = lambda _: []
     # returns what the console shows, most important first
     lines: Callable[[Summary], list[str]] = lambda _: []
+    note: Callable[[Summary], str] = lambda _: ""  # returns a paragraph before the table
+    headed: bool = False
     form: str = "{:z.5g}"  # format of floating-point numbers in the table

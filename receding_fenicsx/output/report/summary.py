@@ -15,60 +15,48 @@ from receding_fenicsx.output.report.section import Section, Summary, shown
 SECTIONS = {
     section.name: section
     for section in (
-        Section("", summary=run.model, lines=run.headline),
+        Section("", run.model),
         Section(
             "Warnings",
-            summary=run.warnings,
-            rows=lambda summary: [[text] for text in summary.get("warnings") or []],
+            run.warnings,
+            table=lambda summary: [[text] for text in summary.get("warnings") or []],
             lines=lambda summary: [f"warning: {text}" for text in summary.get("warnings") or []],
         ),
-        Section(
-            "Turning points",
-            summary=contact.turning_points,
-            rows=contact.point_rows,
-            head=contact.point_head,
-        ),
-        Section(
-            "Steady state and limit",
-            summary=run.steady_state,
-            rows=run.steady_rows,
-            lines=run.steady_lines,
-        ),
+        Section("Turning points", contact.turning_points, contact.point_table, headed=True),
+        Section("Steady state and limit", run.steady_state, run.steady_rows, run.steady_lines),
         Section(
             "Cycles",
-            summary=run.cycles,
-            rows=run.cycle_rows,
-            head=lambda _: ["cycle N", "dissipation D", "over cycle 1", "largest slip increment"],
-            note=run.cycle_note,
+            run.cycles,
+            run.cycle_table,
+            note=lambda summary: (
+                "Dissipation of the first loading: "
+                f"{shown(summary['dissipation_first_loading'])}. All cycles are in summary.json."
+            ),
+            headed=True,
             form="{:z.8g}",
         ),
         Section(
-            "Forces",
-            summary=run.forces,
-            rows=run.force_rows,
-            head=lambda _: ["", "smallest", "largest", "last"],
-            lines=run.force_lines,
-            form="{:z.6g}",
+            "Forces", run.forces, run.force_table, run.force_lines, headed=True, form="{:z.6g}"
         ),
         Section(
             "Fatigue parameters",
-            summary=fatigue_summary,
-            rows=lambda summary: contact.fatigue_table(summary)[1:],
-            head=lambda summary: contact.fatigue_table(summary)[0],
-            note=contact.fatigue_note,
-            lines=contact.fatigue_lines,
+            fatigue_summary,
+            contact.fatigue_table,
+            contact.fatigue_lines,
+            contact.fatigue_note,
+            headed=True,
         ),
-        Section("Checks", contact.checks, contact.check_rows, lines=contact.check_lines),
-        Section("Space errors", rows=run.error_rows, lines=run.error_lines),
+        Section("Checks", contact.checks, contact.check_rows, contact.check_lines),
+        Section("Space errors", table=run.error_rows, lines=run.error_lines),
         Section(
             "Search for the tolerance",
-            rows=run.search_rows,
-            head=lambda _: "elements nodes number value estimate relative seconds".split(),
-            note=lambda summary: f"{run.verdict(summary)}.",
+            table=run.search_table,
             lines=lambda summary: [run.verdict(summary)] if "accuracy" in summary else [],
+            note=lambda summary: f"{run.verdict(summary)}.",
+            headed=True,
         ),
-        Section("Time and memory", rows=run.cost_rows, lines=run.cost_lines),
-        Section("Versions", rows=lambda summary: list(summary.get("versions", {}).items())),
+        Section("Time and memory", table=run.cost_rows, lines=run.cost_lines),
+        Section("Versions", table=lambda summary: list(summary.get("versions", {}).items())),
     )
 }
 """Sections in the order of ``report.html``; pictures stand behind the turning points."""
@@ -88,14 +76,18 @@ def run_table(summary: Summary, everything: bool = False) -> str:
     They tell turning points of the last cycle and of the first loading, warnings, steady state,
     uniqueness, residual, time; with ``everything`` all sections of the report instead.
     """
-    head = _wrapped(run.headline(summary))
+    head = _wrapped(
+        [
+            f"{summary['title'] or 'untitled'}: {summary['nodes']} contact nodes, "
+            f"{summary['modelled_nodes']} modelled, method {summary['method']}"
+        ]
+    )
     if everything:
         for section in SECTIONS.values():
-            rows = [[shown(cell, section.form) for cell in row] for row in section.rows(summary)]
-            if rows:
-                note, heads = section.note(summary), section.head(summary)
-                head += ["", section.name, *([note] if note else [])]
-                head += aligned([heads, *rows] if heads else rows)
+            rows = [[shown(cell, section.form) for cell in row] for row in section.table(summary)]
+            if len(rows) > section.headed:
+                note = section.note(summary)
+                head += ["", section.name, *([note] if note else []), *aligned(rows)]
         return "\n".join(head)
     # most important first
     names = "Warnings", "Search for the tolerance", "Steady state and limit", "Fatigue parameters"

@@ -21,12 +21,7 @@ from numpy.typing import NDArray
 
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.atomic import make_folder, new_file
-from receding_fenicsx.bulk.fields import (
-    Fields,
-    fields_at,
-    gather_fields,
-    solve_fields,
-)
+from receding_fenicsx.bulk.fields import Fields, fields_at, gather_fields, solve_fields
 from receding_fenicsx.environment import child_environment
 from receding_fenicsx.errors import InputError, RecedingError
 from receding_fenicsx.evolution.instants import Instant
@@ -46,8 +41,6 @@ from receding_fenicsx.output.snapshots.page import (
     compose,
     layout_of,
     quantity_of,
-    scaled,
-    traction_limits,
 )
 from receding_fenicsx.output.snapshots.render import render, start
 from receding_fenicsx.output.snapshots.view import (
@@ -88,41 +81,32 @@ def snapshots(
 
     on_root(comm, prepare)
     names = [f"cycle{now.cycle:04d}_leg{now.leg}_s{now.s:.3f}" for now in instants]
-    fields = [beside / f"{name}.xdmf" for name in names]
-    solved = [_solve(bulk, now, file) for now, file in zip(instants, fields, strict=True)]
+    solved = [
+        gather_fields(solve_fields(bulk, now.load, np.concatenate([now.v, now.state.w])))
+        for now in instants
+    ]
 
     def draw() -> list[Path]:
+        history, files = history_from_scene(bulk.scene), [beside / f"{n}.xdmf" for n in names]
+        for now, file, fields in zip(instants, files, map(given, solved), strict=True):
+            legs = len(history.path if now.cycle == 0 else history.loop) - 1
+            merged = merge_axis(fields) if bulk.body.half else fields
+            grid = paraview.grid_of(merged, whole_contact(bulk, now))
+            # time counts cycles
+            paraview.write_instant(file, grid, now.cycle + (now.leg + now.s) / legs)
         made: list[Path] = []
         tell, count = Countdown(say, "pictures of the body:"), len(instants) * len(quantities)
-        for name, view in zip(names, solved, strict=True):
-            layout = layout_of(given(view))
+        for name, now, fields in zip(names, instants, map(given, solved), strict=True):
+            view = view_of(bulk, fields, now)
             for quantity in quantities:
                 path = folder / f"{name}_{quantity.name}.png"
                 tell(len(made), count, path.stem)
-                for page in draw_pages([given(view)], quantity, layout):
+                for page in draw_pages([view], quantity, layout_of(view)):
                     style.save(page, path)
                 made.append(path)
-        return [*made, *fields]
+        return [*made, *files]
 
     return on_root(comm, draw)
-
-
-def _solve(bulk: Stack, now: Instant, file: Path) -> View | None:
-    """Solve for the fields of an instant and write them; return its view on rank 0; collective."""
-    parts = solve_fields(bulk, now.load, np.concatenate([now.v, now.state.w]))
-    fields = gather_fields(parts)
-
-    def write() -> View:
-        assert fields is not None
-        history = history_from_scene(bulk.scene)
-        legs = len(history.path if now.cycle == 0 else history.loop) - 1
-        merged = merge_axis(fields) if bulk.body.half else fields
-        grid = paraview.grid_of(merged, whole_contact(bulk, now))
-        # time counts cycles
-        paraview.write_instant(file, grid, now.cycle + (now.leg + now.s) / legs)
-        return view_of(bulk, fields, now)
-
-    return on_root(bulk.comm, write)
 
 
 def draw_pages(
@@ -132,7 +116,8 @@ def draw_pages(
     clocks: Sequence[Clock | None] = (None,),
 ) -> Iterator[Figure]:
     """Yield the pages of a stress of several views with the same units, layout and colours."""
-    values = [scaled(view, quantity) for view in views]
+    # fringes show 2 tau_max, the difference of principal stresses
+    values = [view.stress[quantity.name] * (1.0 + quantity.fringes) for view in views]
     seen = np.concatenate([layout.shows(view.moved) for view in views])
     areas = np.concatenate([vertex_areas(view.points, view.cells) for view in views])[seen]
     symbol = views[0].pressure_symbol
@@ -149,17 +134,12 @@ def draw_pages(
 def draw_mode(bulk: Stack, critical: CriticalFriction | None, file: Path) -> Path | None:
     """Draw the body deformed by a slip mode (rank 0's), without loads, at the mode's friction."""
     n, none = len(bulk.contact.x), np.zeros(len(bulk.scene.load_names))
-
-    def checked() -> CriticalFriction:
-        found = given(critical)
-        if len(found.signs) != n or not found.mode.any():
-            raise InputError(
-                f"slip mode: a mode of the scene's {n} contact nodes is needed, not one of "
-                f"{len(found.signs)} with largest entry {np.abs(found.mode).max():g}"
-            )
-        return found
-
-    critical = bulk.comm.bcast(on_root(bulk.comm, checked))
+    critical = given(bulk.comm.bcast(critical))
+    if len(critical.signs) != n or not critical.mode.any():
+        raise InputError(
+            f"slip mode: a mode of the scene's {n} contact nodes is needed, not one of "
+            f"{len(critical.signs)} with largest entry {np.abs(critical.mode).max():g}"
+        )
     signs = critical.signs
     force = np.abs(critical.reactions).reshape(2, n).max(axis=0)
     slips = np.where(signs > 0.0, State.FORWARD_SLIP, State.BACKWARD_SLIP)
@@ -181,10 +161,6 @@ def draw_mode(bulk: Stack, critical: CriticalFriction | None, file: Path) -> Pat
         return file
 
     return on_root(bulk.comm, draw)
-
-
-Frame = NDArray[np.uint8]
-"""(height, width, 3) array of red, green and blue."""
 
 
 def animate(
@@ -226,22 +202,28 @@ def draw_frames(
     fields: list[Fields],
     quantity: Quantity,
     say: Say | None = None,
-) -> list[Frame]:
-    """Draw the frames of a film, on rank 0."""
+) -> list[NDArray[np.uint8]]:
+    """Draw the frames (height, width, 3) of a film, on rank 0."""
     largest = largest_factors(bulk.scene)
     symbol = pressure_of(bulk.scene, bulk.scene.load_names)[1]
     units = units_of(bulk, fields, largest, peak(symbol) if symbol else "")
-    views = [view_of(bulk, *shown, units) for shown in zip(fields, instants, strict=True)]
-    limits = np.array([traction_limits(view) for view in views])
+    views = [view_of(bulk, *now, units) for now in zip(fields, instants, strict=True)]
+    known = np.isfinite(views[0].p)
+    shown = [(view.p[known], view.q[known], view.f[known]) for view in views]
+    limits = np.array([style.focus(p, np.concatenate([q, *f.limits(p)])) for p, q, f in shown])
     load = np.array([now.load for now in instants]) / largest
     names = tuple(f"${load_symbol(name)}$" for name in bulk.scene.load_names)
     both = float(limits[:, 0].min()), float(limits[:, 1].max())
-    legend = free_place(views[0].x, np.array([view.p for view in views]))
+    # the legend is where p is the lowest in all pictures
+    x, p = views[0].x, np.array([view.p for view in views])
+    third = np.clip((3.0 * (x - x[0]) / (x[-1] - x[0])).astype(int), 0, 2)
+    highest = [float(np.nanmax(p[:, third == k])) for k in (2, 0, 1)]
+    legend = ("upper right", "upper left", "upper center")[int(np.argmin(highest))]
     clocks = [
         Clock(time, load, names, float(now), part, both, legend)
         for now, part in zip(time, load, strict=True)
     ]
-    frames: list[Frame] = []
+    frames: list[NDArray[np.uint8]] = []
     tell = Countdown(say, "frames:")
     # dots per inch for a width of 1280 pixels
     for page in draw_pages(views, quantity, layout_of(*views, dpi=171.0), clocks):
@@ -253,14 +235,7 @@ def draw_frames(
     return frames
 
 
-def free_place(x: Array, p: Array) -> str:
-    """Return the place of a legend where p (n, N) is the lowest in all n pictures."""
-    third = np.clip((3.0 * (x - x[0]) / (x[-1] - x[0])).astype(int), 0, 2)
-    highest = [float(np.nanmax(p[:, third == k])) for k in (2, 0, 1)]
-    return ("upper right", "upper left", "upper center")[int(np.argmin(highest))]
-
-
-def write_film(path: Path, frames: list[Frame]) -> None:
+def write_film(path: Path, frames: list[NDArray[np.uint8]]) -> None:
     """Write frames as an MP4 file, coded as H.264, or as an endless GIF with one palette."""
     try:
         from imageio_ffmpeg import get_ffmpeg_exe

@@ -21,8 +21,9 @@ from receding_fenicsx.errors import InputError
 from receding_fenicsx.interface.measures.zones import zones
 from receding_fenicsx.output.plots import style
 from receding_fenicsx.output.plots.labels import MOST_TOLD, position_label
+from receding_fenicsx.output.plots.traction_plots import draw_tractions
 from receding_fenicsx.output.snapshots.render import Pixels
-from receding_fenicsx.output.snapshots.view import Strip, View
+from receding_fenicsx.output.snapshots.view import Strip, View, outline
 from receding_fenicsx.scene.options import in_unit
 
 # -- colours ---------------------------------------------------------------------------------------
@@ -65,11 +66,6 @@ class Colours:
     label: str  # label of the colour bar
     note: str  # stress of one fringe, or ""
     extend: str  # where values lie beyond the limits: "neither", "min", "max" or "both"
-
-
-def scaled(view: View, quantity: Quantity) -> Array:
-    """Return a stress of a view; for fringes 2 tau_max, the difference of principal stresses."""
-    return view.stress[quantity.name] * (2.0 if quantity.fringes else 1.0)
 
 
 def colours_of(
@@ -117,30 +113,26 @@ def fringe_value(largest: float) -> float:
     """Return a round stress of one fringe, of which at least ten fit the largest value."""
     if largest <= 0.0:
         return 1.0
-    power = 10.0 ** np.floor(np.log10(largest / 10.0))
-    return float(
-        max(k * power for k in (1.0, 2.0, 5.0) if 10.0 * k * power <= largest * (1 + 1e-9))
-    )
+    part = 0.1 * largest * (1.0 + 1e-9)
+    power = 10.0 ** np.floor(np.log10(part))
+    return float(max(k * power for k in (1.0, 2.0, 5.0) if k * power <= part))
 
-
-LEFT, RIGHT = 0.62, 0.98
-"""Margins in inches: left for the axis of the tractions, right for the colour bar."""
 
 # -- layout --------------------------------------------------------------------------------------
+
+# inches: left of all axes and their width, which leaves 0.98 for the colour bar or a film's loads;
+# foot and height of the axes of the tractions, foot of the body's axes
+LEFT, WIDTH = 0.62, style.PAGE - 0.62 - 0.98
+LOW, TRACTIONS, FOOT = 0.64, 0.95, 0.64 + 0.95 + 0.06
 
 
 @dataclass(frozen=True)
 class Layout:
-    """Boxes of a page in inches, and the part of the plane that the body's axes show."""
+    """Size of a page, and the part of the plane that the body's axes show."""
 
-    # width, height: of the page
-    width: float
-    height: float
-    body: tuple[float, float, float, float]  # left, bottom, width and height of the body's axes
-    # left, bottom, width and height of the axes of the tractions
-    tractions: tuple[float, float, float, float]
     # left, right, bottom and top of the body's axes in the view's coordinates
     window: tuple[float, float, float, float]
+    height: float  # of the body's axes in inches
     dpi: float  # dots per inch
 
     def shows(self, points: Array) -> NDArray[np.bool_]:
@@ -152,15 +144,15 @@ class Layout:
     @property
     def pixels(self) -> tuple[int, int]:
         """Width and height of the body's axes in pixels."""
-        return round(self.body[2] * self.dpi), round(self.body[3] * self.dpi)
+        return round(WIDTH * self.dpi), round(self.height * self.dpi)
 
 
 def layout_of(*views: View, dpi: float = style.DPI) -> Layout:
     """Return the layout of a page for one view, or for several views of the same body."""
     shown = []
     for view in views:
-        shown += [view.points, view.moved, *(a.tails for a in view.arrows)]
-        shown += [arrows.heads for arrows in view.arrows]
+        shown += [view.points, view.moved]
+        shown += [end for arrows in view.arrows for end in (arrows.tails, arrows.heads)]
         rigid = [strip for strip in view.strips if strip.rigid]
         shown += [strip.place - band_depths(view, strip)[1] * strip.normal for strip in rigid]
     margin, everything = 0.03 * views[0].size, np.vstack(shown)
@@ -168,31 +160,19 @@ def layout_of(*views: View, dpi: float = style.DPI) -> Layout:
     if views[0].near:
         around = visible_box(views[0])
         low, high = np.maximum(low, around[0]), np.minimum(high, around[1])
-    width = style.PAGE - LEFT - RIGHT
-    # largest height of the body in inches
-    scale = min(width / (high[0] - low[0]), 4.5 / (high[1] - low[1]))
+    # at most 4.5 inches high
+    scale = min(WIDTH / (high[0] - low[0]), 4.5 / (high[1] - low[1]))
     # a narrow body is centred
-    spare = 0.5 * (width / scale - (high[0] - low[0]))
-    low[0], high[0] = low[0] - spare, high[0] + spare
-    height = float(scale * (high[1] - low[1]))
-    # inches: below the tractions, of the tractions, between them and the body, above the body
-    below, tractions, between, above = 0.64, 0.95, 0.06, 0.3
-    bottom = below + tractions + between
-    return Layout(
-        width=style.PAGE,
-        height=bottom + height + above,
-        body=(LEFT, bottom, width, height),
-        tractions=(LEFT, below, width, tractions),
-        window=(float(low[0]), float(high[0]), float(low[1]), float(high[1])),
-        dpi=dpi,
-    )
+    spare = 0.5 * (WIDTH / scale - (high[0] - low[0]))
+    window = float(low[0] - spare), float(high[0] + spare), float(low[1]), float(high[1])
+    return Layout(window, float(scale * (high[1] - low[1])), dpi)
 
 
 def band_depths(view: View, strip: Strip) -> tuple[float, float]:
     """Return the distances of the band of states from the contact edge, below the plane."""
     below = float(strip.gap.max())
     inner, outer = 0.03 * view.size, 0.115 * view.size
-    inch = float(np.ptp(visible_box(view)[:, 0])) / (style.PAGE - LEFT - RIGHT)
+    inch = float(np.ptp(visible_box(view)[:, 0])) / WIDTH
     # smallest height of the band of states in inches
     return below + inner, below + max(outer, inner + 0.13 * inch)
 
@@ -237,42 +217,43 @@ def compose(
     ``clock`` is its position in a film; ``contours`` are the field and the values at which
     lines are drawn.
     """
-    figure = Figure(figsize=(layout.width, layout.height), dpi=layout.dpi)
-    body = _axes_at(figure, layout.body)
+    figure = Figure(figsize=(style.PAGE, FOOT + layout.height + 0.3), dpi=layout.dpi)
+    body = _axes_at(figure, (LEFT, FOOT, WIDTH, layout.height))
     # one pixel of the image for each of the page, behind the axes
-    x, y = (round(inches * layout.dpi) for inches in layout.body[:2])
-    figure.figimage(pixels, x, y, zorder=-1)
+    figure.figimage(pixels, round(LEFT * layout.dpi), round(FOOT * layout.dpi), zorder=-1)
     if contours is not None:
-        _draw_contours(body, view, *contours, layout.dpi)
+        values, levels = contours
+        inside = levels[(values.min() < levels) & (levels < values.max())]
+        parts = ([0, 1, 2], [0, 2, 3])[: view.cells.shape[1] - 2]
+        cells = np.vstack([view.cells[:, part] for part in parts])
+        mesh = Triangulation(view.moved[:, 0], view.moved[:, 1], cells)
+        look: dict[str, Any] = {"colors": "black", "alpha": 0.5, "linestyles": "solid"}
+        look["linewidths"] = 72.0 / layout.dpi  # a pixel
+        if len(inside):
+            body.tricontour(mesh, values, levels=inside, zorder=1.5, **look)
     body.set_xlim(layout.window[0], layout.window[1])
     body.set_ylim(layout.window[2], layout.window[3])
     body.set_axis_off()
     _draw_outlines(body, view)
     _draw_loads(body, view)
-    _draw_tractions(_axes_at(figure, layout.tractions), view, layout, clock)
+    _draw_tractions(_axes_at(figure, (LEFT, LOW, WIDTH, TRACTIONS)), view, layout, clock)
     if clock is not None:
-        left, bottom, width, height = layout.tractions
         # right of the tractions
-        box = (left + width + 0.22, bottom, RIGHT - 0.5, height)
-        _draw_clock(_axes_at(figure, box), clock)
+        _draw_clock(_axes_at(figure, (LEFT + WIDTH + 0.22, LOW, 0.48, TRACTIONS)), clock)
     _draw_colour_bar(figure, view, layout, colours)
-    note = f"{colours.note} {view.stress_unit}" if colours.note else ""
-    _write_captions(figure, view, layout, note.rstrip())
+    # instant and exaggeration above the body, the legend of the states below the page
+    top, begin, end = 1.0 - 0.08 / figure.get_figheight(), LEFT / style.PAGE, LEFT + WIDTH
+    figure.text(begin, top, view.caption, ha="left", va="top")
+    note = f"{colours.note} {view.stress_unit}".rstrip() + ", " if colours.note else ""
+    right = f"{note}displacements × {view.factor:g}"
+    ink = style.INK_OF_GUIDES
+    figure.text(end / style.PAGE, top, right, ha="right", va="top", color=ink)
+    present = view.f.present if len(view.strips) == 1 else view.friction
+    patches = style.state_patches([1, 2, 3, 4] if view.friction else [1, 2], present)
+    place = (LEFT + 0.5 * WIDTH) / style.PAGE, 0.0
+    look = {"loc": "lower center", "bbox_to_anchor": place, "columnspacing": 1.6}
+    figure.legend(handles=patches, ncols=4, **look)
     return figure
-
-
-def _draw_contours(axes: Axes, view: View, values: Array, levels: Array, dpi: float) -> None:
-    """Draw the contour lines of a field."""
-    inside = levels[(values.min() < levels) & (levels < values.max())]
-    if not len(inside):
-        return
-    cells = view.cells
-    if cells.shape[1] > 3:
-        cells = np.vstack([cells[:, :3], cells[:, [0, 2, 3]]])
-    look: dict[str, Any] = {"colors": "black", "alpha": 0.5, "linestyles": "solid", "zorder": 1.5}
-    look["linewidths"] = 72.0 / dpi  # a pixel
-    mesh = Triangulation(view.moved[:, 0], view.moved[:, 1], cells)
-    axes.tricontour(mesh, values, levels=inside, **look)
 
 
 def _axes_at(figure: Figure, box: tuple[float, float, float, float]) -> Axes:
@@ -284,16 +265,15 @@ def _axes_at(figure: Figure, box: tuple[float, float, float, float]) -> Axes:
 
 def _draw_colour_bar(figure: Figure, view: View, layout: Layout, colours: Colours) -> None:
     """Draw the colour bar beside the body, as high as the body, from its top downwards."""
-    left, foot, width, height = layout.body
     *_, bottom, top = layout.window
-    scale = height / (top - bottom)
+    scale = layout.height / (top - bottom)
     ends = np.clip([view.moved[:, 1].min(), view.moved[:, 1].max()], bottom, top)
     # 0.7 inches have room for its label; beside a flat body it reaches down beside the tractions
     tall = max(scale * float(ends[1] - ends[0]), 0.7)
-    base = foot + scale * float(ends[1] - bottom) - tall
+    base = FOOT + scale * float(ends[1] - bottom) - tall
     bar = figure.colorbar(
         ScalarMappable(Normalize(*colours.limits), ListedColormap(colours.table.tolist())),
-        cax=_axes_at(figure, (left + width + 0.1, base, 0.13, tall)),
+        cax=_axes_at(figure, (LEFT + WIDTH + 0.1, base, 0.13, tall)),
         label=in_unit(colours.label, view.stress_unit),
         extend=colours.extend,
         extendfrac=0.03,
@@ -303,20 +283,6 @@ def _draw_colour_bar(figure: Figure, view: View, layout: Layout, colours: Colour
     bar.locator = MaxNLocator(labels, steps=[1, 2, 2.5, 5, 10])
     bar.update_ticks()
     bar.ax.tick_params(direction="out", right=True)
-
-
-def _write_captions(figure: Figure, view: View, layout: Layout, note: str) -> None:
-    """Write instant and exaggeration above the body, the legend of the states below the page."""
-    left, _, width, _ = layout.body
-    top = 1.0 - 0.08 / layout.height
-    begin, end = left / layout.width, (left + width) / layout.width
-    figure.text(begin, top, view.caption, ha="left", va="top")
-    right = f"{note}{', ' if note else ''}displacements × {view.factor:g}"
-    figure.text(end, top, right, ha="right", va="top", color=style.INK_OF_GUIDES)
-    present = view.f.present if len(view.strips) == 1 else view.friction
-    patches = style.state_patches([1, 2, 3, 4] if view.friction else [1, 2], present)
-    look: dict[str, Any] = {"bbox_to_anchor": (0.5 * (begin + end), 0.0), "columnspacing": 1.6}
-    figure.legend(handles=patches, loc="lower center", ncols=4, **look)
 
 
 def _draw_clock(axes: Axes, clock: Clock) -> None:
@@ -344,41 +310,28 @@ def _draw_clock(axes: Axes, clock: Clock) -> None:
         axes.legend(loc="upper center", bbox_to_anchor=(0.5, 0.0), fontsize=7.0, labelspacing=0.2)
 
 
-def traction_limits(view: View) -> tuple[float, float]:
-    """Return the limits of an axis of p, q and the friction limits, at the nodes with weight."""
-    known = np.isfinite(view.p)
-    p, q = view.p[known], view.q[known]
-    return style.focus(p, np.concatenate([q, *view.f[known].limits(p)]))
-
-
 def _draw_tractions(axes: Axes, view: View, layout: Layout, clock: Clock | None) -> None:
-    """Draw p, q and the friction limits along the first contact edge."""
-    known = np.isfinite(view.p)
+    """Draw p, q and the friction limits along the first contact edge, at the nodes with weight."""
+    known, strip = np.isfinite(view.p), view.strips[0]
     divided = f"/{view.pressure_symbol}" if view.pressure_symbol else ""
-    axes.axhline(0.0, color="black", lw=0.4)
-    low, high = view.f[known].limits(view.p[known])
-    curves = [(view.p, style.PRESSURE_COLOUR, f"$p{divided}$")]
-    if view.friction:
-        curves.append((view.q, style.SHEAR_COLOUR, f"$q{divided}$"))
-        axes.fill_between(view.x[known], low, high, **style.CONE)
-    for _, begin, _ in zones(view.x, view.state)[1:]:
-        axes.axvline(begin, color=style.GUIDE_COLOUR, lw=0.4, dashes=(1, 2))
-    for values, colour, label in curves:
-        axes.plot(view.x[known], values[known], color=colour, label=label)
-    axes.set_ylim(*(traction_limits(view) if clock is None else clock.tractions))
-    strip = view.strips[0]
+    guides = [begin for _, begin, _ in zones(strip.x, strip.state)[1:]]
+    q = view.q[known] if view.friction else None
+    shown = view.x[known], view.p[known], q, view.f[known], guides, divided
+    curves = draw_tractions(axes, *shown)
+    if clock is not None:
+        axes.set_ylim(*clock.tractions)
     if abs(strip.normal[1]) == 1.0:
-        shown = (np.array(layout.window[:2]) - strip.place[0, 0]) / strip.direction[0] + strip.x[0]
-        axes.set_xlim(shown[0], shown[1])
+        ends = (np.array(layout.window[:2]) - strip.place[0, 0]) / strip.direction[0] + strip.x[0]
+        axes.set_xlim(ends[0], ends[1])
     else:
         axes.set_xlim(strip.x[0], strip.x[-1])
     # one place in all pictures of a film
     place = "best" if clock is None else clock.legend
     axes.legend(loc=place, borderaxespad=0.2, handlelength=1.2)  # type: ignore[call-overload]
     label = position_label(view.length_symbol, view.radial, view.own_units)
-    which = f" on {view.strips[0].name}" if len(view.strips) > 1 else ""
+    which = f" on {strip.name}" if len(view.strips) > 1 else ""
     axes.set_xlabel(label + which, labelpad=1.0)
-    axes.set_ylabel(in_unit(",  ".join(label for *_, label in curves), view.stress_unit))
+    axes.set_ylabel(in_unit(curves, view.stress_unit))
     style.ticks(axes.yaxis, 5)
 
 
@@ -387,7 +340,8 @@ def _draw_tractions(axes: Axes, view: View, layout: Layout, clock: Clock | None)
 
 def _draw_outlines(axes: Axes, view: View) -> None:
     """Draw the undeformed and the deformed outline, and planes and states of contact edges."""
-    before, after = list(view.points[view.edges]), list(view.moved[view.edges])
+    edges = outline(view.cells)
+    before, after = list(view.points[edges]), list(view.moved[edges])
     dashed: dict[str, Any] = {"colors": style.GUIDE_COLOUR, "linestyles": [(0, (3, 2))]}
     axes.add_collection(LineCollection(before, linewidths=0.6, zorder=2, **dashed))
     whole = LineCollection(after, colors="black", capstyle="round", linewidths=0.8, zorder=3)

@@ -58,18 +58,21 @@ def grid_of(fields: Fields, contact: WholeContact) -> Grid:
             fields, values, contact.points[on], contact.normal[on][0], contact.body[on][0]
         )
     joined = np.vstack([values, line])
+    third = [(0, 0), (0, 1)]  # vectors of the plane have a third component 0
     p, q = contact.p[:, None], contact.q[:, None]
     of_contact = {
         "p": contact.p,
         "q": contact.q,
-        "traction": _vectors(q * contact.tangent + p * contact.normal),
+        "traction": np.pad(q * contact.tangent + p * contact.normal, third),
         "gap": contact.initial_gap + contact.w,
         "slip": contact.v,
     }
-    at_points: dict[str, NDArray[Any]] = {"displacement": _vectors(joined[:, :2])}
+    at_points: dict[str, NDArray[Any]] = {"displacement": np.pad(joined[:, :2], third)}
     at_points |= {name: joined[:, 2 + i] for i, name in enumerate(names)}
-    at_points |= {name: _append(np.nan, n, value) for name, value in of_contact.items()}
-    at_points["state"] = _append(0, n, contact.state.astype(np.int32))
+    for name, value in of_contact.items():
+        before = [(n, 0), (0, 0)][: value.ndim]
+        at_points[name] = np.pad(value, before, constant_values=np.nan)
+    at_points["state"] = np.pad(contact.state.astype(np.int32), (n, 0))
 
     start = np.flatnonzero(np.diff(contact.edge) == 0)
     ends = np.column_stack([start, start + 1])
@@ -84,21 +87,11 @@ def grid_of(fields: Fields, contact: WholeContact) -> Grid:
             fields.cell_stress[name], line[ends, 2 + i].mean(axis=1)
         )
     return Grid(
-        points=_vectors(np.vstack([fields.points, contact.points])),
+        points=np.pad(np.vstack([fields.points, contact.points]), third),
         topology=np.append(np.column_stack([kind, fields.cells]), lines),
         at_points=at_points,
         in_cells=in_cells,
     )
-
-
-def _vectors(plane: Array) -> Array:
-    """Return vectors of the plane with a third component 0."""
-    return np.column_stack([plane, np.zeros(len(plane))])
-
-
-def _append(fill: float, n: int, values: NDArray[Any]) -> NDArray[Any]:
-    """Put n times ``fill`` before values."""
-    return np.concatenate([np.full((n, *values.shape[1:]), fill, dtype=values.dtype), values])
 
 
 def write_instant(file: Path, grid: Grid, time: float) -> None:

@@ -20,13 +20,11 @@ from receding_fenicsx.errors import RecedingError
 
 Pixels = NDArray[np.uint8]
 """(height, width, 3) red, green, blue, from the top row downwards."""
-POOL = "renderer"
-"""Name of the pool of the process that renders."""
 
 
 def start() -> None:
     """Start the process that renders; it loads its libraries while others compute."""
-    workers.submit(POOL, _prepare)
+    workers.submit("renderer", _prepare)
 
 
 def render(
@@ -45,8 +43,9 @@ def render(
     Where off-screen rendering does not work, RecedingError is raised.
     """
     try:
-        job = workers.submit(POOL, _render, points, cells, values, limits, colours, window, size)
-        return workers.result(POOL, job, 120.0)  # seconds
+        picture = points, cells, values, limits, colours, window, size
+        job = workers.submit("renderer", _render, *picture)
+        return workers.result("renderer", job, 120.0)  # seconds
     except Exception as error:
         reason = " ".join(str(error).split()) or type(error).__name__
         raise RecedingError(

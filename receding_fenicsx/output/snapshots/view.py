@@ -103,16 +103,13 @@ class WholeContact:
     points: Array  # (N, 2) coordinates
     edge: Ints  # (N,) number of the contact edge
     body: Ints  # (N,) number of the first body of the contact, as in ``Fields.body``
-    # tangent, normal: (N, 2) unit vectors t and n
-    tangent: Array
-    normal: Array
+    tangent: Array  # (N, 2) unit vector t
+    normal: Array  # (N, 2) unit vector n
     state: NDArray[np.int8]
-    # p, q: (N,) tractions P/m and Q/m on the body; nan at nodes without weight
-    p: Array
-    q: Array
-    # v, w: (N,) tangential and normal displacement
-    v: Array
-    w: Array
+    p: Array  # (N,) traction P/m on the body; nan at nodes without weight
+    q: Array  # (N,) traction Q/m
+    v: Array  # (N,) tangential displacement
+    w: Array  # (N,) normal displacement
     initial_gap: Array  # (N,) gap g0
     shown: NDArray[np.int8]  # (N,) states that pictures show
 
@@ -176,9 +173,8 @@ class Strip:
     """Contact nodes of one contact edge in a picture."""
 
     name: str
-    # x, place: (N,) positions along the edge, (N, 2) undeformed coordinates
-    x: Array
-    place: Array
+    x: Array  # (N,) positions along the edge
+    place: Array  # (N, 2) undeformed coordinates
     moved: Array  # (N, 2) coordinates after the exaggerated deformation of the first body
     normal: Array  # (2,) unit normal n into the body
     gap: Array  # (N,) exaggerated initial gap, from the contact nodes to the plane
@@ -195,9 +191,8 @@ class Strip:
 class Arrows:
     """Arrows of the tractions of one load."""
 
-    # tails, heads: (n, 2) ends of the arrows
-    tails: Array
-    heads: Array
+    tails: Array  # (n, 2)
+    heads: Array  # (n, 2)
     joined: bool  # whether a line through the tails is drawn
 
 
@@ -205,11 +200,9 @@ class Arrows:
 class View:
     """The whole body at one instant; lengths and stresses in the picture's units."""
 
-    # points, moved: (n, 2) vertices before and after the exaggerated deformation
-    points: Array
-    moved: Array
+    points: Array  # (n, 2) vertices
+    moved: Array  # (n, 2) vertices after the exaggerated deformation
     cells: NDArray[np.int64]  # (m, 3 or 4) vertices around each cell
-    edges: NDArray[np.int64]  # (k, 2) vertices of the edges of the outline
     stress: dict[str, Array]  # (n,) stresses by name
     factor: float  # exaggeration of displacements
     # length to which arrows and marks are proportional: the body's smaller extent, or half the
@@ -217,13 +210,11 @@ class View:
     size: float
     near: bool  # whether the picture is a close-up of the contact
     strips: tuple[Strip, ...]  # the contact edges
-    # p, q: (N,) tractions on the first contact edge; nan at nodes without weight
-    p: Array
-    q: Array
+    p: Array  # (N,) traction on the first contact edge; nan at nodes without weight
+    q: Array  # (N,)
     f: Friction  # friction, forward and backward, of the N nodes on the first contact edge
     arrows: list[Arrows]  # arrows of the loads
-    # length_symbol, pressure_symbol: symbols of the units; "" for the scene's own units
-    length_symbol: str
+    length_symbol: str  # symbol of the unit; "" for the scene's own unit
     pressure_symbol: str
     caption: str  # description of the instant
     radial: bool  # whether positions along the first contact edge are radii
@@ -244,15 +235,10 @@ class View:
         """Whether there is friction; assumed with several contact edges."""
         return len(self.strips) > 1 or bool(np.any(self.f.present))
 
-    @property
-    def state(self) -> NDArray[np.int8]:
-        """(N,) states on the first contact edge."""
-        return self.strips[0].state
-
 
 def view_of(bulk: Stack, fields: Fields, instant: Instant, units: Units | None = None) -> View:
     """Return the view of the whole body at one instant, on rank 0; by default in its own units."""
-    scene, names = bulk.scene, bulk.scene.load_names
+    scene = bulk.scene
     if bulk.body.half:
         fields = merge_axis(fields)
     length = labels.length_of(scene)
@@ -260,12 +246,11 @@ def view_of(bulk: Stack, fields: Fields, instant: Instant, units: Units | None =
     units = units or units_of(bulk, [fields], instant.load)
     size, near = _size(bulk, fields)
     strips, p, q, f = _contact(bulk, fields, instant, units, unit)
-    arrows = load_arrows(scene, names, fields, instant.load, units.factor, size)
+    arrows = load_arrows(scene, fields, instant.load, units.factor, size)
     return View(
         points=fields.points / unit,
         moved=(fields.points + units.factor * fields.displacement) / unit,
         cells=fields.cells,
-        edges=outline(fields.cells),
         stress={name: value / units.traction for name, value in fields.stress.items()},
         factor=units.factor,
         size=size / unit,
@@ -277,7 +262,7 @@ def view_of(bulk: Stack, fields: Fields, instant: Instant, units: Units | None =
         arrows=[Arrows(a.tails / unit, a.heads / unit, a.joined) for a in arrows],
         length_symbol="h" if length else "",
         pressure_symbol=units.symbol,
-        caption=_caption(scene, names, instant),
+        caption=_caption(scene, instant),
         radial=scene.axisymmetric
         and np.allclose(np.abs(strips[0].place[:, 0]), np.abs(strips[0].x)),
         own_units=scene.units,
@@ -288,8 +273,7 @@ def _contact(
     bulk: Stack, fields: Fields, instant: Instant, units: Units, unit: float
 ) -> tuple[tuple[Strip, ...], Array, Array, Friction]:
     """Return the contact edges of the whole body, and p, q and f on the first of them."""
-    scene, found = bulk.scene, whole_contact(bulk, instant)
-    strips = []
+    scene, found, strips = bulk.scene, whole_contact(bulk, instant), []
     for k, described in enumerate(scene.contacts):
         on = found.edge == k
         place, normal = found.points[on], found.normal[on][0]
@@ -343,9 +327,9 @@ def _size(bulk: Stack, fields: Fields) -> tuple[float, bool]:
     return min(0.5 * length, float(extent.min())) if near else float(extent.min()), near
 
 
-def _caption(scene: Scene, names: tuple[str, ...], instant: Instant) -> str:
+def _caption(scene: Scene, instant: Instant) -> str:
     """Describe an instant: its leg and its load factors."""
-    path = history.history_from_scene(scene)
+    path, names = history.history_from_scene(scene), scene.load_names
     sizes = enumerate(np.abs(part).sum(axis=1) for part in (path.path, path.loop))
     falling = [(c, k) for c, size in sizes for k in np.flatnonzero(np.diff(size) < 0.0)]
     plain = len(path.loop) <= 3 and len(names) == 1
@@ -359,18 +343,12 @@ def _caption(scene: Scene, names: tuple[str, ...], instant: Instant) -> str:
 
 # -- arrows of loads -----------------------------------------------------------------------------
 
-OUTWARD = {"bottom": (0.0, -1.0), "top": (0.0, 1.0), "left": (-1.0, 0.0), "right": (1.0, 0.0)}
-
 
 def load_arrows(
-    scene: Scene,
-    names: tuple[str, ...],
-    fields: Fields,
-    factors: Array,
-    exaggeration: float,
-    size: float,
+    scene: Scene, fields: Fields, factors: Array, exaggeration: float, size: float
 ) -> list[Arrows]:
     """Return the arrows of loads on rectangles, at the deformed edges, in the scene's lengths."""
+    names = scene.load_names
     largest = dict(zip(names, largest_factors(scene), strict=True))
     # over the size of the view: largest distance between arrows 0.22, from the edge 0.02, length of
     # the arrow of the largest traction 0.24
@@ -380,18 +358,17 @@ def load_arrows(
         if load in scene.edge_loads and scene.find_edge(load.edge)[0].is_rectangle
         for unit in load.units
     ]
-    sizes = [largest[load.name] * np.linalg.norm(t, axis=1).max() for load, _, t in found]
+    sizes = [largest[load.name] * np.linalg.norm(t, axis=1).max() for load, *_, t in found]
     if not any(sizes):
         return []
     bodies, arrows = in_order(scene), []
-    for load, points, traction in found:
+    for load, points, outward, traction in found:
         part = float(factors[names.index(load.name)]) / max(sizes)
         vector = 0.24 * size * part * traction
         if not np.any(vector):
             continue
-        body, edge = scene.find_edge(load.edge)
-        outward = np.array(OUTWARD[edge])
-        moved = edge_values(fields, fields.displacement, points, outward, bodies.index(body))
+        body = bodies.index(scene.find_edge(load.edge)[0])
+        moved = edge_values(fields, fields.displacement, points, outward, body)
         at = points + exaggeration * moved
         inward = vector @ outward < 0.0
         tails = np.where(inward[:, None], at - vector, at) + 0.02 * size * outward
@@ -406,15 +383,16 @@ def largest_factors(scene: Scene) -> Array:
     return np.where(largest > 0.0, largest, 1.0)
 
 
-def _traction(scene: Scene, load: Load, spacing: float) -> tuple[Array, Array]:
-    """Return points of the edge and tractions there, (n, 2) each, of a load with factor 1."""
+def _traction(scene: Scene, load: Load, spacing: float) -> tuple[Array, Array, Array]:
+    """Return points (n, 2), outward normal and tractions (n, 2) of a load with factor 1."""
     begin, end = edge_range(scene, load.edge)
     # of a load that travels, the part on the edge
     place = load.travel[0] if load.travel else 0.0
     if load.span is not None:
         begin, end = (float(np.clip(s + place, begin, end)) for s in load.span)
     edge = scene.find_edge(load.edge)[1]
-    level = scene.axisymmetric and edge in HORIZONTAL
+    sides = {"bottom": (0.0, -1.0), "top": (0.0, 1.0), "left": (-1.0, 0.0), "right": (1.0, 0.0)}
+    level, outward = scene.axisymmetric and edge in HORIZONTAL, np.array(sides[edge])
     area = np.pi * (end**2 - begin**2) if level else end - begin
     begin = -end if level and begin == 0.0 else begin
     along = np.linspace(begin, end, max(2, int(np.ceil((end - begin) / spacing)) + 1))
@@ -423,10 +401,10 @@ def _traction(scene: Scene, load: Load, spacing: float) -> tuple[Array, Array]:
     side = np.where(level & (x < 0.0), -1.0, 1.0)
     if load.pressure is not None:
         size = evaluate(load.pressure, side * x, y)
-        traction = -size[:, None] * np.array(OUTWARD[edge])
+        traction = -size[:, None] * outward
     else:
         mean = (load.force[0] / area, load.force[1] / area) if load.force else (0.0, 0.0)
         parts = load.traction or mean
         traction = np.stack([evaluate(part, side * x, y) for part in parts], axis=1)
         traction[:, 0] *= side
-    return at, traction
+    return at, outward, traction
