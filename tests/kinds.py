@@ -53,6 +53,10 @@ EVEN: dict[str, rf.Scene] = {
             rf.Contact(span=(-1.5, 1.5), friction="0.3 + 0.1*x**2", initial_gap="0.01*x**2"),
         ),
     ),
+    "limits": simple(
+        rf.Load("T", "top", (-1.0, 1.0), traction=("0.1*x", 0.0)),
+        contacts=(rf.Contact(friction=0.3, cohesion=0.01, shear_limit="0.05 - 0.005*x**2"),),
+    ),
     "directions": simple(
         rf.Load("T", "top", (-1.0, 1.0), traction=("0.05*x", "0.2 - 0.05*x**2")),
         contacts=(rf.Contact(friction=OUTWARD),),
@@ -202,7 +206,7 @@ UNEVEN: dict[str, rf.Scene] = {
 DIMENSIONS = {
     (1, 0): "width height position span head_span nut_span point points at size initial_gap "
     "interference gap displacement initial_slip shortening",
-    (0, 1): "young young_2 shear pressure traction tension x y stiffness",
+    (0, 1): "young young_2 shear pressure traction tension x y stiffness cohesion shear_limit",
     (1, 1): "force preload",
     (-1, 1): "body_force normal tangential",
     (0, 0): "friction thermal_strain refine",

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -45,19 +46,16 @@ def summary(python: Path, out: Path) -> dict[str, Any]:
     return result
 
 
-def numbers_and_words(value: Any, name: str = "") -> dict[str, list[Any]]:
-    """All that a summary holds, by its keys; places in lists do not count."""
+def parts(value: Any, name: str = "") -> Iterator[tuple[str, Any]]:
+    """Yield all that a summary holds with its keys; places in lists do not count."""
     if isinstance(value, dict):
-        parts = [numbers_and_words(part, f"{name}.{key}") for key, part in value.items()]
+        for key, part in value.items():
+            yield from parts(part, f"{name}.{key}")
     elif isinstance(value, list):
-        parts = [numbers_and_words(part, name) for part in value]
+        for part in value:
+            yield from parts(part, name)
     else:
-        return {name: [value]}
-    merged: dict[str, list[Any]] = {}
-    for part in parts:
-        for key, found in part.items():
-            merged.setdefault(key, []).extend(found)
-    return merged
+        yield name, value
 
 
 @pytest.mark.skipif(
@@ -74,16 +72,15 @@ def test_both_stacks_give_the_same_summary(tmp_path: Path) -> None:
         assert pypi.pop(key) < limit
     for key in OWN:
         del debian[key], pypi[key]
-    left, right = numbers_and_words(debian), numbers_and_words(pypi)
-    assert left.keys() == right.keys()
-    compared = 0
-    for name, values in left.items():
-        pairs = list(zip(values, right[name], strict=True))
-        floats = [pair for pair in pairs if {type(part) for part in pair} == {float}]
-        others = [pair for pair in pairs if {type(part) for part in pair} != {float}]
-        assert all(a == b for a, b in others), f"{name} differs"
-        size = max((abs(a) for a, _ in floats), default=0.0)
-        worst = max((abs(a - b) for a, b in floats), default=0.0)
+    left, right = list(parts(debian)), list(parts(pypi))
+    assert [name for name, _ in left] == [name for name, _ in right]
+    floats: dict[str, list[tuple[float, float]]] = {}
+    for (name, a), (_, b) in zip(left, right, strict=True):
+        if type(a) is type(b) is float:
+            floats.setdefault(name, []).append((a, b))
+        else:
+            assert a == b, f"{name} differs"
+    for name, pairs in floats.items():
+        size, worst = max(abs(a) for a, _ in pairs), max(abs(a - b) for a, b in pairs)
         assert worst <= SAME * size, f"{name} differs by {worst:.1e}, its size is {size:.1e}"
-        compared += len(floats)
-    assert compared > 1000
+    assert sum(map(len, floats.values())) > 1000
