@@ -53,15 +53,10 @@ class StepSolution:
 def step_problem(
     system: ContactSystem, load: Array, start: ContactState | None = None
 ) -> StepProblem:
-    """Return the problem of one step.
+    """Return the problem of one step to the load factors (n_loads,), from rest by default.
 
     Nodes that a support holds normally are no contacts. A node that is held tangentially has no
     friction, and a compliance of its own that leaves it where it is.
-
-    Args:
-        system: the condensed body.
-        load: (n_loads,) load factors at the end of the step.
-        start: state at its start; unloaded, without displacements, when left out.
 
     Raises:
         InputError: an array of the system has a wrong shape or values without meaning, friction
@@ -94,16 +89,11 @@ def step_problem(
             "the stiffness is singular to round-off beside its rigid motions, so that the problem "
             "has no compliance form; hold the parts that are almost free to move"
         )
-    compliance = inverse - X @ X.T / c
-    compliance = 0.5 * (compliance + compliance.T)
-    held_reaction = (load @ model.r_star)[free]
-    whole = np.zeros((2 * n, 2 * n))
-    whole[np.ix_(free, free)] = compliance
-    moved = np.zeros(2 * n)
-    moved[free] = -compliance @ held_reaction
+    whole, r = np.zeros((2 * n, 2 * n)), load @ model.r_star
+    whole[np.ix_(free, free)] = 0.5 * (inverse + inverse.T) - X @ X.T / c
     nodes = np.flatnonzero(~held[n:])
     order = np.stack([n + nodes, nodes], axis=1).ravel()
-    W, q = whole[np.ix_(order, order)], moved[order]
+    W, q = whole[np.ix_(order, order)], -(whole @ r)[order]
     q[0::2] += model.g0[nodes]
     still = held[nodes]
     q[1::2] = np.where(still, 0.0, q[1::2] - v[nodes])
@@ -114,7 +104,7 @@ def step_problem(
         q=q,
         mu=np.where(still, 0.0, model.f[nodes]),
         V=model.rigid[order],
-        s=-model.rigid[free].T @ held_reaction,
+        s=-model.rigid[free].T @ r[free],
         nodes=nodes,
     )
 

@@ -12,14 +12,7 @@ from math import inf
 
 import numpy as np
 
-from receding_fenicsx.interface.law import (
-    BACKWARD,
-    FORWARD,
-    SEPARATION,
-    STICK,
-    slips,
-    sticks,
-)
+from receding_fenicsx.interface.law import BACKWARD, FORWARD, SEPARATION, STICK, slips, sticks
 from receding_fenicsx.interface.system import ContactSystem
 
 TRIED_AFTER = {
@@ -57,19 +50,12 @@ class NodeProblem:
         self.singular = self.det <= SINGULAR * self.k_t * self.k_n
 
     def solve(self, Q0: float, P0: float, v_ref: float, state: int, w: float = -inf) -> Solution:
-        """Solve the node by the paper's rule.
+        """Return the first state whose inequalities all hold: the only one if f |c| < k_t.
 
-        Args:
-            Q0: tangential reaction at v = w = 0.
-            P0: normal reaction there.
-            v_ref: tangential displacement that the slip of this step is counted from.
-            state: state assumed first.
-            w: normal displacement before, which an open node without normal stiffness keeps.
-
-        Returns:
-            The first state whose inequalities all hold: the only one if f |c| < k_t. If none does,
-            a singular node is open unless loads press it. Any other node (possible only if
-            f |c| >= k_t) is left sticking; the residual then keeps the step from being accepted.
+        It is looked for from a state on, slip counted from v_ref; an open node without normal
+        stiffness keeps its w. If no state holds, a singular node is open unless loads press it. Any
+        other node (possible only if f |c| >= k_t) is left sticking; the residual then keeps the
+        step from being accepted.
         """
         k_t, k_n, c, w_c = self.k_t, self.k_n, self.c, self.w_c
         for assumed in TRIED_AFTER[state]:
@@ -106,13 +92,7 @@ class NodeProblem:
         return STICK, v_ref, w_c
 
     def solve_held_tangentially(self, P0: float, v: float, w: float) -> Solution:
-        """Solve a node whose tangential displacement v is fixed: Signorini's law alone.
-
-        Args:
-            P0: normal reaction at v = w = 0.
-            v: tangential displacement.
-            w: normal displacement before, which a node without normal stiffness keeps.
-        """
+        """Solve a node whose v is fixed by Signorini's law alone; without stiffness it keeps w."""
         if P0 + self.c * v + self.k_n * self.w_c > 0.0:
             return STICK, v, self.w_c
         if self.k_n == 0.0:
@@ -120,18 +100,10 @@ class NodeProblem:
         return SEPARATION, v, -(P0 + self.c * v) / self.k_n
 
     def touch_down(self, Q0: float, P0: float, v: float, gap: float) -> float | None:
-        """Return v where an open node first touches on a straight path (section 2.2).
+        """Return v where an open node first touches on a straight path, else None (section 2.2).
 
-        With the zero-traction displacement v0 and its gap g0t < 0: v + (v0 - v) g / (g - g0t).
-
-        Args:
-            Q0: tangential reaction at v = w = 0.
-            P0: normal reaction there.
-            v: tangential displacement at the start of the step.
-            gap: gap g there.
-
-        Returns:
-            The tangential displacement; None where the gap does not close.
+        With v and the gap g at the start of the step, the zero-traction displacement v0 and its
+        gap g0t < 0: v + (v0 - v) g / (g - g0t).
         """
         if self.singular:
             # free to fall: without tangential force down to the plane
@@ -146,14 +118,7 @@ class NodeProblem:
 
 def node_problems(system: ContactSystem) -> list[NodeProblem]:
     """Return the problems of all nodes of a system, ``kind = "frictional"``."""
-    n, nodes, friction = system.n, np.arange(system.n), system.friction
-    diagonal = np.diagonal(system.K)
-    columns = (
-        diagonal[:n],
-        diagonal[n:],
-        system.K[nodes, n + nodes],
-        friction.forward,
-        friction.backward,
-        -system.g0,
-    )
-    return [NodeProblem(*row) for row in zip(*(c.tolist() for c in columns), strict=True)]
+    n, K, friction = system.n, system.K, system.friction
+    stiffness = np.diagonal(K)[:n], np.diagonal(K)[n:], np.diagonal(K[:n, n:])
+    rows = zip(*stiffness, friction.forward, friction.backward, -system.g0, strict=True)
+    return [NodeProblem(*map(float, row)) for row in rows]

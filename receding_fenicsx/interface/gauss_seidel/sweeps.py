@@ -20,11 +20,7 @@ from receding_fenicsx.arrays import Array
 from receding_fenicsx.errors import NotConverged
 from receding_fenicsx.interface.gauss_seidel.node_problem import node_problems
 from receding_fenicsx.interface.law import FORWARD, SEPARATION, STICK, State
-from receding_fenicsx.interface.residual import (
-    largest_force,
-    law_residual,
-    round_off,
-)
+from receding_fenicsx.interface.residual import largest_force, law_residual, round_off
 from receding_fenicsx.interface.system import (
     ContactState,
     ContactSystem,
@@ -32,13 +28,6 @@ from receding_fenicsx.interface.system import (
     neutral_motions,
     reactions,
 )
-
-SETTLE_SWEEPS = 2
-"""Sweeps without a change of state after which a polish is tried."""
-
-CHECK_SWEEPS = 10
-"""Sweeps between two evaluations of the residual when eq. (16) alone is not yet met, and between
-two polishes of the same states."""
 
 
 @dataclass(frozen=True)
@@ -76,19 +65,10 @@ def solve_step(
     force_scale: float = 0.0,
     guess: ContactState | None = None,
 ) -> Leg:
-    """Advance the contact from ``start`` to the load factors ``load`` in one step.
+    """Advance the contact from ``start`` to the load factors (n_loads,) in one step.
 
-    Args:
-        system: the condensed body, ``kind = "frictional"``.
-        start: state at the start of the step.
-        load: (n_loads,) load factors at the end of the step.
-        options: tolerances and accelerations.
-        force_scale: largest nodal force of the history so far.
-        guess: displacements and states that the sweeps begin with; ``start`` by default.
-
-    Returns:
-        The accepted step: its end, dissipation, -(Q_old + Q_new)/2 (v_new - v_start) of each node,
-        residual, force scale and number of sweeps.
+    The sweeps begin with a ``guess``, by default ``start``. Each node dissipates
+    -(Q_old + Q_new)/2 (v_new - v_start).
 
     Raises:
         NotConverged: the sweeps ran out; the message holds the residual and the worst node.
@@ -111,10 +91,11 @@ def solve_step(
         small = change <= options.change_tolerance
         settled = 0 if changed else settled + 1
         since_check += 1
-        if options.polish and settled >= SETTLE_SWEEPS:
+        # the residual is evaluated, and the same states are polished, every tenth sweep
+        if options.polish and settled >= 2:
             sweeper.polish()
-            settled = 0 if sweeper.polished else SETTLE_SWEEPS - CHECK_SWEEPS
-        elif not small and since_check < CHECK_SWEEPS and sweep < options.max_sweeps:
+            settled = 0 if sweeper.polished else -8
+        elif not small and since_check < 10 and sweep < options.max_sweeps:
             continue
         since_check = 0
         residual, worst, scale = sweeper.residual(force_scale)
@@ -137,17 +118,7 @@ def solve_step(
 
 
 class _Sweeper:
-    """One step under way.
-
-    Attributes:
-        u: (2N,) displacements.
-        r: (2N,) reactions, kept up by columns of K.
-        state: state of each node.
-        v_ref: where the slip of each node is counted from.
-        stiffness: local stiffnesses of the residual.
-        omega: factor of over-relaxation.
-        polished: the displacements are those of an accepted direct solve.
-    """
+    """One step under way."""
 
     def __init__(
         self,
@@ -161,11 +132,12 @@ class _Sweeper:
         n = system.n
         self.nodes = node_problems(system)
         self.stiffness = system.local_stiffness
-        self.omega, self.polished = options.over_relaxation, False
+        self.omega = options.over_relaxation
+        self.polished = False  # whether u is that of an accepted direct solve
         self.u = guess.u.copy()
-        self.r = reactions(system, load, self.u)
+        self.r = reactions(system, load, self.u)  # kept up by columns of K
         self.state = guess.state.astype(int).tolist()
-        self.v_ref = start.v.tolist()
+        self.v_ref = start.v.tolist()  # where the slip of each node is counted from
         self.gap = (system.g0 + start.w).tolist()
         self.was_open = (start.state == SEPARATION).tolist()
         self.held_t, self.held_n = system.held[:n].tolist(), system.held[n:].tolist()
@@ -196,7 +168,12 @@ class _Sweeper:
                 states[i] = state
                 changed = True
             elif omega != 1.0 and state != STICK:
-                v_new, w_new = self._relax(i, state, (v, w), (v_new, w_new))
+                # over-relaxed unless that breaks the state's own inequality
+                v_far, w_far = v + omega * (v_new - v), w + omega * (w_new - w)
+                if state == SEPARATION and w_far >= node.w_c:
+                    v_new, w_new = (v_new if held_t[i] else v_far), w_far
+                elif state != SEPARATION and (v_far >= v_ref[i]) == (state == FORWARD):
+                    v_new = v_far
             if v_new != v:
                 daxpy(K[i], r, a=v_new - v)
                 u[i] = v_new
@@ -212,19 +189,6 @@ class _Sweeper:
         touched = self.nodes[i].touch_down(Q0, P0, float(self.start.u[i]), self.gap[i])
         if touched is not None:
             self.v_ref[i] = touched
-
-    def _relax(
-        self, i: int, state: int, old: tuple[float, float], new: tuple[float, float]
-    ) -> tuple[float, float]:
-        """Over-relax the update unless that breaks the state's own inequality."""
-        v = old[0] + self.omega * (new[0] - old[0])
-        if state == SEPARATION:
-            w = old[1] + self.omega * (new[1] - old[1])
-            if w < self.nodes[i].w_c:
-                return new
-            return (new[0] if self.held_t[i] else v), w
-        forward = v >= self.v_ref[i]
-        return (v, new[1]) if forward == (state == FORWARD) else new
 
     def polish(self) -> None:
         """Solve directly with the present states; keep what betters the residual much."""
@@ -289,18 +253,7 @@ def solve_directly(
     """Return the displacements in given states, from eqs. (4), (6), (8) and (10) at once.
 
     Along a rigid motion that the states leave free, where K is round-off, the body stays where it
-    is.
-
-    Args:
-        system: the condensed body, ``kind = "frictional"``.
-        load: (n_loads,) load factors.
-        u: (2N,) displacements of the held freedoms; of the others any, from where the body does not
-            move along free rigid motions.
-        v_ref: (N,) where stuck nodes stick.
-        state: (N,) states.
-
-    Returns:
-        (2N,) displacements, None if the body has another motion without stiffness in these states.
+    is in ``u``. Stuck nodes stick at ``v_ref`` (N,). None if the states leave another motion free.
     """
     n, K, held = system.n, system.K, system.held
     u = u.copy()
