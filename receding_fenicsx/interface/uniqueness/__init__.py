@@ -29,10 +29,11 @@ r"""Uniqueness of a path: one solution of every rate problem, or several.
    measured at the ends of legs only, where slip zones are largest.
 6. **Doubt** (`UniquenessWatch._doubt`). Where a set is not definite: all principal minors, for few
    slipping nodes; then all solutions for the load rate, by `interface.lcp.all_solutions`. The
-   instant is certified if it has exactly one.
-7. **Static problems** (`watch.solutions_from_rest`). From rest without gaps all nodes are
-   on all limits. All sets of states of few nodes are tried; for more nodes other solutions are
-   looked for, and not excluded.
+   instant is certified if it has exactly one. Where a free body carries no contact force under
+   some load, nothing determines its place: not certified.
+7. **Static problems** (`watch.solutions_from_rest`). From rest without gaps, and after an initial
+   slip, all nodes are on all limits. All sets of states of few nodes are tried; for more nodes other
+   solutions are looked for, and not excluded.
 
 What is certified holds for a half model among mirror-symmetric paths, and with load steps for the
 states at their ends.
