@@ -86,8 +86,8 @@ class SteadyWatch:
     it is coupled, and than the residual: where a limit is found its drifts are some 1e-12 off.
     The state is steady at the first n at which the forces repeat and
 
-    * no node has slipped for two periods running: shakedown; or
-    * nodes that slip gain d_n = v_n - v_(n-T), and the gains repeat, max |d_n - d_(n-T)| <= c max
+    * no node has slipped or gained a displacement for two periods running: shakedown; or
+    * nodes gain d_n = v_n - v_(n-T), and the gains repeat, max |d_n - d_(n-T)| <= c max
       |d_n|: ratchetting. As the forces do not change, this is a motion that the body does not
       resist, or hardly; or
     * they gain no more than c times the largest slip, and the dissipation repeats, |D_n - D_(n-T)|
@@ -150,15 +150,16 @@ class SteadyWatch:
         """Name the state of a contact whose forces repeat (section 1.2 of the paper)."""
         found = [self._slips(end) for end in self.ends[-2 * period :]]
         slips, none = np.max([slip for slip, _ in found], axis=0), found[-1][1]
-        moving = slips > 0.0
+        now, before, first = (end.v for end in self.ends[::-period][:3])
+        gain = np.maximum(np.abs(now - before), np.abs(before - first))
+        # nodes gain without dissipation where a direction has no friction, or while they are open
+        moving = (slips > 0.0) | (self.friction.present & (gain > _largest(none)))
         if not np.any(moving):
             return SHAKEDOWN
-        bound = 100.0 * self.tolerance
-        now, before, first = (end.v[moving] for end in self.ends[::-period][:3])
-        gain, change = now - before, now - 2.0 * before + first
-        drift = max(_largest(gain), _largest(gain - change))
+        bound, drift = 100.0 * self.tolerance, _largest(gain[moving])
         if drift > max(bound * _largest(slips), _largest(none[moving])):
-            return RATCHETTING if _largest(change) <= bound * drift else NOT_REACHED
+            change = _largest((now - 2.0 * before + first)[moving])
+            return RATCHETTING if change <= bound * drift else NOT_REACHED
         D = np.array([end.dissipation.sum() for end in self.ends[-2 * period :]])
         D_before, D_now = D.reshape(2, period).sum(axis=1)
         return CYCLIC_SLIP if abs(D_now - D_before) <= bound * D_now else NOT_REACHED

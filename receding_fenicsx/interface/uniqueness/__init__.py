@@ -32,8 +32,8 @@ r"""Uniqueness of a path: one solution of every rate problem, or several.
    instant is certified if it has exactly one. Where a free body carries no contact force under
    some load, nothing determines its place: not certified.
 7. **Static problems** (`watch.solutions_from_rest`). From rest without gaps, and after an initial
-   slip, all nodes are on all limits. All sets of states of few nodes are tried; for more nodes other
-   solutions are looked for, and not excluded.
+   slip, all nodes are on all limits. All sets of states of few nodes are tried; for more nodes
+   other solutions are looked for, and not excluded.
 
 What is certified holds for a half model among mirror-symmetric paths, and with load steps for the
 states at their ends.

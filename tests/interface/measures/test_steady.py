@@ -98,6 +98,9 @@ TURNS = [(R * (1.0 + 0.1 * (n % 2)), V) for n in range(12)]
         # gained every cycle, more than a millionth of the slip
         ([(R, V + 0.9e-7 * n) for n in range(5)], 0.1, (2, 1, "cyclic slip")),
         ([(R, V + 1.1e-7 * n) for n in range(5)], 0.1, (2, 1, "ratchetting")),
+        # the same without dissipation, and a gain of 0.5^n, below 2.5e-11 from n = 36
+        ([(R, V + 0.1 * n) for n in range(5)], 0.0, (2, 1, "ratchetting")),
+        ([(R, V - 0.5**n) for n in range(45)], 0.0, (37, 1, "shakedown")),
         # dissipation 0.5^n is below 2.5e-11 from n = 36, for two cycles
         (QUIET, 0.5 ** NUMBERS[:45], (37, 1, "shakedown")),
         (QUIET[:37], 0.5 ** NUMBERS[:37], None),
@@ -170,6 +173,25 @@ def test_slips_are_judged_by_themselves(seed: int, until: str) -> None:
             assert last * K / F**2 == pytest.approx(D, rel=1e-5, abs=1e-11)
             seen.append(steady.cycle)
         assert seen[0] == seen[1] and abs(seen[2] - seen[0]) <= 1
+
+
+@pytest.mark.parametrize("backward", [0.0, 1e-12, 0.1])
+@pytest.mark.parametrize("until", [None, "limit"])
+def test_a_body_walks_without_dissipation_where_a_direction_has_no_friction(
+    backward: float, until: str | None
+) -> None:
+    # two feet pushed apart and pulled together: the one that moves backward slips
+    body = small_system(
+        np.kron(np.diag([1.0, 0.0]), [[2.0, -2.0], [-2.0, 2.0]]) + np.diag([0.0, 0.0, 1.0, 1.0]),
+        {"weight": [0.0, 0.0, 1.0, 1.0], "spread": [1.0, -1.0, 0.0, 0.0]},
+        0.5,
+        rigid=[[1.0, 1.0, 0.0, 0.0]],
+    )
+    body = replace(body, f_backward=np.full(2, backward))
+    history = table(body, [[0, 0], [1, 0], [1, 1]], [[1, 1], [1, -1], [1, 1]], 8)
+    record = rf.evolve(body, history, until=until)
+    assert record.steady.kind == "ratchetting"
+    assert record.cycles.slip_increment[-1] == pytest.approx([backward - 1.0] * 2, rel=1e-12)
 
 
 def test_the_block_reaches_cyclic_slip_and_its_limit_is_foreseen() -> None:
