@@ -26,7 +26,7 @@ are no load steps. The method, from top to bottom:
    | separation | $\dot A, \dot B$ | $g \ge 0$ |
 
    `tableau.Tableau` holds the map from inputs (zero rates) and loads to outputs. A change of state
-   exchanges an input with an output, a rank-one update of `pivot_matrix.PivotMatrix`: with the
+   exchanges an input with an output, a rank-one update of `pivot_matrix.Matrix`: with the
    column $C$, the row $R$ and the pivot $D$ where they meet,
    $$T \leftarrow T - (C + e_i)(R - e_j) / D .$$
    Columns of nodes that stick throughout are left out, and added when one is to be exchanged.

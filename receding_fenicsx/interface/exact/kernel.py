@@ -13,7 +13,8 @@ a place s of a leg, with quantities y = [v, gap, A, B] and states, and repeats
 4. y, dissipation and work are carried there (:func:`advanced`), and its node changes state.
 
 What it cannot do by itself it returns as a request, and goes on where it stopped once that has been
-answered. Signs, states and exchanges are those of the modules that know them.
+answered. Signs, states and exchanges are those of the modules that know them. What is called at
+every event takes single arrays: of a named tuple each call copies all fields.
 """
 
 from __future__ import annotations
@@ -28,9 +29,15 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from receding_fenicsx.arrays import Array
+from receding_fenicsx.arrays import Array, Ints
 from receding_fenicsx.interface import law, tolerances
-from receding_fenicsx.interface.exact import consistency, kernel_data, legs, tableau
+from receding_fenicsx.interface.exact import (
+    consistency,
+    kernel_data,
+    legs,
+    pivot_matrix,
+    tableau,
+)
 from receding_fenicsx.interface.exact.kernel_data import (
     ASKED,
     BEGUN,
@@ -47,12 +54,12 @@ from receding_fenicsx.interface.exact.kernel_data import (
     STUCK,
     TIES,
     Contact,
-    Matrix,
     Memory,
     Path,
     Way,
 )
 from receding_fenicsx.interface.exact.legs import EVENTS_WITHOUT_PROGRESS
+from receding_fenicsx.interface.exact.pivot_matrix import Matrix
 from receding_fenicsx.interface.exact.tableau import A, B, V
 from receding_fenicsx.interface.law import BACKWARD, FORWARD, SEPARATION, STICK
 from receding_fenicsx.interface.tolerances import END_TOLERANCE, SIMULTANEOUS
@@ -71,7 +78,7 @@ HALF_WAY = 0
 
 SOURCES = tuple(
     sha256(getsource(module).encode()).hexdigest()
-    for module in (consistency, kernel_data, legs, tableau, law, tolerances)
+    for module in (consistency, kernel_data, legs, pivot_matrix, tableau, law, tolerances)
 )
 """Other modules whose functions and constants are compiled into the machine code."""
 
@@ -176,9 +183,25 @@ def found(memory: Memory, mark: np.uint64, state: NDArray[np.int8]) -> int:
 
 
 @compiled
-def filled(contact: Contact, memory: Memory, way: Way, state: NDArray[np.int8]) -> bool:
+def reversed_slips(
+    state: NDArray[np.int8], q: Array, weight: Array, threshold: float, violated: Ints
+) -> int:
+    """Note the slipping nodes whose rate contradicts their state; return their number."""
+    against = 0
+    for i in range(len(state)):
+        slip = q[i] * weight[i]
+        if (state[i] == FORWARD and slip < -threshold) or (
+            state[i] == BACKWARD and slip > threshold
+        ):
+            violated[i] |= 1 << V
+            against += 1
+    return against
+
+
+@compiled
+def filled(contact: Contact, memory: Memory, way: Way, path: Path) -> bool:
     """Complete the next free entry, its rates given; return whether these are in balance."""
-    n, entry = len(state), memory.used[0]
+    state, n, entry = path.state, len(path.state), memory.used[0]
     q, weight = memory.rates[entry], contact.weight
     displacements = forces = 0.0
     for a in range(2 * n):
@@ -187,13 +210,6 @@ def filled(contact: Contact, memory: Memory, way: Way, state: NDArray[np.int8]) 
         forces += (q[a] * weight[a]) ** 2
     size = np.sqrt(displacements + forces)
     threshold = contact.rate_tolerance * size
-    against = 0
-    for i in range(n):
-        slip = q[i] * weight[i]
-        if (state[i] == FORWARD and slip < -threshold) or (
-            state[i] == BACKWARD and slip > threshold
-        ):
-            against += 1
     worst = 0.0
     for k in range(len(contact.sums_of_y)):
         error = 0.0
@@ -216,7 +232,7 @@ def filled(contact: Contact, memory: Memory, way: Way, state: NDArray[np.int8]) 
             resting += 2  # a smooth node has no B
     memory.resting[entry] = resting
     memory.threshold[entry] = threshold
-    memory.reversed_nodes[entry] = against
+    memory.reversed_nodes[entry] = reversed_slips(state, q, weight, threshold, path.violated)
     memory.hit[entry] = -1
     for i in range(n):
         memory.state[entry, i] = state[i]
@@ -273,10 +289,10 @@ def made(
         for a in range(len(rate)):
             label = matrix.row_label[a]
             if label < 2 * n:
-                q[label] = rate[a] / contact.stiffness
+                q[label] = rate[a] / matrix.unit
             elif label < 4 * n:
                 q[label] = rate[a]
-    if not filled(contact, memory, way, path.state):
+    if not filled(contact, memory, way, path):
         return RATES
     kept(memory, mark, path.state)
     return DONE
@@ -297,63 +313,58 @@ def passed(y: Array, q: Array, h: float, hit: int) -> bool:
 
 @compiled
 def looked(
-    contact: Contact, memory: Memory, way: Way, path: Path, entry: int
+    y: Array, q: Array, weight: Array, on_limit: Array, threshold: float, violated: Ints
 ) -> tuple[int, float, int]:
-    """Look at all quantities; note those on their limit that are driven across it.
+    """Look at gaps and margins; note those on their limit that are driven across it.
 
     Returns:
         Label of the first to reach zero, -1 for none, the way to there, the number of violations.
     """
-    n, y, q, weight = len(path.state), path.y, memory.rates[entry], contact.weight
-    threshold, label, first, violations = memory.threshold[entry], -1, np.inf, 0
+    n, label, first, violations = len(violated), -1, np.inf, 0
     for i in range(n):
-        path.violated[i] = 0
+        violated[i] = 0
     for a in range(n, 4 * n):
         if q[a] * weight[a] < -threshold:
             time = -y[a] / q[a]
             if time < first:
                 label, first = a, time
-            if y[a] <= way.on_limit[a]:
-                path.violated[a % n] |= 1 << (a // n)
-                violations += 1
-    if memory.reversed_nodes[entry]:
-        for i in range(n):
-            slip = q[i] * weight[i]
-            if (path.state[i] == FORWARD and slip < -threshold) or (
-                path.state[i] == BACKWARD and slip > threshold
-            ):
-                path.violated[i] |= 1 << V
+            if y[a] <= on_limit[a]:
+                violated[a % n] |= 1 << (a // n)
                 violations += 1
     return label, first, violations
 
 
 @compiled
-def noted(path: Path, i: int, old: int, new: int) -> None:
-    """Note a change of state at the present instant: the net change of each node, by node."""
-    at, event, count = path.event_at, path.event, path.counts
-    k = count[FIRST]
-    while k < count[EVENTS] and event[k, 0] < i:
-        k += 1
-    if k < count[EVENTS] and event[k, 0] == i:
-        undone = event[k, 2]
-        event[k, 2] = new
-        if event[k, 1] == new:
-            # it might have gone the other way all the same
-            tie = count[TIES]
-            path.tie_at[tie] = path.place[0]
-            path.tie[tie, 0], path.tie[tie, 1], path.tie[tie, 2] = i, new, undone
-            count[TIES] += 1
-            for later in range(k, count[EVENTS] - 1):
-                for part in range(3):
-                    event[later, part] = event[later + 1, part]
-            count[EVENTS] -= 1
-        return
-    for later in range(count[EVENTS], k, -1):
+def put_in(rows: Ints, k: int, count: int, first: int, second: int, third: int) -> None:
+    """Put a row before row k of the first ``count`` ones."""
+    for later in range(count, k, -1):
         for part in range(3):
-            event[later, part] = event[later - 1, part]
-    event[k, 0], event[k, 1], event[k, 2] = i, old, new
-    at[count[EVENTS]] = path.place[0]
-    count[EVENTS] += 1
+            rows[later, part] = rows[later - 1, part]
+    rows[k, 0], rows[k, 1], rows[k, 2] = first, second, third
+
+
+@compiled
+def noted(event: Ints, first: int, last: int, i: int, old: int, new: int) -> int:
+    """Note a change of state among the events of an instant: the net change of each node, by node.
+
+    Returns:
+        Number of events after it; the state that is undone is left beyond the last one.
+    """
+    k = first
+    while k < last and event[k, 0] < i:
+        k += 1
+    if k == last or event[k, 0] != i:
+        put_in(event, k, last, i, old, new)
+        return last + 1
+    undone = event[k, 2]
+    event[k, 2] = new
+    if event[k, 1] != new:
+        return last
+    for later in range(k, last - 1):
+        for part in range(3):
+            event[later, part] = event[later + 1, part]
+    event[last - 1, 0], event[last - 1, 1], event[last - 1, 2] = i, new, undone
+    return last - 1
 
 
 @compiled
@@ -365,7 +376,15 @@ def put(contact: Contact, way: Way, path: Path, i: int, new: int, mark: np.uint6
     if new == SEPARATION or y[b] <= way.on_limit[b]:
         y[b] = 0.0
     path.state[i] = new
-    noted(path, i, old, new)
+    count, last = path.counts, path.counts[EVENTS]
+    count[EVENTS] = noted(path.event, count[FIRST], last, i, old, new)
+    if count[EVENTS] > last:
+        path.event_at[last] = path.place[0]
+    elif count[EVENTS] < last:  # it might have gone the other way all the same
+        tie = count[TIES]
+        path.tie_at[tie] = path.place[0]
+        copied(path.tie[tie], path.event[last - 1])
+        count[TIES] += 1
     return mark ^ contact.marks[i, old] ^ contact.marks[i, new]
 
 
@@ -394,34 +413,50 @@ def turned(
 
 
 @compiled
-def advanced(contact: Contact, memory: Memory, way: Way, path: Path, entry: int, ds: float) -> None:
-    """Carry quantities, dissipation, work and imbalance on by ds."""
-    n, y, q, s = len(path.state), path.y, memory.rates[entry], path.place[0]
-    share_A, share_B = contact.share_A, contact.share_B
+def slid(dissipation: Array, y: Array, q: Array, share: tuple[Array, Array], ds: float) -> None:
+    """Add the dissipation of each node on a way ds."""
+    n, (share_A, share_B) = len(y) // 4, share
     margin_A, margin_B, rate_A, rate_B = y[2 * n : 3 * n], y[3 * n :], q[2 * n : 3 * n], q[3 * n :]
     for i in range(n):
         Q = share_A[i] * margin_A[i] - share_B[i] * margin_B[i]
         rate = share_A[i] * rate_A[i] - share_B[i] * rate_B[i]
-        path.dissipation[i] -= (Q + 0.5 * ds * rate) * (ds * q[i])
-    for a in range(4 * n):
+        dissipation[i] -= (Q + 0.5 * ds * rate) * (ds * q[i])
+
+
+@compiled
+def copied(target: NDArray[Any], source: NDArray[Any]) -> None:
+    """Copy one array into another."""
+    for a in range(len(source)):
+        target[a] = source[a]
+
+
+@compiled
+def carried(y: Array, q: Array, ds: float) -> None:
+    """Carry quantities on by ds."""
+    for a in range(len(y)):
         y[a] += ds * q[a]
+
+
+@compiled
+def advanced(contact: Contact, memory: Memory, way: Way, path: Path, entry: int, ds: float) -> None:
+    """Carry quantities, dissipation, work and imbalance on by ds."""
+    q, middle = memory.rates[entry], path.place[0] + 0.5 * ds
+    slid(path.dissipation, path.y, q, (contact.share_A, contact.share_B), ds)
+    carried(path.y, q, ds)
     for load in range(len(path.work)):
-        middle = way.start[load] + (s + 0.5 * ds) * way.direction[load]
-        path.work[load] += ds * memory.stroke[entry, load] * middle
-    for k in range(len(path.imbalance)):
-        path.imbalance[k] += ds * memory.imbalance[entry, k]
+        factor = way.start[load] + middle * way.direction[load]
+        path.work[load] += ds * memory.stroke[entry, load] * factor
+    carried(path.imbalance, memory.imbalance[entry], ds)
 
 
 @compiled
 def sampled(memory: Memory, way: Way, path: Path, entry: int, s_to: float) -> None:
     """Store the samples up to a place."""
-    k, q = path.counts[SAMPLES], memory.rates[entry]
+    k = path.counts[SAMPLES]
     while k < len(way.sample_at) and way.sample_at[k] <= s_to:
-        ds = way.sample_at[k] - path.place[0]
-        for a in range(len(q)):
-            path.sample[k, a] = path.y[a] + ds * q[a]
-        for i in range(len(path.state)):
-            path.sample_state[k, i] = path.state[i]
+        copied(path.sample[k], path.y)
+        carried(path.sample[k], memory.rates[entry], way.sample_at[k] - path.place[0])
+        copied(path.sample_state[k], path.state)
         k += 1
     path.counts[SAMPLES] = k
 
@@ -509,7 +544,10 @@ def follow(contact: Contact, matrix: Matrix, memory: Memory, way: Way, path: Pat
             or not first >= SIMULTANEOUS
             or passed(y, q, min(first, left), label if first < left else -1)
         ):
-            label, first, violations = looked(contact, memory, way, path, entry)
+            threshold, weight, violated = memory.threshold[entry], contact.weight, path.violated
+            label, first, violations = looked(y, q, weight, way.on_limit, threshold, violated)
+            if memory.reversed_nodes[entry]:
+                violations += reversed_slips(state, q, weight, threshold, violated)
             if violations and not given:
                 count[ROUNDS] += 1
                 if count[ROUNDS] > n + consistency.SIMULTANEOUS_ROUNDS:

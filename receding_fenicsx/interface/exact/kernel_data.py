@@ -22,7 +22,6 @@ class Contact(NamedTuple):
         exchanges: (2, 5, 5, 4) kinds (output, input, output, input) to exchange, -1 for none, of
             smooth and frictional nodes, by the old and the new state.
         marks: (N, 5) random number of each state of each node.
-        stiffness: unit in which the tableau measures displacements.
         rate_tolerance: rate over the norm of all rates below which it counts as zero.
         imbalances: imbalance of rates that is accepted, over the norms of all rates and of forces.
     """
@@ -37,28 +36,8 @@ class Contact(NamedTuple):
     r_star: Array
     exchanges: Ints
     marks: NDArray[np.uint64]
-    stiffness: float
     rate_tolerance: float
     imbalances: tuple[float, float]
-
-
-class Matrix(NamedTuple):
-    """Arrays of a tableau, a ``PivotMatrix``."""
-
-    # T, U, V: the matrix without, and the factors of, its pending updates
-    T: Array
-    U: Array
-    V: Array
-    counts: Ints  # number of pending updates, exchanges in all, and whether ``rate`` is up to date
-    rate: Array  # (m,) rates of the outputs along the leg
-    # row_label, column_label, row_of, column_of: labels and where they are
-    row_label: Ints
-    column_label: Ints
-    row_of: Ints
-    column_of: Ints
-    state: NDArray[np.int8]  # (N,) states of the tableau
-    singular: float  # smallest pivot
-    oldest: int  # exchanges after which it is to be made anew
 
 
 class Memory(NamedTuple):

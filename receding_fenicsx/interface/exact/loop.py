@@ -12,14 +12,18 @@ from receding_fenicsx.arrays import Array, Ints
 from receding_fenicsx.interface.exact import kernel, kernel_data
 from receding_fenicsx.interface.exact.balance import summed
 from receding_fenicsx.interface.exact.legs import LegProblem, widen
-from receding_fenicsx.interface.exact.pivot_matrix import PivotData, PivotMatrix, SingularExchange
+from receding_fenicsx.interface.exact.pivot_matrix import (
+    Matrix,
+    SingularExchange,
+    apply_pending,
+)
 from receding_fenicsx.interface.exact.segments import (
     EPSILON,
     UNREFINABLE_ROUND_OFFS,
     Segments,
     States,
 )
-from receding_fenicsx.interface.exact.tableau import EXCHANGES, MAX_AGE, SMOOTH_EXCHANGES
+from receding_fenicsx.interface.exact.tableau import EXCHANGES, SMOOTH_EXCHANGES
 from receding_fenicsx.interface.law import SEPARATION, STICK
 from receding_fenicsx.interface.system import ContactState
 from receding_fenicsx.interface.tolerances import ACCEPTED_RESIDUAL, RATE_TOLERANCE
@@ -34,7 +38,11 @@ ON_THE_WAY = 0.1
 """Part of the residual accepted at an event up to which errors of nodal forces stay on the way."""
 
 
-NO_MATRIX = PivotMatrix(PivotData(np.zeros((1, 1)), *np.zeros((2, 1), dtype=np.intp)), 1)
+_none, _no_labels = np.zeros((1, 1)), np.zeros(1, dtype=np.intp)
+NO_MATRIX = Matrix(
+    *(_none, _none, _none, np.zeros(3, dtype=np.intp), np.zeros(1), *4 * (_no_labels,)),
+    *(np.zeros(1, dtype=np.int8), 1.0, 0.0, 0),
+)
 """Stands for a tableau where all rates are asked for."""
 
 
@@ -140,7 +148,6 @@ class Loop:
             r_star=np.array(system.r_star, order="C"),
             exchanges=exchanges,
             marks=random.integers(0, 2**63, (n, 5), dtype=np.uint64),
-            stiffness=1.0,
             rate_tolerance=RATE_TOLERANCE,
             imbalances=(UNREFINABLE_ROUND_OFFS * EPSILON, RATE_TOLERANCE),
         )
@@ -152,7 +159,6 @@ class Loop:
         self.last: tuple[ContactState, Array] | None = None
         self._asked: set[bytes] = set()
         self.room = 8 * n
-        self._rate_of_rows: Array | None = None
 
     def _new_memory(self, entries: int) -> kernel_data.Memory:
         n, loads = self.system.n, len(self.contact.r_star)
@@ -263,46 +269,22 @@ class Loop:
         Raises:
             SingularExchange: the tableau is not made in the states of the path.
         """
-        segments, up_to_date = self.segments, 0
+        segments, begun = self.segments, False
         while True:
+            matrix = NO_MATRIX
+            if not segments.is_special:
+                matrix = segments.tableau_at_hand(path.state).matrix
             if segments.is_special:  # rates are not those of the tableau as they are
-                pivots, state = NO_MATRIX, path.state
-                contact, way = self.contact, way._replace(asks_rates=True)
-            else:
-                tableau = segments.tableau_at_hand(path.state)
-                if segments.is_special:
-                    continue
-                pivots, state = tableau.matrix, tableau.state
-                contact = self.contact._replace(stiffness=tableau.unit)
-            count = np.array([pivots.pending, pivots.age, up_to_date])
-            matrix = kernel_data.Matrix(
-                T=pivots.T,
-                U=pivots.U.T,
-                V=pivots.V,
-                counts=count,
-                rate=self._rate(len(pivots.T)),
-                row_label=pivots.row_label,
-                column_label=pivots.column_label,
-                row_of=pivots.row_of,
-                column_of=pivots.column_of,
-                state=state,
-                singular=pivots.singular,
-                oldest=MAX_AGE * len(pivots.T),
-            )
-            request: int = kernel.follow(contact, matrix, self.memory, way, path)
-            pivots.pending, pivots.age, up_to_date = count.tolist()
+                way = way._replace(asks_rates=True)
+            if not begun:
+                matrix.counts[2], begun = 0, True
+            request: int = kernel.follow(self.contact, matrix, self.memory, way, path)
             if request == kernel.PENDING:
-                pivots.apply_pending()
+                apply_pending(matrix)
             elif request == kernel.MEMORY:
                 self.enlarge()
             else:
                 return request
-
-    def _rate(self, m: int) -> Array:
-        """Return the array of the rates of the tableau's outputs, kept from call to call."""
-        if self._rate_of_rows is None or len(self._rate_of_rows) != m:
-            self._rate_of_rows = np.empty(m)
-        return self._rate_of_rows
 
     def ask(self, way: kernel_data.Way, path: kernel_data.Path) -> None:
         """Take the rates of the present states from the segments, which refine them.
@@ -315,18 +297,18 @@ class Loop:
             segments.tableau_at_hand(state).state == kernel.HALF_WAY
         ):
             segments.tableau(state, renew=True)
-        self.fill(way, state, segments.at(state, way.direction).q)
+        self.fill(way, path, segments.at(state, way.direction).q)
         nodes = np.arange(self.system.n)
         mark = way.mark ^ np.bitwise_xor.reduce(self.contact.marks[nodes, state])
         kernel.kept(self.memory, mark, state)
 
-    def fill(self, way: kernel_data.Way, state: States, q: Array) -> int:
-        """Write rates q (4N,) into the next free entry of the memory; return its number."""
+    def fill(self, way: kernel_data.Way, path: kernel_data.Path, q: Array) -> int:
+        """Write rates q (4N,) of the path's states into a new entry of the memory; return it."""
         if self.memory.used[0] == len(self.memory.rates):
             self.enlarge()
         entry = int(self.memory.used[0])
         self.memory.rates[entry] = q
-        kernel.filled(self.contact, self.memory, way, state)
+        kernel.filled(self.contact, self.memory, way, path)
         return entry
 
     def leave_out(

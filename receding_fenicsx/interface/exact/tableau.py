@@ -22,13 +22,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg.blas import dscal
 
-from receding_fenicsx.arrays import Array
-from receding_fenicsx.interface.exact.pivot_matrix import (
-    SINGULAR_PIVOT,
-    PivotData,
-    PivotMatrix,
-    SingularExchange,
-)
+from receding_fenicsx.arrays import Array, Ints
+from receding_fenicsx.interface.exact import pivot_matrix
+from receding_fenicsx.interface.exact.pivot_matrix import SINGULAR_PIVOT, Matrix, SingularExchange
 from receding_fenicsx.interface.law import BACKWARD, FORWARD, SEPARATION, STICK, limit_distances
 from receding_fenicsx.interface.system import ContactSystem
 
@@ -57,6 +53,9 @@ SMOOTH_EXCHANGES = {(STICK, SEPARATION): ((A, W),), (SEPARATION, STICK): ((W, A)
 MAX_AGE = 10
 """Exchanges, in multiples of the tableau's size, after which it is made from scratch, to remove
 round-off."""
+
+MAX_PENDING = 32
+"""Rank-one updates that are collected before they are applied."""
 
 
 def exchanges(
@@ -90,9 +89,7 @@ class Tableau:
     Quantities carry labels kind * N + node with kind V, W, A, B or REACTION.
 
     Attributes:
-        state: (N,) present states.
-        matrix: the map, displacements multiplied by ``unit``, a typical stiffness.
-        rebuilds: times that the tableau was made from scratch.
+        matrix: the map and the present states.
     """
 
     def __init__(
@@ -106,7 +103,7 @@ class Tableau:
         Args:
             system: the condensed body.
             state: (N,) states.
-            singular: smallest pivot, see :class:`PivotMatrix`.
+            singular: smallest pivot.
 
         Raises:
             SingularExchange: the body has a motion without stiffness in these states.
@@ -124,16 +121,14 @@ class Tableau:
         # of two, so that the unit of the stiffness changes no digit
         diagonal = np.abs(np.diagonal(system.K))
         typical = np.median(diagonal[diagonal > 0.0]) if np.any(diagonal) else 1.0
-        self.unit = 2.0 ** int(np.frexp(typical)[1])
+        self._unit = 2.0 ** int(np.frexp(typical)[1])
         self._left_out = np.zeros(0, dtype=np.intp)
         self._all_stuck = self._with_all_stuck(system.r_star.T)
-        self.rebuilds = 0
         self._singular = singular
-        self.matrix = PivotMatrix(self._all_stuck, 5 * n, singular)
         self.build(state)
 
-    def _with_all_stuck(self, r_star: Array) -> PivotData:
-        """Return the map with all nodes stuck, whose matrix is the stiffness itself."""
+    def _with_all_stuck(self, r_star: Array) -> tuple[Array, Ints, Ints]:
+        """Return T with all nodes stuck, the stiffness itself, and labels of rows and columns."""
         n, system, nodes = self.system.n, self.system, np.arange(self.system.n)
         F, S, Z = nodes[self.frictional], nodes[self.smooth], nodes[self.free_v]
         dofs = np.concatenate([F, n + F, n + S, Z])
@@ -143,12 +138,10 @@ class Tableau:
             return np.vstack([*margins, of_u[n + S], of_u[Z]])
 
         of_u = system.K.take(dofs, axis=1)
-        of_u *= 1.0 / self.unit  # a power of two
-        return PivotData(
-            T=np.hstack([forces(of_u), forces(r_star)]),
-            row_label=np.concatenate([A * n + F, B * n + F, A * n + S, REACTION * n + Z]),
-            column_label=np.concatenate([V * n + F, W * n + F, W * n + S, V * n + Z]),
-        )
+        of_u *= 1.0 / self._unit  # a power of two
+        row_label = np.concatenate([A * n + F, B * n + F, A * n + S, REACTION * n + Z])
+        column_label = np.concatenate([V * n + F, W * n + F, W * n + S, V * n + Z])
+        return np.hstack([forces(of_u), forces(r_star)]), row_label, column_label
 
     def build(self, state: NDArray[np.int8]) -> None:
         """Make the tableau for ``state`` from scratch, by one block pivot.
@@ -166,14 +159,35 @@ class Tableau:
         inputs += (V * n + Z).tolist()
         if np.isin(inputs, self._left_out).any():
             self._left_out = self._left_out[:0]
-            self.matrix = PivotMatrix(self._all_stuck, 5 * n, self._singular)
-        elif self.rebuilds:
-            self.matrix.restore(self._all_stuck.without(self._left_out))
-        if outputs and not self.matrix.exchange(np.array(outputs), np.array(inputs)):
+        T, row_label, column_label = self._all_stuck
+        kept = ~np.isin(column_label, self._left_out)
+        T = T[:, np.append(kept, np.ones(T.shape[1] - len(kept), dtype=bool))]
+        m, k = T.shape
+        row_of, column_of = np.full((2, 5 * n), -1)
+        row_of[row_label], column_of[column_label[kept]] = np.arange(m), np.arange(kept.sum())
+        self.matrix = Matrix(
+            T=np.ascontiguousarray(T),
+            U=np.zeros((MAX_PENDING, m)),
+            V=np.zeros((MAX_PENDING, k)),
+            counts=np.zeros(3, dtype=np.intp),
+            rate=np.empty(m),
+            row_label=row_label.copy(),
+            column_label=column_label[kept],
+            row_of=row_of,
+            column_of=column_of,
+            state=state.astype(np.int8),
+            unit=self._unit,
+            singular=self._singular,
+            oldest=MAX_AGE * m,
+        )
+        if outputs and not pivot_matrix.exchange(self.matrix, np.array(outputs), np.array(inputs)):
             raise SingularExchange
-        self.matrix.age = 0
-        self.state = state.copy()
-        self.rebuilds += 1
+        self.matrix.counts[1] = 0
+
+    @property
+    def state(self) -> NDArray[np.int8]:
+        """(N,) present states."""
+        return self.matrix.state
 
     @property
     def left_out(self) -> int:
@@ -191,8 +205,6 @@ class Tableau:
             inputs: labels of the displacements.
         """
         self._left_out = inputs
-        data = self._all_stuck.without(inputs)
-        self.matrix = PivotMatrix(data, 5 * len(state), self._singular)
         self.build(state)
 
     def _different(self, one: NDArray[np.int8], other: NDArray[np.int8]) -> NDArray[np.intp]:
@@ -211,12 +223,12 @@ class Tableau:
         changing = self._different(state, self.state)
         outputs, inputs = exchanges(self.frictional, changing, self.state, state)
         matrix = self.matrix
-        if matrix.age > MAX_AGE * len(matrix.T) or (
-            outputs and not matrix.exchange(np.array(outputs), np.array(inputs))
+        if matrix.counts[1] > matrix.oldest or (
+            outputs and not pivot_matrix.exchange(matrix, np.array(outputs), np.array(inputs))
         ):
             self.build(state)
         else:
-            self.state = state.copy()
+            matrix.state[:] = state
 
     def rates(self, direction: Array) -> Array:
         """Return the rates of v, gap, A and B along a leg.
@@ -229,8 +241,8 @@ class Tableau:
         """
         n = len(self.state)
         rates = np.zeros(4 * n)
-        rates[self.matrix.row_label] = self.matrix.of_loads(direction)
-        dscal(1.0 / self.unit, rates, n=2 * n)  # a power of two
+        rates[self.matrix.row_label] = pivot_matrix.of_loads(self.matrix, direction)
+        dscal(1.0 / self._unit, rates, n=2 * n)  # a power of two
         return rates
 
     def refined(self, rates: Array, direction: Array) -> Array:
@@ -267,8 +279,8 @@ class Tableau:
             (5N,) changes by label, or as many columns.
         """
         out = np.zeros((5 * self.system.n, *change.shape[1:]))
-        out[self.matrix.row_label] = self.matrix.response(labels, change)
-        out[: 2 * self.system.n] /= self.unit
+        out[self.matrix.row_label] = pivot_matrix.response(self.matrix, labels, change)
+        out[: 2 * self.system.n] /= self._unit
         out[labels] = change
         return out
 

@@ -172,7 +172,7 @@ class Walk:
     def _give(self, way: kernel_data.Way, before: States, state: States, segment: Segment) -> None:
         """Give states and rates with which to go on from here."""
         self._set(before, state)
-        entry = self.loop.fill(way, self.path.state, segment.q)
+        entry = self.loop.fill(way, self.path, segment.q)
         self.path.counts[kernel_data.GIVEN] = entry + 1
 
     def _choose(self, way: kernel_data.Way) -> None:
