@@ -197,7 +197,11 @@ def history_from_scene(scene: Scene) -> History:
     if not names:
         path, loop = np.zeros((1, 0)), np.zeros((0, 0))
     elif options.kind == "travel":
-        path = loop = _travel(scene, varying)
+        # loads are put on, travel side by side, and are taken off
+        units = [load.units for load in scene.loads if len(load.travel) > 1]
+        path = loop = np.zeros((len(units[0]) + 2, len(varying)))
+        for part in units:
+            path[np.arange(len(part)) + 1, [varying.index(unit.name) for unit in part]] = 1.0
     elif options.kind == "harmonic":
         path, loop = _harmonic(options, varying)
     elif options.kind == "table":
@@ -322,16 +326,6 @@ def _held(scene: Scene) -> Array:
     for name, factor in scene.history.constant.items():
         rows[-1, names.index(name)] = factor
     return rows if np.any(list(scene.history.constant.values())) else rows[:-1]
-
-
-def _travel(scene: Scene, names: tuple[str, ...]) -> Array:
-    """Return the pass of loads that are put on, travel side by side, and are taken off."""
-    units = [load.units for load in scene.loads if len(load.travel) > 1]
-    rows = np.zeros((len(units[0]) + 2, len(names)))
-    for part in units:
-        columns = [names.index(unit.name) for unit in part]
-        rows[np.arange(len(part)) + 1, columns] = 1.0
-    return rows
 
 
 def _table(options: HistoryOptions, names: tuple[str, ...]) -> tuple[Array, Array]:

@@ -304,7 +304,9 @@ def scene_schema() -> dict[str, Any]:
     history = tables["HistoryOptions"]["properties"]
     for key in ("rows", "cycle_rows"):
         text = history[key].pop("description")
-        history[key] = {"anyOf": [history[key], _from_file()], "description": text}
+        history[key] = {"anyOf": [history[key], {"$ref": "#/$defs/File"}], "description": text}
+    file = {"type": "object", "properties": {"file": {"type": "string"}}}
+    tables["File"] = {**file, "required": ["file"], "additionalProperties": False}
     del tables["Material"]["properties"]["name"]
     named = {"$ref": "#/$defs/Material"}
     tables["DefaultMaterial"] = {**tables["Material"], "additionalProperties": named}
@@ -329,13 +331,6 @@ def scene_schema() -> dict[str, Any]:
     }
 
 
-def _from_file() -> dict[str, Any]:
-    """Return the schema of values that are read from a file of columns."""
-    properties = {"file": {"type": "string"}}
-    required = {"required": ["file"], "additionalProperties": False}
-    return {"type": "object", "properties": properties, **required}
-
-
 def _cleaned(schema: Any) -> Any:
     """Return Pydantic's schema as scene files need it: TOML has no null, profiles may be files."""
     if isinstance(schema, list):
@@ -355,6 +350,6 @@ def _cleaned(schema: Any) -> Any:
     if "anyOf" in found:
         options = [item for item in found.pop("anyOf") if item != {"type": "null"}]
         if any(item.get("propertyNames", {}).get("enum") == ["x", "value"] for item in options):
-            options.append(_from_file())
+            options.append({"$ref": "#/$defs/File"})
         found |= options[0] if len(options) == 1 else {"anyOf": options}
     return found

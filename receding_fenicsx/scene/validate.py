@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.scene import validate_bodies as bodies
+from receding_fenicsx.scene import validate_loads as loads
 from receding_fenicsx.scene.checks import (
     Rules,
     broken,
@@ -21,17 +22,6 @@ from receding_fenicsx.scene.history import history_from_scene
 from receding_fenicsx.scene.model import Probe, Scene, SolverOptions
 from receding_fenicsx.scene.options import HEADLINE_NAMES
 from receding_fenicsx.scene.toml_reader import check_values
-from receding_fenicsx.scene.validate_loads import (
-    body_named,
-    of_bolt,
-    of_effect,
-    of_load,
-    of_names,
-    of_parts,
-    of_place,
-    of_spring,
-    of_support,
-)
 
 
 def validate(scene: Scene) -> None:
@@ -56,28 +46,22 @@ def check_rules(scene: Scene) -> None:
     refuse(broken([_of_units(scene), bodies.of_bodies(scene)]))
     # what follows asks for the edges of contacts and ties
     refuse(broken(bodies.of_joint(scene, k) for k in range(len(scene.joints))))
+    whole = (bodies.of_touching, bodies.of_mesh, bodies.of_half_planes, bodies.of_initial_slip)
     rules = [
         *(bodies.of_contact(scene, k) for k in range(len(scene.contacts))),
-        *(
-            rule(scene)
-            for rule in (
-                bodies.of_touching,
-                bodies.of_mesh,
-                bodies.of_half_planes,
-                bodies.of_initial_slip,
-            )
-        ),
-        *(of_bolt(scene, bolt) for bolt in scene.bolts),
-        *(of_support(scene, support) for support in scene.supports),
-        *(of_spring(scene, spring) for spring in scene.springs),
+        *(rule(scene) for rule in whole),
+        *(loads.of_bolt(scene, bolt) for bolt in scene.bolts),
+        *(loads.of_support(scene, support) for support in scene.supports),
+        *(loads.of_spring(scene, spring) for spring in scene.springs),
         *(rule(scene) for rule in (_of_probes, _of_shakedown, _of_wear, _of_accuracy)),
         of_solver(scene.solver),
     ]
-    loads = broken([of_names(scene), *(of_load(scene, load) for load in scene.loads)])
-    loads = loads or broken([of_parts(scene)])
     # a load that is wrong may not be in the history yet
-    acts = [of_effect(scene, load) for load in scene.loads if not loads]
-    refuse([*broken(rules), *(loads or broken([*acts, _of_fatigue(scene), _of_record(scene)]))])
+    errors = broken([loads.of_names(scene), *(loads.of_load(scene, load) for load in scene.loads)])
+    errors = errors or broken([loads.of_parts(scene)])
+    acts = (loads.of_effect(scene, load) for load in scene.loads)
+    errors = errors or broken([*acts, _of_fatigue(scene), _of_record(scene)])
+    refuse([*broken(rules), *errors])
 
 
 def scene_warnings(scene: Scene) -> list[str]:
@@ -217,9 +201,9 @@ def _of_points(scene: Scene, probe: Probe, at: str) -> Rules:
     if probe.segment and (len(probe.segment) != 2 or probe.segment[0] == probe.segment[1]):
         yield f"{at} segment: needs two different ends, [[x, y], [x, y]]"
     if probe.edge is None:
-        body = body_named(scene, probe.body, at)
+        body = loads.body_named(scene, probe.body, at)
         for point in probe.coordinates:
-            yield from of_place(scene, body, point, at)
+            yield from loads.of_place(scene, body, point, at)
         return
     known = [e for c in scene.contacts for e in (c.edge, c.against) if e is not None]
     check_known(probe.edge, known, f"{at} edge", "contact edge")
