@@ -21,8 +21,6 @@ Positive = Annotated[float, Ge(SMALLEST), Le(LARGEST)]
 NotNegative = Annotated[float, Ge(0.0), Le(LARGEST)]
 Tolerance = Annotated[float, Ge(SMALLEST), Lt(1.0)]
 """Relative error or change."""
-Growth = Annotated[float, Ge(1.0), Le(3.0)]
-"""Size ratio of neighbouring elements."""
 Count = Annotated[int, Ge(1)]
 Thousand = Annotated[int, Ge(1), Le(1000)]
 Million = Annotated[int, Ge(1), Le(1_000_000)]

@@ -14,7 +14,6 @@ from annotated_types import Ge, Gt, Le, Lt
 from receding_fenicsx.arrays import call_of, described
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.scene.checks import (
-    Growth,
     NotNegative,
     Number,
     OneOf,
@@ -200,7 +199,7 @@ class MeshOptions(Table):
     contact_elements: Annotated[int, Ge(4), Le(MAX_CONTACT_ELEMENTS)] = 160
     cell: Annotated[str, OneOf("triangle", "quadrilateral")] = "triangle"
     degree: Annotated[int, Ge(1), Le(2)] = 2
-    growth: Growth = 1.25
+    growth: Annotated[float, Ge(1.0), Le(3.0)] = 1.25
     refine: tuple[Refinement, ...] | None = None
     refinements: Annotated[int, Ge(0), Le(6)] | None = None
 

@@ -7,17 +7,9 @@ between values, and in ``validate_bodies`` and ``validate_loads``.
 from __future__ import annotations
 
 from receding_fenicsx.errors import InputError
+from receding_fenicsx.scene import checks
 from receding_fenicsx.scene import validate_bodies as bodies
 from receding_fenicsx.scene import validate_loads as loads
-from receding_fenicsx.scene.checks import (
-    Rules,
-    broken,
-    check_known,
-    check_name,
-    one_of,
-    refuse,
-    unused,
-)
 from receding_fenicsx.scene.history import history_from_scene
 from receding_fenicsx.scene.model import Probe, Scene, SolverOptions
 from receding_fenicsx.scene.options import HEADLINE_NAMES
@@ -43,9 +35,9 @@ def validate(scene: Scene) -> None:
 
 def check_rules(scene: Scene) -> None:
     """Check the rules between the values of a scene whose types and ranges are right."""
-    refuse(broken([_of_units(scene), bodies.of_bodies(scene)]))
+    checks.refuse(checks.broken([_of_units(scene), bodies.of_bodies(scene)]))
     # what follows asks for the edges of contacts and ties
-    refuse(broken(bodies.of_joint(scene, k) for k in range(len(scene.joints))))
+    checks.refuse(checks.broken(bodies.of_joint(scene, k) for k in range(len(scene.joints))))
     whole = (bodies.of_touching, bodies.of_mesh, bodies.of_half_planes, bodies.of_initial_slip)
     rules = [
         *(bodies.of_contact(scene, k) for k in range(len(scene.contacts))),
@@ -57,11 +49,13 @@ def check_rules(scene: Scene) -> None:
         of_solver(scene.solver),
     ]
     # a load that is wrong may not be in the history yet
-    errors = broken([loads.of_names(scene), *(loads.of_load(scene, load) for load in scene.loads)])
-    errors = errors or broken([loads.of_parts(scene)])
+    errors = checks.broken(
+        [loads.of_names(scene), *(loads.of_load(scene, load) for load in scene.loads)]
+    )
+    errors = errors or checks.broken([loads.of_parts(scene)])
     acts = (loads.of_effect(scene, load) for load in scene.loads)
-    errors = errors or broken([*acts, _of_fatigue(scene), _of_record(scene)])
-    refuse([*broken(rules), *errors])
+    errors = errors or checks.broken([*acts, _of_fatigue(scene), _of_record(scene)])
+    checks.refuse([*checks.broken(rules), *errors])
 
 
 def scene_warnings(scene: Scene) -> list[str]:
@@ -81,23 +75,23 @@ def scene_warnings(scene: Scene) -> list[str]:
     return lines + bodies.gap_warnings(scene)
 
 
-def of_solver(solver: SolverOptions) -> Rules:
+def of_solver(solver: SolverOptions) -> checks.Rules:
     """The method has the options that are given."""
     if solver.branch != "first" and solver.method != "events":
         yield '[solver] branch: load steps find one continuation only; use method "events"'
     sweeps = ("over_relaxation", "polish", "change_tolerance", "residual_tolerance", "max_sweeps")
     only = 'is for method = "gauss-seidel" only, not "events"'
-    yield from unused(solver, "[solver]", [(solver.method == "events", sweeps, only)])
+    yield from checks.unused(solver, "[solver]", [(solver.method == "events", sweeps, only)])
 
 
-def _of_units(scene: Scene) -> Rules:
+def _of_units(scene: Scene) -> checks.Rules:
     """The names in the table [units] can be printed."""
     for name, text in vars(scene.units).items():
         if text is not None and not (text.isprintable() and text.strip()):
             yield f'[units] {name}: must be the name of a unit, such as "mm", not {text!r}'
 
 
-def _of_fatigue(scene: Scene) -> Rules:
+def _of_fatigue(scene: Scene) -> checks.Rules:
     """There are a cycle and points for fatigue parameters."""
     options = scene.fatigue
     if options is None:
@@ -113,21 +107,21 @@ def _of_fatigue(scene: Scene) -> Rules:
         yield "[fatigue] threshold: needs a [[probe]] with a segment, and a count of 3 or more"
 
 
-def _of_wear(scene: Scene) -> Rules:
+def _of_wear(scene: Scene) -> checks.Rules:
     if scene.wear.coefficient is not None and scene.wear.archard is not None:
         yield "[wear] coefficient and archard: give one of them"
 
 
-def _of_shakedown(scene: Scene) -> Rules:
+def _of_shakedown(scene: Scene) -> checks.Rules:
     options, known = scene.shakedown, scene.driven_names
     named = [("mean", options.mean), *(("range", vertex) for vertex in options.range)]
     for key, names in [*named, ("diagram", [options.diagram] if options.diagram else [])]:
         for name in names:
-            check_known(name, known, f"[shakedown] {key}", "load")
+            checks.check_known(name, known, f"[shakedown] {key}", "load")
     yield from ()  # unknown names raise
 
 
-def _of_accuracy(scene: Scene) -> Rules:
+def _of_accuracy(scene: Scene) -> checks.Rules:
     owners = {
         "load": scene.load_names,
         "probe": tuple(probe.name for probe in scene.probes),
@@ -136,17 +130,17 @@ def _of_accuracy(scene: Scene) -> Rules:
     for name in scene.accuracy.numbers:
         base, bracket, owner = name.removesuffix("]").partition("[")
         if base not in HEADLINE_NAMES:
-            check_known(name, tuple(HEADLINE_NAMES), "[accuracy] numbers", "number")
+            checks.check_known(name, tuple(HEADLINE_NAMES), "[accuracy] numbers", "number")
         kind = next(kind for kind in owners if base.startswith(kind))
         several = kind or len(scene.contacts) > 1
         if bracket and (base.startswith("dissipation") or not several):
             yield f"[accuracy] numbers: '{base}' is one number; leave out [{owner}]"
         if bracket:
             what = kind or "contact edge"
-            check_known(owner, owners[kind], f"[accuracy] numbers '{base}'", what)
+            checks.check_known(owner, owners[kind], f"[accuracy] numbers '{base}'", what)
 
 
-def _of_record(scene: Scene) -> Rules:
+def _of_record(scene: Scene) -> checks.Rules:
     """The history, its sampled cycles, and that the record can be stored."""
     history, output = history_from_scene(scene), scene.output
     for number in output.cycles if isinstance(output.cycles, tuple) else ():
@@ -172,12 +166,12 @@ def _of_record(scene: Scene) -> Rules:
             yield f"{key}: requires a record of {size / 1e9:.0f} GB; {advice}"
 
 
-def _of_probes(scene: Scene) -> Rules:
+def _of_probes(scene: Scene) -> checks.Rules:
     """The names of probes, and that their points lie on their bodies."""
     seen: set[str] = set()
     for probe in scene.probes:
         at, name = f"probe '{probe.name}'", probe.name
-        check_name(name, "[[probe]] name")
+        checks.check_name(name, "[[probe]] name")
         # characters that some systems do not allow
         odd = any(c in '/\\:*?"<>|' for c in name) or name != name.strip() or name[0] == "."
         if odd or len(name) > 80:
@@ -191,9 +185,9 @@ def _of_probes(scene: Scene) -> Rules:
         yield f"[[probe]]: the probes have {total} points, at most 1000 are possible; omit some"
 
 
-def _of_points(scene: Scene, probe: Probe, at: str) -> Rules:
+def _of_points(scene: Scene, probe: Probe, at: str) -> checks.Rules:
     """The points of a probe are given in one way, and lie on its body."""
-    yield from one_of(probe, at, ("point", "points", "segment", "edge"))
+    yield from checks.one_of(probe, at, ("point", "points", "segment", "edge"))
     if probe.segment and probe.count is None:
         yield f"{at} count: a segment needs its number of points; add count"
     if probe.count is not None and not probe.segment:
@@ -206,6 +200,6 @@ def _of_points(scene: Scene, probe: Probe, at: str) -> Rules:
             yield from loads.of_place(scene, body, point, at)
         return
     known = [e for c in scene.contacts for e in (c.edge, c.against) if e is not None]
-    check_known(probe.edge, known, f"{at} edge", "contact edge")
+    checks.check_known(probe.edge, known, f"{at} edge", "contact edge")
     if probe.body is not None:
         yield f"{at} body: the edge names the body; remove it"

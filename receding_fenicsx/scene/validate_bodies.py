@@ -13,14 +13,7 @@ import numpy as np
 from receding_fenicsx.errors import MeshMisfit
 from receding_fenicsx.scene import symmetry
 from receding_fenicsx.scene.checks import Rules, check_known, check_name, unused
-from receding_fenicsx.scene.model import (
-    RECTANGLE_KEYS,
-    Body,
-    Material,
-    MeshOptions,
-    Refinement,
-    Scene,
-)
+from receding_fenicsx.scene.model import RECTANGLE_KEYS, Body, MeshOptions, Refinement, Scene
 from receding_fenicsx.scene.profiles import check_table, directions, evaluate_checked
 
 
@@ -59,7 +52,9 @@ def of_bodies(scene: Scene) -> Rules:
                 "give it the name of a physical surface"
             )
     own = "each body has a [material.NAME] of its own"
-    keys = [field.name for field in fields(Material) if field.name not in ("kinematics", "name")]
+    keys = [
+        field.name for field in fields(scene.material) if field.name not in ("kinematics", "name")
+    ]
     yield from unused(scene.material, "[material]", [(scene.material not in used, keys, own)])
     for m in used:
         at = f"[material.{m.name}]" if m.name else "[material]"

@@ -10,17 +10,8 @@ import numpy as np
 
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.scene import checks, symmetry
-from receding_fenicsx.scene.model import (
-    FREE,
-    INTERFERENCE,
-    Body,
-    Bolt,
-    Load,
-    Scene,
-    Spring,
-    Support,
-)
-from receding_fenicsx.scene.options import KINDS
+from receding_fenicsx.scene.model import FREE, Body, Bolt, Load, Scene, Spring, Support
+from receding_fenicsx.scene.options import INTERFERENCE, KINDS
 from receding_fenicsx.scene.profiles import check_table, evaluate_checked
 from receding_fenicsx.scene.validate_bodies import has_mesh_file, of_edge, of_span
 
