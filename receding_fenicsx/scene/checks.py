@@ -45,11 +45,7 @@ class Table:
     The description of each key is its entry under ``Attributes`` in the docstring.
     """
 
-    __pydantic_config__: ClassVar[dict[str, Any]] = {
-        "extra": "forbid",
-        "strict": True,
-        "allow_inf_nan": False,
-    }
+    __pydantic_config__: ClassVar = {"extra": "forbid", "strict": True, "allow_inf_nan": False}
 
     def __post_init__(self) -> None:
         """Store lists and arrays as tuples, in profiles as lists, NumPy's numbers as Python's."""

@@ -17,12 +17,7 @@ from receding_fenicsx.arrays import Array
 from receding_fenicsx.atomic import check_file
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.evolution.replay import state_at
-from receding_fenicsx.interface.gauss_seidel.compliance_form import (
-    StepProblem,
-    StepSolution,
-    solve_problem,
-    step_problem,
-)
+from receding_fenicsx.interface.gauss_seidel import compliance_form as form
 from receding_fenicsx.interface.system import ContactState, ContactSystem
 from receding_fenicsx.scene import history
 from receding_fenicsx.scene.toml_file import known_scene
@@ -59,7 +54,10 @@ def export(
         system, start = read_system(source), None
         load = np.ones(len(system.load_names))
         text = "from rest to load factors 1"
-    problem, solution = step_problem(system, load, start), solve_problem(system, load, start)
+    problem, solution = (
+        form.step_problem(system, load, start),
+        form.solve_problem(system, load, start),
+    )
     title = known_scene(system.scene_toml).title if system.scene_toml else ""
     write_fclib(out, problem, solution, title, text, overwrite)
     free = problem.V.shape[1]
@@ -92,8 +90,8 @@ def _step(
 
 def write_fclib(
     path: Path,
-    problem: StepProblem,
-    solution: StepSolution | None = None,
+    problem: form.StepProblem,
+    solution: form.StepSolution | None = None,
     title: str = "",
     description: str = "",
     overwrite: bool = False,

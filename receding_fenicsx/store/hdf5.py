@@ -67,13 +67,12 @@ def open_file(path: str | Path, kind: str) -> Iterator[h5py.File]:
     InputError: the file does not exist, is of another kind or format version, or a bit of it has
     changed since it was written.
     """
-    path = Path(path)
-    if not path.is_file():
+    if not Path(path).is_file():
         raise InputError(f"{path}: no such file; check the path")
     try:
         with open(path, "rb") as plain:
             title = plain.read(512)
-            # the program once wrote files without a title, but with HDF5's own checksums
+            # files of the first version have no title, but HDF5's own checksums
             bare = title.startswith(b"\x89HDF")
             intact = bare or title == _title(kind, hashlib.file_digest(plain, "sha256").hexdigest())
     except OSError as error:
@@ -200,14 +199,14 @@ def read_system(path: str | Path, scene: Scene | None = None) -> ContactSystem:
     if not system.scene_toml:
         raise InputError(f"{path}: was not condensed from a scene; condense this scene")
     if condensed_from != digest(scene):
-        found, same = None, False
+        found = "mesh file"
         with suppress(InputError):  # the mesh file of that scene may no longer exist
             known = known_scene(system.scene_toml)
-            found = body_difference(known, scene)
             # digests of other versions of this program differ
-            same = digest(known) == digest(scene) and not any(b.mesh for b in known.bodies)
-        if not same:
-            other = f"was condensed from a scene with another {found or 'mesh file'}"
+            meshed = "mesh file" if any(body.mesh for body in known.bodies) else ""
+            found = body_difference(known, scene) or meshed
+        if found:
+            other = f"was condensed from a scene with another {found}"
             raise InputError(f"{path}: {other}; condense this scene again")
     try:
         return system_for(scene, system)
