@@ -15,7 +15,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import NamedTuple
 
 from petsc4py import PETSc
 
@@ -33,24 +32,6 @@ from receding_fenicsx.errors import InputError, MeshMisfit
 from receding_fenicsx.mpi import on_all
 from receding_fenicsx.scene.checks import nearest
 from receding_fenicsx.scene.model import FREE, Scene
-
-
-class Dofs(NamedTuple):
-    """Degrees of freedom 2 node + component, the coordinates (n, 2) of their nodes, and values."""
-
-    dofs: Ints
-    places: Array
-    values: Array
-
-    def at(self, which: Ints | NDArray[np.bool_]) -> Dofs:
-        """Return some of them."""
-        return Dofs(self.dofs[which], self.places[which], self.values[which])
-
-    @staticmethod
-    def joined(parts: list[Dofs]) -> Dofs:
-        """Return all parts one after the other."""
-        none = Dofs(np.empty(0, dtype=np.int64), np.empty((0, 2)), np.empty(0))
-        return Dofs(*(np.concatenate(arrays) for arrays in zip(none, *parts, strict=True)))
 
 
 @dataclass(frozen=True)
@@ -95,75 +76,92 @@ def _leader(slaves: Ints, masters: Ints, dofs: Ints) -> Ints:
     return np.where(slaves[at] == dofs, masters[at], dofs)
 
 
+class _Nodes:
+    """Nodes of a body that are constrained, and where they lie."""
+
+    def __init__(self, scene: Scene, space: fem.FunctionSpace, body: BodyMesh) -> None:
+        self.scene, self.space, self.body = scene, space, body
+        self.places: dict[int, list[float]] = {}
+
+    def put(self, nodes: Ints, places: Array) -> tuple[Ints, Array]:
+        """Keep where nodes lie, and return them."""
+        self.places |= dict(zip(nodes.tolist(), places.tolist(), strict=True))
+        return nodes, places
+
+    def on_edge(self, edge: str, span: tuple[float, float] | None) -> tuple[Ints, Array]:
+        """Return the nodes of an edge and their places; collective."""
+        return self.put(*edge_nodes(self.space, self.body, edge, span))
+
+    def of(self, dofs: Ints) -> Array:
+        """Return the places (n, 2) of degrees of freedom."""
+        return np.array([self.places[dof // 2] for dof in dofs.tolist()]).reshape(-1, 2)
+
+    def components(self, dofs: Ints) -> Array:
+        """Return the components (n, 3) of the rigid motions at degrees of freedom."""
+        moving = motions(self.of(dofs), self.body.pivot, self.body.size)
+        return moving[np.arange(len(dofs)), dofs % 2]
+
+
 def find_constraints(
     scene: Scene, space: fem.FunctionSpace, body: BodyMesh, contact: Ints
 ) -> Constraints:
     """Find all constraints of a body, also those of the nodes on contact edges; collective."""
-    slaves, masters = _platens(scene, space, body, contact)
-    follows = slaves.dofs, masters.dofs
-    held = _held(scene, space, body)
-    if scene.axisymmetric and len(slaves.dofs):
+    nodes = _Nodes(scene, space, body)
+    slaves, masters = _platens(nodes, contact)
+    held = _held(nodes)
+    if scene.axisymmetric:
         # a rigid ring cannot widen
-        held = Dofs.joined([masters.at(masters.dofs % 2 == 0), held])
-    held = held._replace(dofs=_leader(*follows, held.dofs))
+        held = np.concatenate([masters[masters % 2 == 0], held])
+    held = _leader(slaves, masters, held)
     moved = {}
-    for name, found in _displacements(scene, space, body).items():
-        found = found._replace(dofs=_leader(*follows, found.dofs))
-        _, first, inverse = np.unique(found.dofs, return_index=True, return_inverse=True)
-        differs = np.abs(found.values - found.values[first][inverse])
-        against = np.isin(found.dofs, held.dofs) & (found.values != 0.0)
+    for name, (every, values) in _displacements(nodes).items():
+        dofs = _leader(slaves, masters, every)
+        own, first, inverse = np.unique(dofs, return_index=True, return_inverse=True)
+        differs = np.abs(values - values[first][inverse])
+        against = np.isin(dofs, held) & (values != 0.0)
         # equal to round-off where the same profile is evaluated twice
-        if differs.max() > 1e-12 * np.abs(found.values).max():
-            x, y = found.places[int(np.argmax(differs))]
+        if differs.max() > 1e-12 * np.abs(values).max():
+            x, y = nodes.of(every)[np.argmax(differs)]
             raise InputError(
                 f"load '{name}' displacement: has two values at ({x:g}, {y:g}), of two edges or "
                 "on a platen, which moves without rotation; give equal numbers"
             )
         if against.any():
-            x, y = found.places[int(np.argmax(against))]
+            x, y = nodes.of(every)[np.argmax(against)]
             raise InputError(
                 f"load '{name}': its displacement moves the node at ({x:.6g}, {y:.6g}), which a "
                 "support, symmetry or the axis holds; restrict it by a span, or drop the support"
             )
-        moved[name] = found.at(first)
-    every = Dofs.joined([held, *moved.values()])
-    given, first = np.unique(every.dofs, return_index=True)
+        moved[name] = own, values[first]
+    given = np.unique(np.concatenate([held, *(dofs for dofs, _ in moved.values())]))
     prescribed = {name: np.zeros(len(given)) for name in moved}
-    for name, found in moved.items():
-        prescribed[name][np.searchsorted(given, found.dofs)] = found.values
-
-    def components(part: Dofs) -> Array:
-        moving = motions(part.places, body.pivot, body.size)
-        return moving[np.arange(len(part.dofs)), part.dofs % 2]
-
-    tied = components(slaves) - components(masters)
-    return Constraints(*follows, given, prescribed, components(every.at(first)), tied)
+    for name, (dofs, values) in moved.items():
+        prescribed[name][np.searchsorted(given, dofs)] = values
+    tied = nodes.components(slaves) - nodes.components(masters)
+    return Constraints(slaves, masters, given, prescribed, nodes.components(given), tied)
 
 
-def _platens(
-    scene: Scene, space: fem.FunctionSpace, body: BodyMesh, contact: Ints
-) -> tuple[Dofs, Dofs]:
-    """Return the dofs of platens that follow, and the one that each follows.
+def _platens(nodes: _Nodes, contact: Ints) -> tuple[Ints, Ints]:
+    """Return the dofs of platens that follow, sorted, and the one that each follows.
 
     Loads on the same edge and span share a platen.
     """
     names: dict[tuple[str, tuple[float, float] | None], str] = {}
-    for load in scene.loads:
+    for load in nodes.scene.loads:
         if load.platen:
             names.setdefault((load.edge, load.span), load.name)
-    taken: dict[int, tuple[str, str]] = {}
-    slaves: list[Dofs] = []
-    masters: list[Dofs] = []
+    taken: dict[int, str] = {}
+    slaves, masters = [np.empty(0, dtype=np.int64)], [np.empty(0, dtype=np.int64)]
     for (edge, span), name in names.items():
-        nodes, places = edge_nodes(space, body, edge, span)
-        for node in nodes.tolist():
-            other, where = taken.setdefault(node, (name, f"{edge} {span}"))
-            if where != f"{edge} {span}":
+        own, places = nodes.on_edge(edge, span)
+        for node in own.tolist():
+            if node in taken:
                 raise InputError(
-                    f"load '{name}': its platen on '{edge}' meets that of load '{other}'; give "
-                    "both the same edge and span, or a span that leaves a gap between them"
+                    f"load '{name}': its platen on '{edge}' meets that of load '{taken[node]}'; "
+                    "give both the same edge and span, or a span that leaves a gap between them"
                 )
-        touches = np.flatnonzero(np.isin(nodes, contact))
+        taken |= dict.fromkeys(own.tolist(), name)
+        touches = np.flatnonzero(np.isin(own, contact))
         if len(touches) > 1:
             ends = sorted(places[touches].tolist())
             at = " and ".join(f"({x:.6g}, {y:.6g})" for x, y in (ends[0], ends[-1]))
@@ -172,38 +170,37 @@ def _platens(
                 "restrict it by a span, or give it a pressure or traction instead"
             )
         master = touches[0] if len(touches) else 0
-        for dofs, part in ((slaves, np.delete(np.arange(len(nodes)), master)), (masters, master)):
-            follow = np.full(len(nodes) - 1, part)
-            numbers = (2 * nodes[follow][:, None] + np.arange(2)).ravel()
-            dofs.append(Dofs(numbers, np.repeat(places[follow], 2, axis=0), 0.0 * numbers))
-    every, leading = Dofs.joined(slaves), Dofs.joined(masters)
-    order = np.argsort(every.dofs)
-    return every.at(order), leading.at(order)
+        follow = np.delete(own, master)
+        slaves.append((2 * follow[:, None] + np.arange(2)).ravel())
+        masters.append(np.tile(2 * own[master] + np.arange(2), len(follow)))
+    order = np.argsort(np.concatenate(slaves))
+    return np.concatenate(slaves)[order], np.concatenate(masters)[order]
 
 
-def _displacements(scene: Scene, space: fem.FunctionSpace, body: BodyMesh) -> dict[str, Dofs]:
-    """Return the dofs that each load prescribes, by the load's name."""
-    found: dict[str, Dofs] = {}
-    for load in scene.loads:
+def _displacements(nodes: _Nodes) -> dict[str, tuple[Ints, Array]]:
+    """Return the dofs that each load prescribes, and their values, by the load's name."""
+    found: dict[str, tuple[Ints, Array]] = {}
+    for load in nodes.scene.loads:
         if load.displacement is None:
             continue
-        nodes, places = edge_nodes(space, body, load.edge, load.span)
-        given = [
-            Dofs(2 * nodes + axis, places, profile_values(load, body, part, places))
-            for axis, part in enumerate(load.displacement)
-            if part != FREE
-        ]
-        if not given:
+        own, places = nodes.on_edge(load.edge, load.span)
+        parts = [found[load.name]] if load.name in found else []
+        axes = [axis for axis, part in enumerate(load.displacement) if part != FREE]
+        if not axes:
             raise InputError(
                 f"load '{load.name}' displacement: is free in both directions; give one"
             )
-        before = [found[load.name]] if load.name in found else []
-        found[load.name] = Dofs.joined([*before, *given])
+        for axis in axes:
+            values = profile_values(load, nodes.body, load.displacement[axis], places)
+            parts.append((2 * own + axis, values))
+        dofs, values = map(np.concatenate, zip(*parts, strict=True))
+        found[load.name] = dofs, values
     return found
 
 
-def _held(scene: Scene, space: fem.FunctionSpace, body: BodyMesh) -> Dofs:
+def _held(nodes: _Nodes) -> Ints:
     """Return the dofs that symmetry or the axis holds, then those of each support; collective."""
+    scene, body = nodes.scene, nodes.body
     near = POSITION_TOLERANCE * body.size
 
     def on_axis(places: Array) -> NDArray[np.bool_]:
@@ -214,28 +211,22 @@ def _held(scene: Scene, space: fem.FunctionSpace, body: BodyMesh) -> Dofs:
             )
         return r <= near
 
-    found = []
+    found = [np.empty(0, dtype=np.int64)]
     if scene.axisymmetric:
-        found.append((*find_nodes(space, on_axis), "x"))
+        found.append(2 * nodes.put(*find_nodes(nodes.space, on_axis))[0])
     elif body.half:
-        found.append((*edge_nodes(space, body, "axis", None), "x"))
+        found.append(2 * nodes.on_edge("axis", None)[0])
     for support in scene.supports:
         if support.edge is not None:
-            nodes, places = edge_nodes(space, body, support.edge, None)
+            own, _ = nodes.on_edge(support.edge, None)
         else:
-            nodes, places = nodes_at(space, body, support.point or "")
-        if not len(nodes) and scene.body.mesh is not None:
+            own, _ = nodes.put(*nodes_at(nodes.space, body, support.point or ""))
+        if not len(own) and scene.body.mesh is not None:
             raise MeshMisfit(
                 f"support at {support.edge or support.point}: no node lies there; move it"
             )
-        found.append((nodes, places, support.fix))
-    return Dofs.joined(
-        [
-            Dofs(2 * nodes + "xy".index(axis), places, np.zeros(len(nodes)))
-            for nodes, places, fix in found
-            for axis in fix
-        ]
-    )
+        found += [2 * own + "xy".index(axis) for axis in support.fix]
+    return np.concatenate(found)
 
 
 def find_nodes(
