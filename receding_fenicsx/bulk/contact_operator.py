@@ -215,33 +215,28 @@ class _Points:
     places: Array
     normal: Array
     weight: Array
-    # of each side its body, and for each pair of a point and a node of the body, whose numbers are
-    # (m,), the matrix (m, 2, 2) of x and y that multiplies the displacement
-    parts: tuple[tuple[int, Ints, Ints, Array], ...]
-    own: Ints  # (n,) the slave's node at each point
+    # by the number of its body, each side's (2n, 2N) part of the relative displacement [x; y]
+    parts: dict[int, sparse.csr_matrix]
+    body: int  # the slave
+    own: Ints  # (n,) its node at each point
     without: NDArray[np.bool_]  # (n, 2) whether only that node counts in [v; w]
 
     def rows(self, nodes: ContactNodes, body: int, axis: str) -> sparse.csr_matrix:
         """Return the rows along t or n, of the displacements [v; w] of a body."""
-        n = len(nodes.node)
-        found = sparse.csr_matrix((len(self.x), 2 * n))
-        tangent = np.column_stack([self.normal[:, 1], -self.normal[:, 0]])
-        direction = tangent if axis == "t" else self.normal
-        for number, (owner, point, node, matrix) in enumerate(self.parts):
-            if owner != body:
-                continue
-            keep = ~self.without[point, "tn".index(axis)]
-            if number == 0:
-                keep |= node == self.own[point]
-            row = np.einsum("ma,mab->mb", direction[point], matrix)
-            values = [np.einsum("mb,mb->m", row, d[node]) for d in (nodes.tangent, nodes.normal)]
-            value = np.concatenate(values) * np.tile(keep, 2)
-            # products of unit vectors are 0 or 1 to round-off on straight edges
-            value = np.where(np.abs(value) < 1e-15, 0.0, value)
-            near = np.abs(np.abs(value) - 1.0) < 1e-15
-            value = np.where(near, np.sign(value), value)
-            at = np.tile(point, 2), np.concatenate([node, n + node])
-            found = found + sparse.csr_matrix((value, at), found.shape)
+        n, k = len(nodes.node), "tn".index(axis)
+        if body not in self.parts:
+            return sparse.csr_matrix((len(self.x), 2 * n))
+        direction = (np.column_stack([self.normal[:, 1], -self.normal[:, 0]]), self.normal)[k]
+        along = sparse.hstack([sparse.diags(part) for part in direction.T])
+        axes = nodes.tangent, nodes.normal
+        turn = sparse.bmat([[sparse.diags(axis[:, i]) for axis in axes] for i in (0, 1)])
+        coo = (along @ self.parts[body] @ turn).tocoo()
+        own = (body == self.body) & (coo.col % n == self.own[coo.row])
+        value = np.where(self.without[coo.row, k] & ~own, 0.0, coo.data)
+        # products of unit vectors are 0 or 1 to round-off on straight edges
+        value = np.where(np.abs(value) < 1e-15, 0.0, value)
+        value = np.where(np.abs(np.abs(value) - 1.0) < 1e-15, np.sign(value), value)
+        found = sparse.csr_matrix((value, (coo.row, coo.col)), coo.shape)
         found.eliminate_zeros()
         return found
 
@@ -279,18 +274,24 @@ def _points(
     tangent = np.column_stack([normal[:, 1], -normal[:, 0]])
     aside = without[:, 0] * np.einsum("pc,pc->p", slave.points[keep] - places, tangent)
     places, shift = places + aside[:, None] * tangent, np.where(without[:, 0], 0.0, shift)
-    eye = np.eye(2)
-    parts = [(body, coo.row, slave.node[coo.col], sign * coo.data[:, None, None] * eye)]
+
+    def displacement(body: int, side: ContactSide, weights: sparse.csr_matrix) -> sparse.csr_matrix:
+        at = side.node[weights.indices], weights.indptr
+        shape = weights.shape[0], len(contacts[body].node)
+        part = sparse.csr_matrix((weights.data, *at), shape)
+        return sparse.block_diag((part, part), "csr")
+
+    parts = {body: sign * displacement(body, slave, W)}
     if len(sides) > 1:
         _, other, master = sides[1]
-        pi = W @ (sparse.eye(len(slave.x)) if same else _projection(scene, joint, slave, master))
-        coo = pi.tocoo()
-        parts.append((other, coo.row, master.node[coo.col], -sign * coo.data[:, None, None] * eye))
+        pi = W if same else (W @ _projection(scene, joint, slave, master)).tocsr()
+        parts[other] = -sign * displacement(other, master, pi)
         if not same:
             arm = np.where(without.any(axis=1)[:, None], 0.0, places - pi @ master.points)
-            parts.append((other, *_turning(pi.tocsr(), arm, master, -sign)))
+            turning = _turning(pi, arm, master, len(contacts[other].node))
+            parts[other] = parts[other] - sign * turning
     x = slave.x[keep] + shift
-    return _Points(x, places, normal, weight, tuple(parts), slave.node[keep], without)
+    return _Points(x, places, normal, weight, parts, body, slave.node[keep], without)
 
 
 def _merged(side: ContactSide, where: str) -> sparse.csr_matrix:
@@ -388,10 +389,10 @@ def _projection(
 
 
 def _turning(
-    pi: sparse.csr_matrix, arm: Array, master: ContactSide, sign: int
-) -> tuple[Ints, Ints, Array]:
-    """Return the parts of points that turn with the master, for ``_Points.parts``."""
-    rows, nodes, matrices = [], [], []
+    pi: sparse.csr_matrix, arm: Array, master: ContactSide, count: int
+) -> sparse.csr_matrix:
+    """Return (2n, 2 count) displacements [x; y] of points that turn with the master's nodes."""
+    found = sparse.lil_matrix((2 * len(arm), 2 * count))
     for point, d in enumerate(arm):
         used = pi.indices[pi.indptr[point] : pi.indptr[point + 1]]
         if len(used) < 2:
@@ -400,12 +401,11 @@ def _turning(
         first = int(np.argmax(np.linalg.norm(at - at[0], axis=1)))
         last = int(np.argmax(np.linalg.norm(at - at[first], axis=1)))
         r = at[last] - at[first]
-        turn = sign * np.outer([-d[1], d[0]], [-r[1], r[0]]) / (r @ r)
-        rows += [point, point]
-        nodes += [used[first], used[last]]
-        matrices += [-turn, turn]
-    at = master.node[np.array(nodes, dtype=int)]
-    return np.array(rows, dtype=int), at, np.array(matrices).reshape(-1, 2, 2)
+        turn = np.outer([-d[1], d[0]], [-r[1], r[0]]) / (r @ r)
+        for end, part in ((first, -turn), (last, turn)):
+            node = master.node[used[end]]
+            found[np.ix_([point, len(arm) + point], [node, count + node])] = part
+    return found.tocsr()
 
 
 def _held_together(
