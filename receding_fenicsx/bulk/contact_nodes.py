@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from receding_fenicsx.arrays import Array, Ints
 from receding_fenicsx.bulk.constraints import Constraints, find_constraints
 from receding_fenicsx.bulk.edges import integrate, measure, tagged_facets
-from receding_fenicsx.bulk.mesh.meshing import BodyMesh, ContactFacets
+from receding_fenicsx.bulk.mesh.contact_edges import ContactFacets
+from receding_fenicsx.bulk.mesh.meshing import BodyMesh
 from receding_fenicsx.bulk.mesh.raw_mesh import Line
 from receding_fenicsx.bulk.rigid_motions import free_motions, motions, scaled
 from receding_fenicsx.errors import InputError

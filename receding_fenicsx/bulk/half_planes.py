@@ -21,7 +21,7 @@ from receding_fenicsx.bulk.join_bodies import (
     common_sign,
 )
 from receding_fenicsx.bulk.mesh.grading import Base, graded
-from receding_fenicsx.bulk.mesh.meshing import BodyMesh, contact_nodes_of, make_meshes
+from receding_fenicsx.bulk.mesh.meshing import BodyMesh, make_meshes
 from receding_fenicsx.bulk.rigid_motions import free_motions, motions, scaled
 from receding_fenicsx.bulk.stress import Stresses, named_stresses
 from receding_fenicsx.errors import InputError
@@ -39,7 +39,6 @@ from receding_fenicsx.half_plane.stiffness import (
 )
 from receding_fenicsx.mpi import given, on_root
 from receding_fenicsx.scene.model import FREE, Contact, Refinement, Scene
-from receding_fenicsx.scene.one_body import part_of
 from receding_fenicsx.scene.symmetry import contact_samples
 
 
@@ -208,7 +207,7 @@ def half_plane_of(
     """
     far = _far_field(scene, names)
     if partner is None:
-        contact = _own_nodes(scene)
+        contact = own_nodes(scene)
         size = float(np.ptp(contact.points[:, 0]))
     else:
         contact = partner
@@ -243,16 +242,7 @@ def half_plane_of(
     return HalfPlane(scene, comm, names, contact, size, surface, side, datum, far)
 
 
-def count_nodes(scene: Scene) -> int:
-    """Return the number of contact nodes of a scene with half-planes; no communication."""
-    for body in scene.bodies:
-        if not body.is_half_plane:
-            return sum(contact_nodes_of(part_of(scene, body)))
-    owner = scene.find_edge(scene.contacts[0].edge)[0]
-    return len(_own_nodes(part_of(scene, owner)).node)
-
-
-def _own_nodes(scene: Scene) -> ContactNodes:
+def own_nodes(scene: Scene) -> ContactNodes:
     """Return the contact nodes of a half-plane that is the only or the first body."""
     x = [_positions(scene, contact) for contact in scene.contacts]
     below = scene.contacts[0].edge == "top"

@@ -16,7 +16,7 @@ import numpy as np
 from scipy.linalg import block_diag
 
 from receding_fenicsx.arrays import Array
-from receding_fenicsx.bulk import elasticity
+from receding_fenicsx.bulk import _dolfinx, elasticity
 from receding_fenicsx.bulk.body import Bulk
 from receding_fenicsx.bulk.closures import (
     add_links,
@@ -25,15 +25,16 @@ from receding_fenicsx.bulk.closures import (
     link_names,
     with_gaps,
 )
+from receding_fenicsx.bulk.contact_nodes import find_contact
 from receding_fenicsx.bulk.contact_operator import ContactPoints, Relative, relative_of
-from receding_fenicsx.bulk.half_planes import HalfPlane, half_plane_of, join_half_planes
+from receding_fenicsx.bulk.half_planes import HalfPlane, half_plane_of, join_half_planes, own_nodes
 from receding_fenicsx.bulk.join_bodies import CondensedBody, JoinedBodies, join
-from receding_fenicsx.bulk.mesh.meshing import BodyMesh
+from receding_fenicsx.bulk.mesh.meshing import BodyMesh, make_meshes
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.interface.system import ContactSystem
 from receding_fenicsx.mpi import given, on_root
 from receding_fenicsx.scene.model import Scene
-from receding_fenicsx.scene.one_body import in_order, part_of
+from receding_fenicsx.scene.one_body import in_order, part_of, sides_of_body
 from receding_fenicsx.scene.toml_file import to_toml
 
 Body = Bulk | HalfPlane
@@ -170,6 +171,31 @@ def build_all(scene: Scene, bodies: tuple[BodyMesh, ...], comm: MPI.Comm | None 
         parts.append(halves[-1])
     pair = (halves[0], halves[1]) if len(halves) == 2 else None
     return Stack(scene, tuple(parts), soft, pair)
+
+
+def contact_of(scene: Scene) -> tuple[ContactPoints, list[float]]:
+    """Mesh a whole scene on this process; return its contact points, and mean sizes of elements.
+
+    The sizes are those on the slave's side of each contact. Of half-planes it takes the first, or
+    the body on one.
+    """
+    meshed = [body for body in scene.bodies if not body.is_half_plane]
+    if len(meshed) < len(scene.bodies):
+        scene = part_of(scene, meshed[0] if meshed else in_order(scene)[0])
+    scenes = [part_of(scene, body) for body in scene.bodies]
+    meshes = make_meshes(MPI.COMM_SELF, scene, scene.axisymmetric) if meshed else ()
+    contacts = [] if meshed else [own_nodes(scene)]
+    for part, mesh in zip(scenes, meshes, strict=False):
+        space = _dolfinx.vector_space(mesh.mesh, scene.mesh.degree)
+        contacts.append(find_contact(part, space, mesh, np.zeros((0, 3)))[0])
+    sizes = {}
+    for part, nodes in zip(scenes, contacts, strict=True):
+        for (joint, sign), side in zip(sides_of_body(scene, part.body), nodes.sides, strict=True):
+            if side.slave or sign > 0:
+                ends = side.facets[side.facets.min(axis=1) >= 0, :2]
+                a, b = np.moveaxis(side.points[ends], 1, 0)
+                sizes[joint] = float(np.linalg.norm(b - a, axis=1).mean())
+    return relative_of(scene, contacts, scenes)[1], [sizes[k] for k in range(len(scene.contacts))]
 
 
 def condense(bodies: Stack) -> ContactSystem | None:

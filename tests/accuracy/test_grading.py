@@ -11,7 +11,7 @@ import pytest
 from demo_runs import DEMOS, sheared_block
 
 import receding_fenicsx as rf
-from receding_fenicsx.bulk.mesh.meshing import contact_sizes_of
+from receding_fenicsx.bulk.stack import contact_of
 from receding_fenicsx.studies import run as study
 
 COMM = MPI.COMM_WORLD
@@ -45,7 +45,7 @@ def test_scenes_on_finer_and_coarser_meshes_are_valid(file: Path) -> None:
 
 def test_sizes_of_a_graded_family_are_in_proportion() -> None:
     scene = sheared()
-    (size,) = contact_sizes_of(scene)
+    (size,) = contact_of(scene)[1]
     assert size == pytest.approx(2.0 / 64)
     graded = rf.graded_at_ends(scene, [size])
     (place,) = graded.mesh.places
@@ -54,5 +54,5 @@ def test_sizes_of_a_graded_family_are_in_proportion() -> None:
     assert coarse.growth == pytest.approx(2.0) and coarse.size == pytest.approx(2.0 / 2400)
     assert rf.graded_at_ends(graded, [size]) == graded
     inclined = rf.read_scene(DEMOS / "dovetail.toml")
-    sizes = contact_sizes_of(inclined)
+    sizes = contact_of(inclined)[1]
     assert len(sizes) == len(inclined.contacts) and np.all(np.array(sizes) > 0.0)

@@ -9,7 +9,7 @@ import pytest
 from bodies import CELLS, NU, YOUNG, built, cylinder
 
 import receding_fenicsx as rf
-from receding_fenicsx.bulk.mesh.meshing import contact_nodes_of
+from receding_fenicsx.bulk.stack import contact_of
 from receding_fenicsx.interface.measures.zones import on_axis
 from receding_fenicsx.output.report.contact import zones_header, zones_shown
 from receding_fenicsx.studies import run as study
@@ -106,7 +106,7 @@ def test_profiles_spans_and_tables_of_a_ring_know_its_radii() -> None:
     )
     scene = washer(contacts=(contact,), loads=loads)
     rf.validate(scene)
-    assert contact_nodes_of(scene) == [10 * scene.mesh.degree + 1]
+    assert len(contact_of(scene)[0].x) == 10 * scene.mesh.degree + 1
     bulk = built(scene, half=True)
     down = -bulk.loads[1::2].sum(axis=0)
     # integrals of r^2 from 4 to 6, and of r^2 / 10 from 6 to 7

@@ -17,64 +17,85 @@ from receding_fenicsx.bulk.mesh.raw_mesh import (
     cells_behind,
     check_span,
     curve_of,
-    facets_between,
     line_of,
     nearest_facet,
 )
 from receding_fenicsx.errors import InputError, MeshMisfit
-from receding_fenicsx.scene.model import Joint, Load, Scene, Spring, Support
+from receding_fenicsx.scene.model import Joint, Scene
 
 
 @dataclass(frozen=True)
-class Interface:
-    """One contact edge, or a tied one."""
+class ContactFacets:
+    """One contact or tied edge of a body."""
 
-    line: Along  # the first body's edge
-    facets: Ints  # numbers of the first body's facets on its edge
-    # numbers of the second body's facets on its edge; None for a rigid plane
-    against: Ints | None = None
-    # the second body's edge, where its nodes do not match and it is curved
-    back: Along | None = None
-    slave: bool = True  # whether the contact points are the first body's nodes
+    joint: int  # number of the contact, or of the tie after all contacts
+    body: int  # number of the body
+    edge: str  # name of the edge on its body
+    facets: Ints  # numbers of its facets among those of the edge
+    line: Along  # the first body's edge, so that both sides have the same positions
+    # the edge whose normals are those of the nodes, with a sign into the first body
+    frame: tuple[Along, float]
+    slave: bool  # whether the contact points are this edge's nodes where those of both do not match
+    tie: bool  # whether the edge is a tied one
+    tag: int = 0  # tag of its facets
+
+    def inward(self, points: Array) -> Array:
+        """Return the normals n (n, 2) into the first body."""
+        line, sign = self.frame
+        return sign * line.inward(points) + 0.0
+
+    def points(self, meshes: Sequence[RawMesh]) -> Array:
+        """Return the ends (k, 2, 2) of its facets."""
+        mesh = meshes[self.body]
+        return mesh.points[mesh.edges[self.edge][self.facets]]
 
 
-def find_interfaces(scene: Scene, meshes: Sequence[RawMesh], half: bool) -> tuple[Interface, ...]:
-    """Return one interface a contact, then one a tie; check the groups that the scene uses."""
+def find_interfaces(
+    scene: Scene, meshes: Sequence[RawMesh], half: bool
+) -> tuple[ContactFacets, ...]:
+    """Return the sides of each contact, then of each tie; check the groups that the scene uses."""
     for body, mesh in zip(scene.bodies, meshes, strict=True):
         _check_groups(scene, body.name, mesh, half)
-    found = []
-    for joint, where in zip(scene.joints, scene.joint_labels, strict=True):
-        mesh, edge = _mesh_of(scene, meshes, joint.edge)
+    found: list[ContactFacets] = []
+    for k, (joint, where) in enumerate(zip(scene.joints, scene.joint_labels, strict=True)):
+        body, edge = scene.find_edge(joint.edge)
+        place, tie = scene.bodies.index(body), k >= len(scene.contacts)
+        mesh = meshes[place]
         line = curve_of(mesh, edge, f"{where} edge")
-        facets = np.arange(len(mesh.edges[edge]))
-        if joint.span is not None:
-            if not half:
-                check_span(mesh, mesh.edges[edge], line, joint.span, f"{where} span")
-            facets = facets_between(mesh, mesh.edges[edge], line, joint.span)
+        facets = _facets_in(mesh, edge, line, joint.span, None if half else f"{where} span")
         if joint.against is None:
-            found.append(Interface(line, facets))
+            found.append(ContactFacets(k, place, edge, facets, line, (line, 1.0), True, tie))
             continue
-        other, facing = _mesh_of(scene, meshes, joint.against)
-        back = curve_of(other, facing, f"{where} against")
-        sides = _Side(mesh, edge, line, facets), _Side(other, facing, back)
-        found.append(_opposed(joint, sides, where))
+        body, facing = scene.find_edge(joint.against)
+        other = scene.bodies.index(body)
+        back = curve_of(meshes[other], facing, f"{where} against")
+        sides = _Side(mesh, edge, line, facets), _Side(meshes[other], facing, back)
+        own, against, slave, match = _opposed(joint, sides, where)
+        # beside a curved edge whose nodes do not match
+        frame = (line, 1.0) if match or isinstance(back, Line) else (back, -1.0)
+        found.append(ContactFacets(k, place, edge, own, line, (line, 1.0), slave, tie))
+        found.append(ContactFacets(k, other, facing, against, line, frame, not slave, tie))
     _check_apart(scene, meshes, found, half)
     return tuple(found)
 
 
-def middle_of(scene: Scene, meshes: Sequence[RawMesh], interfaces: Sequence[Interface]) -> Array:
+def middle_of(meshes: Sequence[RawMesh], interfaces: Sequence[ContactFacets]) -> Array:
     """Return the middle (2,) of the box around all contacts."""
-    found = []
-    for contact, interface in zip(scene.contacts, interfaces, strict=False):
-        mesh, edge = _mesh_of(scene, meshes, contact.edge)
-        found.append(mesh.points[mesh.edges[edge][interface.facets]].reshape(-1, 2))
-    points = np.vstack(found)
+    points = np.vstack([side.points(meshes).reshape(-1, 2) for side in interfaces if not side.tie])
     return np.asarray(0.5 * (points.min(axis=0) + points.max(axis=0)))
 
 
-def _mesh_of(scene: Scene, meshes: Sequence[RawMesh], edge: str) -> tuple[RawMesh, str]:
-    body, name = scene.find_edge(edge)
-    return meshes[scene.bodies.index(body)], name
+def _facets_in(
+    mesh: RawMesh, edge: str, line: Along, span: tuple[float, float] | None, where: str | None
+) -> Ints:
+    """Return the numbers of the facets of an edge in a span, which is checked unless half."""
+    facets = mesh.edges[edge]
+    if span is None:
+        return np.arange(len(facets))
+    if where is not None:
+        check_span(mesh, facets, line, span, where)
+    middle = line.along(mesh.points[facets].mean(axis=1))
+    return np.flatnonzero((middle > span[0]) & (middle < span[1]))
 
 
 def edges_of(scene: Scene) -> list[tuple[str, str]]:
@@ -165,8 +186,11 @@ class _Side:
         return np.asarray((apart.reshape(3, -1) <= near).all(axis=0))
 
 
-def _opposed(joint: Joint, sides: tuple[_Side, _Side], where: str) -> Interface:
-    """Return the facets of both bodies where their edges lie on each other."""
+def _opposed(joint: Joint, sides: tuple[_Side, _Side], where: str) -> tuple[Ints, Ints, bool, bool]:
+    """Return the facets of both bodies where their edges lie on each other.
+
+    With them whether the first body is the slave, and whether the nodes match.
+    """
     first, second = sides
     names = f"'{joint.edge}' and '{joint.against}'"
     near = STRAIGHT_TOLERANCE * min(side.line.length for side in sides)
@@ -190,7 +214,7 @@ def _opposed(joint: Joint, sides: tuple[_Side, _Side], where: str) -> Interface:
     if len(touching[0]) == len(touching[1]):
         apart = np.linalg.norm(touching[0][:, None] - touching[1], axis=2).min(axis=1)
         if apart.max(initial=0.0) <= close:
-            return Interface(first.line, first.chosen[on[0]], second.chosen[on[1]])
+            return first.chosen[on[0]], second.chosen[on[1]], True, True
     cut = [first.containing(second.ends, near), second.containing(first.ends, near)]
     order = [0, 1] if on[0].sum() >= on[1].sum() else [1, 0]
     if joint.slave is not None:
@@ -208,58 +232,43 @@ def _opposed(joint: Joint, sides: tuple[_Side, _Side], where: str) -> Interface:
     on[1 - k][sides[1 - k].containing(np.vstack([sides[k].a[on[k]], sides[k].b[on[k]]]), near)] = (
         True
     )
-    facets = [side.chosen[part] for side, part in zip(sides, on, strict=True)]
-    back = None if isinstance(second.line, Line) else second.line
-    return Interface(first.line, facets[0], facets[1], back, k == 0)
-
-
-def load_facets(mesh: RawMesh, load: Load | Spring | Support, edge: str, half: bool) -> Ints:
-    """Return the facets (k, 2) of a load or support on an edge of its body."""
-    facets = mesh.edges[edge]
-    span = None if isinstance(load, Support) else load.span
-    if span is None or half:
-        return facets
-    assert not isinstance(load, Support)
-    line = line_of(mesh, edge, f"{load.label} span")
-    check_span(mesh, facets, line, span, f"{load.label} span")
-    return facets[facets_between(mesh, facets, line, span)]
+    return first.chosen[on[0]], second.chosen[on[1]], k == 0, False
 
 
 def _check_apart(
-    scene: Scene, meshes: Sequence[RawMesh], found: Sequence[Interface], half: bool
+    scene: Scene, meshes: Sequence[RawMesh], found: Sequence[ContactFacets], half: bool
 ) -> None:
     """Check that contacts and ties share no facet with each other, loads and supports."""
     # the contact edge of each facet of each body
-    taken: list[dict[tuple[int, ...], str]] = [{} for _ in meshes]
-    for joint, where, interface in zip(scene.joints, scene.joint_labels, found, strict=True):
-        for edge, numbers in ((joint.edge, interface.facets), (joint.against, interface.against)):
-            if edge is None or numbers is None:
-                continue
-            body, name = scene.find_edge(edge)
-            place = scene.bodies.index(body)
-            own = _keys(meshes[place].edges[name][numbers])
-            for key in own:
-                if key in taken[place]:
-                    x, y = meshes[place].points[list(key)].mean(axis=0)
-                    raise InputError(
-                        f"{where}: '{edge}' lies on '{taken[place][key]}', which is in another "
-                        f"contact or tie, at ({x:g}, {y:g}); keep them apart by their spans or "
-                        "groups"
-                    )
-            taken[place] |= dict.fromkeys(own, edge)
-    uses: list[tuple[str, str, Load | Spring | Support]] = [
-        (part.edge, part.label, part) for part in scene.edge_parts
-    ]
-    uses += [(s.edge, "[[support]] edge", s) for s in scene.supports if s.edge is not None]
-    for edge, where, thing in uses:
+    taken: dict[tuple[int, ...], str] = {}
+    for side in found:
+        joint = scene.joints[side.joint]
+        first = scene.find_edge(joint.edge) == (scene.bodies[side.body], side.edge)
+        name = joint.edge if first else str(joint.against)
+        for key in _keys(meshes[side.body].edges[side.edge][side.facets]):
+            if (side.body, *key) in taken:
+                x, y = meshes[side.body].points[list(key)].mean(axis=0)
+                raise InputError(
+                    f"{scene.joint_labels[side.joint]}: '{name}' lies on "
+                    f"'{taken[side.body, *key]}', which is in another contact or tie, at "
+                    f"({x:g}, {y:g}); keep them apart by their spans or groups"
+                )
+            taken[side.body, *key] = name
+    uses = [(part.edge, part.label, part.span) for part in scene.edge_parts]
+    uses += [(s.edge, "[[support]] edge", None) for s in scene.supports if s.edge is not None]
+    for edge, where, span in uses:
         body, name = scene.find_edge(edge)
         if body.mesh is None and not scene.others:
             # checked by the scene
             continue
         place = scene.bodies.index(body)
-        for key in _keys(load_facets(meshes[place], thing, name, half)):
-            if key in taken[place]:
+        facets = meshes[place].edges[name]
+        if span is not None and not half:
+            line = line_of(meshes[place], name, f"{where} span")
+            facets = facets[_facets_in(meshes[place], name, line, span, f"{where} span")]
+        for key in _keys(facets):
+            if (place, *key) in taken:
                 raise InputError(
-                    f"{where}: '{edge}' lies on the contact edge '{taken[place][key]}' where the "
+                    f"{where}: '{edge}' lies on the contact edge '{taken[place, *key]}' where the "
                     "contact is; use another group, or a span beside the contact's"
                 )

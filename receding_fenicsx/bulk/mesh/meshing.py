@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -16,11 +15,14 @@ from numpy.typing import NDArray
 
 from receding_fenicsx.arrays import Array, Ints
 from receding_fenicsx.bulk import _dolfinx
-from receding_fenicsx.bulk.mesh.contact_edges import Interface, edges_of, find_interfaces, middle_of
+from receding_fenicsx.bulk.mesh.contact_edges import (
+    ContactFacets,
+    edges_of,
+    find_interfaces,
+    middle_of,
+)
 from receding_fenicsx.bulk.mesh.curved_edges import Arcs
 from receding_fenicsx.bulk.mesh.raw_mesh import (
-    STRAIGHT_TOLERANCE,
-    Along,
     Line,
     RawMesh,
     line_of,
@@ -31,25 +33,8 @@ from receding_fenicsx.bulk.mesh.user_mesh import read_user_meshes
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.mpi import on_root
 from receding_fenicsx.scene.checks import check_known
-from receding_fenicsx.scene.model import Body, Scene, Tie
+from receding_fenicsx.scene.model import Body, Scene
 from receding_fenicsx.scene.one_body import part_of
-
-
-@dataclass(frozen=True)
-class ContactFacets:
-    """One contact edge of a body."""
-
-    tag: int  # tag of its facets
-    line: Along  # the first body's edge, so that both sides have the same positions
-    # the edge whose normals are those of the nodes, with a sign into the first body
-    frame: tuple[Along, float]
-    slave: bool  # whether the contact points are this edge's nodes where those of both do not match
-    tie: bool  # whether the edge is a tied one
-
-    def inward(self, points: Array) -> Array:
-        """Return the normals n (n, 2) into the first body."""
-        line, sign = self.frame
-        return sign * line.inward(points) + 0.0
 
 
 @dataclass(frozen=True)
@@ -91,52 +76,6 @@ def raw_meshes(scene: Scene, half: bool) -> list[RawMesh]:
     return [found[body.name] for body in scene.bodies]
 
 
-def contact_nodes_of(scene: Scene) -> list[int]:
-    """Return the number of nodes on each contact edge of the whole scene; no communication.
-
-    Nodes on two edges, at order 2 a node on the axis of revolution, which has no weight, and the
-    middles of facets of curved edges are not counted.
-    """
-    counts = []
-    sides = list(_contact_facets(scene))
-    for edges, mesh, straight in sides[: len(scene.contacts)]:
-        place, facets = edges[0]
-        vertices, ends = np.unique(facets), mesh.points[facets][..., 0]
-        taken = [other for each, _, _ in sides for owner, other in each if owner == place]
-        count = int((np.sum([np.isin(vertices, other) for other in taken], axis=0) == 1).sum())
-        if scene.mesh.degree == 2:
-            on_axis = scene.axisymmetric and ends.min() <= STRAIGHT_TOLERANCE * ends.max()
-            count += len(facets) * straight - int(on_axis)
-        counts.append(count)
-    return counts
-
-
-def contact_sizes_of(scene: Scene) -> list[float]:
-    """Return the mean length of the elements on each contact edge; no communication."""
-    found = []
-    for edges, mesh, _ in list(_contact_facets(scene))[: len(scene.contacts)]:
-        ends = mesh.points[edges[0][1]]
-        found.append(float(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1).mean()))
-    return found
-
-
-def _contact_facets(scene: Scene) -> Iterator[tuple[list[tuple[int, Ints]], RawMesh, bool]]:
-    """Yield number of the body and facets of both sides of each contact and tie, slave first.
-
-    With them the mesh of the slave, and whether the edge is straight.
-    """
-    meshes = raw_meshes(scene, scene.axisymmetric)
-    for joint, found in zip(scene.joints, find_interfaces(scene, meshes, False), strict=True):
-        sides = []
-        for edge, facets in ((joint.edge, found.facets), (joint.against, found.against)):
-            if edge is not None:
-                body, name = scene.find_edge(edge)
-                place = scene.bodies.index(body)
-                sides.append((place, meshes[place].edges[name][facets]))
-        sides = sides if found.slave else sides[::-1]
-        yield sides, meshes[sides[0][0]], isinstance(found.line, Line)
-
-
 def make_meshes(comm: MPI.Comm, scene: Scene, half: bool) -> tuple[BodyMesh, ...]:
     """Mesh the scene's bodies: rectangles graded from their contact edge, or the user's meshes.
 
@@ -148,13 +87,14 @@ def make_meshes(comm: MPI.Comm, scene: Scene, half: bool) -> tuple[BodyMesh, ...
         interfaces = find_interfaces(scene, meshes, half and not scene.axisymmetric)
         shared = {
             "size": max(mesh.size for mesh in meshes),
-            "pivot": middle_of(scene, meshes, interfaces),
+            "pivot": middle_of(meshes, interfaces),
             "half": half,
         }
         return [
             (found | shared, arrays)
             for body, mesh in zip(scene.bodies, meshes, strict=True)
-            for found, arrays in [_tagged(scene, body, mesh, interfaces)]
+            for own in [[side for side in interfaces if scene.bodies[side.body] == body]]
+            for found, arrays in [_tagged(scene, body, mesh, own)]
         ]
 
     made = on_root(comm, tagged)
@@ -180,7 +120,7 @@ def make_meshes(comm: MPI.Comm, scene: Scene, half: bool) -> tuple[BodyMesh, ...
 
 
 def _tagged(
-    scene: Scene, body: Body, mesh: RawMesh, interfaces: tuple[Interface, ...]
+    scene: Scene, body: Body, mesh: RawMesh, sides: list[ContactFacets]
 ) -> tuple[dict[str, Any], tuple[NDArray[Any], ...]]:
     """Tag the facets of a body by edge, those in contact by contact.
 
@@ -189,22 +129,11 @@ def _tagged(
     tag_of = {name: tag for tag, name in enumerate(mesh.edges, start=1)}
     tags = {name: np.full(len(f), tag_of[name], np.int32) for name, f in mesh.edges.items()}
     groups = {name: [tag] for name, tag in tag_of.items()}
-    contacts: list[ContactFacets] = []
-    for joint, interface in zip(scene.joints, interfaces, strict=True):
-        tie = isinstance(joint, Tie)
-        sides = (joint.edge, interface.facets, 1.0), (joint.against, interface.against, -1.0)
-        for edge, facets, sign in sides:
-            if edge is None or facets is None or scene.find_edge(edge)[0] != body:
-                continue
-            name = scene.find_edge(edge)[1]
-            tag = len(tag_of) + 1 + len(contacts)
-            tags[name][facets] = tag
-            groups[name].append(tag)
-            frame = interface.line, 1.0
-            if sign < 0.0 and interface.back is not None:
-                frame = interface.back, -1.0
-            slave = interface.slave == (sign > 0.0)
-            contacts.append(ContactFacets(tag, interface.line, frame, slave, tie))
+    contacts = []
+    for tag, side in enumerate(sides, start=len(tag_of) + 1):
+        tags[side.edge][side.facets] = tag
+        groups[side.edge].append(tag)
+        contacts.append(replace(side, tag=tag))
     owned = [scene.find_edge(edge) for edge, _ in edges_of(scene)]
     wanted = {name for owner, name in owned if owner == body}
     wanted |= set(mesh.edges if body.mesh is None else ())

@@ -166,12 +166,6 @@ def line_of(mesh: RawMesh, edge: str, where: str) -> Line:
     return Line(middle, direction, -side[0] * normal + 0.0, length)
 
 
-def facets_between(mesh: RawMesh, facets: Ints, line: Along, span: tuple[float, float]) -> Ints:
-    """Return the numbers of the facets between two positions along a line."""
-    middle = line.along(mesh.points[facets].mean(axis=1))
-    return np.flatnonzero((middle > span[0]) & (middle < span[1]))
-
-
 def check_span(
     mesh: RawMesh, facets: Ints, line: Along, span: tuple[float, float], where: str
 ) -> None:

@@ -151,12 +151,9 @@ def solve_near(
 
 def count_nodes(scene: Scene) -> int:
     """Return the number of contact nodes; the bodies are meshed on this rank."""
-    from receding_fenicsx.bulk import half_planes as body
-    from receding_fenicsx.bulk.mesh.meshing import contact_nodes_of
+    from receding_fenicsx.bulk.stack import contact_of
 
-    if any(part.is_half_plane for part in scene.bodies):
-        return body.count_nodes(scene)
-    return sum(contact_nodes_of(scene))
+    return len(contact_of(scene)[0].x)
 
 
 def coarser(scene: Scene) -> Scene | None:

@@ -406,11 +406,11 @@ def within_tolerance(
             return None
 
         def finer() -> Scene | None:
-            from receding_fenicsx.bulk.mesh.meshing import contact_nodes_of, contact_sizes_of
+            from receding_fenicsx.bulk.stack import contact_of
 
             with suppress(InputError):  # they are impossible
-                found = graded_at_ends(coarse, contact_sizes_of(coarse))
-                contact_nodes_of(found)
+                found = graded_at_ends(coarse, contact_of(coarse)[1])
+                contact_of(found)
                 return found
             return None
 
