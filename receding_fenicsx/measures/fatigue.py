@@ -55,8 +55,7 @@ class Parameter:
 
     Attributes:
         value: (m,) values.
-        angle: (m,) angle in degrees of the critical plane's normal to x, in [0, 180); NaN where
-            there is no plane.
+        angle: (m,) degrees in [0, 180) of the critical plane's normal to x; NaN without a plane.
     """
 
     value: Array
@@ -191,9 +190,8 @@ def edge_crack(stress: Array, points: Array, options: FatigueOptions) -> EdgeCra
     t = along[-1] / depth[-1]
     if np.abs(along @ [-t[1], t[0]]).max() > 1e-6 * depth[-1]:
         raise InputError("edge_crack: the points are not on a straight line")
-    c, s = -t[1], t[0]
+    (s, c), weights = t * [1.0, -1.0], _weights(depth)
     s_xx, s_yy, _, s_xy = np.moveaxis(stress, -1, 0)
-    weights = _weights(depth)
     k_i = (s_xx * c**2 + s_yy * s**2 + 2.0 * s_xy * s * c) @ weights.T
     k_ii = ((s_xx - s_yy) * c * t[0] + s_xy * (c * t[1] + s * t[0])) @ weights.T
     found = EdgeCrack(depth, k_i, k_ii, np.nan, np.full(len(depth), np.nan))

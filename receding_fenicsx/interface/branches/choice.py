@@ -72,17 +72,13 @@ class _Option:
 
 
 class Chooser:
-    """Finds all continuations at each event and turning point, takes one, notes the choice.
-
-    Attributes:
-        log: the choices made, in their order.
-        unsure: places at which not all continuations could be searched.
-    """
+    """Finds all continuations at each event and turning point, takes one, notes the choice."""
 
     def __init__(self, rule: str | int = FIRST, taken: Mapping[Key, int] | None = None) -> None:
         """Prepare with a rule, and numbers from 1 of continuations to take at given choices."""
         self.rule, self.taken = rule, taken or {}
         self.log: dict[Key, Choice] = {}
+        # places at which not all continuations could be searched
         self.unsure: set[tuple[int, int, float]] = set()
         self._leg, self._number = (0, 0), 0
         self._last: tuple[float, list[_Option]] | None = None
@@ -182,10 +178,9 @@ class Chooser:
             return 0
         s = place[2]
         if self._last is not None and s - self._last[0] <= SIMULTANEOUS:
-            same = len(options) == len(self._last[1]) and all(
-                any(option.equals(other) for other in self._last[1]) for option in options
-            )
-            if same:  # chosen already
+            before = self._last[1]
+            known = [any(option.equals(other) for other in before) for option in options]
+            if len(options) == len(before) and all(known):  # chosen already
                 return 0
         self._last = s, options
         key = (*self._leg, self._number)
@@ -210,9 +205,8 @@ class Chooser:
         if self.rule == FIRST:
             return 1
         left = list(range(len(options)))
-        sign = 1.0 if self.rule == LEAST else -1.0
-        for order in (0, 1):
-            rates = sign * np.array([option.dissipation[order] for option in options])
+        every = np.array([option.dissipation for option in options])
+        for rates in (every if self.rule == LEAST else -every).T:
             # of equal rates the next term decides
             close = rates[left].min() + 1e-9 * np.abs(rates).max()
             left = [k for k in left if rates[k] <= close]
@@ -221,10 +215,10 @@ class Chooser:
     def text(self) -> str:
         """Return in words which choices were made."""
         if not self.log and self.unsure:
-            cycle, leg, s = min(self.unsure)
+            place = "cycle {}, leg {}, at s = {:.6g}".format(*min(self.unsure))
             return (
                 "no choice between continuations was found on the way, but not all were searched "
-                f"(first in cycle {cycle}, leg {leg}, at s = {s:.6g})"
+                f"(first in {place})"
             )
         if not self.log:
             return "no choice between several continuations was made on the way"

@@ -179,8 +179,7 @@ def largest_real(matrices: Array) -> Array:
     found = np.linalg.eigvals(matrices)
     size = np.abs(found).max(axis=-1, keepdims=True)
     real = np.where(np.abs(found.imag) <= 1e-9 * size, found.real, 0.0)
-    best: Array = np.maximum(real.max(axis=-1), 0.0)
-    return best
+    return np.asarray(real.max(axis=-1, initial=0.0))
 
 
 def try_all_signs(A: Array) -> tuple[float, Array]:
@@ -283,5 +282,4 @@ def _smooth_maximum(size: Array) -> tuple[float, Array]:
 def _minimised(function: Callable[[Array], tuple[float, Array]], start: Array) -> Array:
     """Return where a function is small; every point gives a valid bound, so that any will do."""
     found = scipy.optimize.minimize(function, start, jac=True, method="L-BFGS-B")
-    best: Array = min((start, found.x), key=lambda x: function(x)[0])
-    return best
+    return min((start, np.asarray(found.x)), key=lambda x: function(x)[0])

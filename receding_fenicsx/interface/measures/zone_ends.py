@@ -134,9 +134,8 @@ def corner_exponent_fit(at: Tractions, side: int) -> float | None:
 def _leads(bases: Array) -> NDArray[np.bool_]:
     """Return the candidates whose first term makes up the larger part in every element."""
     # a fit that lives on its second term finds the exponent less one
-    ones = np.ones(bases.shape[1])
-    parts = [basis[:, 0] * np.linalg.lstsq(basis, ones, rcond=None)[0][0] for basis in bases]
-    return np.array([part.min() > 0.5 for part in parts])
+    leading = np.linalg.pinv(bases)[:, 0].sum(axis=1)
+    return np.asarray((bases[:, :, 0] * leading[:, None]).min(axis=1) > 0.5)
 
 
 @dataclass(frozen=True)
