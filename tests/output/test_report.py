@@ -234,12 +234,14 @@ def test_the_card_of_the_steady_state_names_its_kind_and_its_first_cycle() -> No
 
 @pytest.mark.parametrize("name", ["well", "doubts"])
 def test_the_whole_text_of_a_run_of_everything(name: str) -> None:
-    """Of a made-up summary, all of whose numbers differ; beside it the text is to be read."""
+    """Of a made-up summary, all of whose numbers differ: the text, the console, the page's top."""
     folder = Path(__file__).parent / "reports"
     summary = json.loads((folder / f"{name}.json").read_text(encoding="utf-8"))
-    text = rf.run_table(summary, everything=True) + "\n\n-- on the console --\n\n"
+    page = Page(report_html(summary))
+    top = re.sub(r"\s*\n\s*", "\n", page.text.partition(page.headings[0])[0]).strip()
+    parts = rf.run_table(summary, everything=True), rf.run_table(summary), top
     known = (folder / f"{name}.txt").read_text(encoding="utf-8")
-    assert (text + rf.run_table(summary) + "\n").splitlines() == known.splitlines()
+    assert "\n\n-- next --\n\n".join(parts).splitlines() == known.splitlines()
 
 
 def test_texts_of_the_scene_cannot_break_the_page() -> None:
