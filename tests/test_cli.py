@@ -65,11 +65,8 @@ def test_every_demo_scene_can_be_modelled(name: str) -> None:
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (["check", "none.toml"], ["none.toml", "no such file"]),
-        (["run", BLOCK, "--out", "x", "--resume", "--overwrite"], ["--resume", "--overwrite"]),
         (["rnu", BLOCK], ["rnu", 'Did you mean "run"?']),
-        ([], ["COMMAND"]),
-        (["plot", "none"], ["none/record.h5", "no such file"]),
+        (["sweep", BLOCK, "--out", "x"], ["--over"]),
         (["condense", BLOCK, "--out", "none/system.h5"], ["folder does not exist"]),
         (["run", BLOCK, "--out", BLOCK], ["block.toml", "is a file"]),
     ],
