@@ -122,6 +122,11 @@ def test_estimates_hold_against_smaller_elements_and_know_corners() -> None:
     assert 2.0 * coarse.rows["estimate"][-1] @ coarse.system.weight < off
     assert off <= 2.0 * coarse.volume_estimate[-1]
     assert abs(coarse.depth_max[-1] - fine.depth_max[-1]) <= 2.0 * coarse.depth_estimate[-1]
+    # a scar of few nodes, deepest between them
+    narrow = ["contact.friction=0.4", "material.lower.young=42.0", "wear.cycles=100"]
+    narrow += [f"body.{name}.width=5.19" for name in ("upper", "lower")]
+    coarse, fine = (worn(partial(n, 0.14, *narrow)) for n in (50, 200))
+    assert abs(coarse.depth_max[-1] - fine.depth_max[-1]) <= 2.0 * coarse.depth_estimate[-1]
     # cut within the contact: a punch, deepest at its corners
     soft = ["wear.cycles=10", "material.lower.young=50.0"]
     punch = worn(partial(30, 0.2, *soft))
