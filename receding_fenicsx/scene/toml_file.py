@@ -104,22 +104,15 @@ def tables_of(scene: Scene) -> dict[str, Any]:
     tables: dict[str, Any] = {}
     for field in dataclasses.fields(scene):
         table, value = TABLE_OF.get(field.name, field.name), getattr(scene, field.name)
+        optional = table in ("units", "shakedown", "accuracy", "mode", "wear")
         if field.name == "materials":
-            tables[table] |= {
-                m.name: toml_reader.plain(replace(m, name=""), sparse=True) for m in value
-            }
-        elif field.name == "others":
-            tables[table] = (
-                [tables[table], *toml_reader.plain(value, sparse=True)] if value else tables[table]
-            )
-        elif value is None:
-            continue
-        elif (
-            table not in ("units", "shakedown", "accuracy", "mode", "wear")
-            or value != type(value)()
-        ):
+            own = {m.name: toml_reader.plain(replace(m, name=""), sparse=True) for m in value}
+            tables[table] |= own
+        elif field.name == "others" and value:
+            tables[table] = [tables[table], *toml_reader.plain(value, sparse=True)]
+        elif value not in (None, ()) and not (optional and value == type(value)()):
             tables[table] = toml_reader.plain(value, sparse=True)
-    return {name: table for name, table in tables.items() if table != []}
+    return tables
 
 
 def apply_override(raw: dict[str, Any], override: str) -> None:

@@ -153,17 +153,14 @@ def _of_record(scene: Scene) -> checks.Rules:
     sampled = min(5, cycles + 1)
     if output.cycles is not None:
         sampled = len(output.cycles) if isinstance(output.cycles, tuple) else cycles + 1
-    nodes = scene.mesh.degree * scene.mesh.contact_elements + 1
+    # of a node at one instant a record has 50 bytes: v, w, P, Q, p, q and the state
+    size = 50e-9 * legs * (scene.mesh.degree * scene.mesh.contact_elements + 1)
+    samples = sampled * output.samples_on(legs)
     fewer = "use fewer, or sample fewer cycles by output.cycles"
-    for key, count, advice in (
-        ("[history] cycles", cycles + 1, "use fewer"),
-        ("[output] samples_per_leg", sampled * output.samples_on(legs), fewer),
-    ):
-        # bytes of one node at one instant of a record: v, w, P, Q, p, q and the state
-        size = count * legs * nodes * 50
-        # size of the largest record
-        if size > 1e12:
-            yield f"{key}: requires a record of {size / 1e9:.0f} GB; {advice}"
+    if size * (cycles + 1) > 1000.0:
+        yield f"[history] cycles: requires a record of {size * (cycles + 1):.0f} GB; use fewer"
+    if size * samples > 1000.0:
+        yield f"[output] samples_per_leg: requires a record of {size * samples:.0f} GB; {fewer}"
 
 
 def _of_probes(scene: Scene) -> checks.Rules:

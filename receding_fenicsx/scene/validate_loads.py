@@ -235,8 +235,8 @@ def of_support(scene: Scene, support: Support) -> checks.Rules:
     yield from checks.unused(support, at, [(True, ("body",), "is not for an edge")])
     yield from of_edge(scene, support.edge, f"{at} edge")
     edge = scene.find_edge(support.edge)
-    earlier = scene.supports[: scene.supports.index(support)]
-    if set(support.fix) <= _held(scene, support.edge, earlier):
+    others = [other for other in scene.supports if other is not support]
+    if {*support.fix} <= _held(scene, support.edge, others):
         yield f'{at}: another one holds "{support.edge}" in this direction; remove one'
     if any(scene.find_edge(c.edge) == edge and c.span is None for c in scene.joints):
         yield f'{at} edge: "{support.edge}" is a contact edge or tied; use another edge'
