@@ -1,4 +1,4 @@
-"""How far a leg can go at all: the load factor beyond which no contact forces balance the loads.
+"""How far a leg can go at all: the load factor beyond which a body lifts off, slides or tips over.
 
 The rigid motions R that supports leave do no elastic work, so that eq. (11) gives
 
