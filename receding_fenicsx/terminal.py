@@ -120,7 +120,7 @@ def ending(error: BaseException) -> tuple[int, str]:
             return 130, "interrupted"  # 128 + SIGINT, as shells have it
         case SystemExit():
             return int(error.code or 0), ""
-        case ModuleNotFoundError():
+        case ImportError():
             return 1, f"error: {error}; see {PROGRAM} doctor"
         case BrokenPipeError():  # the reader of the output has closed the pipe
             sys.stdout = None

@@ -3,6 +3,7 @@
 import itertools
 import json
 import os
+import re
 import shutil
 import string
 import subprocess
@@ -59,6 +60,24 @@ def refused(capsys: pytest.CaptureFixture[str], *arguments: str | Path) -> str:
 
 
 # -- numbers, names, places ----------------------------------------------------------------------
+
+
+@pytest.mark.one_rank
+@pytest.mark.parametrize(
+    "program", ["import not_there", "import ctypes; ctypes.CDLL('libno.so.1')"]
+)
+def test_library_that_cannot_be_loaded_is_told_with_where_to_look(
+    program: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    (tmp_path / "gmsh.py").write_text(program)
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.delitem(sys.modules, "gmsh", raising=False)
+    assert main(["check", str(write(tmp_path / "scene.toml", SCENE))]) == 1
+    (told,) = capsys.readouterr().err.splitlines()
+    assert re.search("error: .*(not_there|libno.so.1).*; see receding-fenicsx doctor", told)
 
 
 @pytest.mark.parametrize("factor", [1e-100, 1e100])

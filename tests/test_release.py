@@ -140,6 +140,7 @@ def test_containers_build_on_an_image_that_is_tested() -> None:
     check_commands([device["postCreateCommand"], docker])
     (libraries,) = re.findall(r'^graphics="(.+)"$', text_of("demos/setup.sh"), re.M)
     assert libraries in docker
+    assert loaded(ROOT / ".github/workflows/tests.yml")["env"]["GRAPHICS"] == libraries
 
 
 def test_conda_recipe_asks_for_the_dependencies_of_the_project() -> None:

@@ -29,8 +29,10 @@ from receding_fenicsx.scene.model import Body, MeshOptions
 @contextmanager
 def gmsh_model() -> Iterator[Any]:
     """Yield the gmsh module with an empty model, silent and on one thread."""
-    import gmsh
-
+    try:
+        import gmsh
+    except OSError as error:  # libGLU and the like are not there
+        raise ImportError(str(error)) from None
     ours = not gmsh.isInitialized()
     if ours:
         gmsh.initialize(readConfigFiles=False, interruptible=False)
