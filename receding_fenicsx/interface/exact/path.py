@@ -16,7 +16,6 @@ from receding_fenicsx.interface.exact.jumps import (
     add_jump,
     check_jumps,
     find_jump,
-    lost_by_loose_motion,
     no_state_beyond,
 )
 from receding_fenicsx.interface.exact.legs import (
@@ -171,8 +170,6 @@ class EventPath:
         problem = problem.piece(start, (a, b), scale, (0.0, 1.0))
         try:
             leg = self._walk(problem)
-        except SingularExchange as error:
-            raise lost_by_loose_motion(self.system, b) from error
         except SolveError as error:
             limit, node = self.limit(a, b), self._low_friction_node
             if isinstance(error, NoEquilibrium) and (limit is not None or node is None):

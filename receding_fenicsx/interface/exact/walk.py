@@ -17,6 +17,7 @@ from receding_fenicsx.errors import SolveError
 from receding_fenicsx.interface.exact import kernel, kernel_data
 from receding_fenicsx.interface.exact.balance import summed
 from receding_fenicsx.interface.exact.consistency import ConsistentStates, EquilibriumEnd
+from receding_fenicsx.interface.exact.jumps import lost_by_loose_motion
 from receding_fenicsx.interface.exact.legs import LegProblem, PathPoint
 from receding_fenicsx.interface.exact.loop import Loop
 from receding_fenicsx.interface.exact.pivot_matrix import SingularExchange
@@ -82,8 +83,13 @@ class Walk:
 
         Raises:
             SolveError: the path ends before.
-            SingularExchange: a motion is left that nothing resists.
         """
+        try:
+            self._run(s_end)
+        except SingularExchange as error:
+            raise lost_by_loose_motion(self.system, self.problem.ends[1]) from error
+
+    def _run(self, s_end: float) -> None:
         way = self.loop.way(self.problem, s_end)
         if not np.any(self.problem.ends[1]):
             way = way._replace(unloading=UNLOADING_EVENTS)
@@ -267,11 +273,13 @@ class Walk:
 
     def _correction(self, state: ContactState) -> Array:
         """Return the change (2N,) of displacements that brings forces which vanish back to zero."""
-        segments = self.segments
+        segments, none = self.segments, np.zeros_like(state.u)
         if not segments.is_special and not segments.is_near(state.state):
             with suppress(SingularExchange):
                 return self.loop.sets.correction(state)
-        return segments.tableau(state.state).correction(state.r)[: 2 * self.system.n]
+        with suppress(SingularExchange):
+            return segments.tableau(state.state).correction(state.r)[: len(none)]
+        return none
 
     def here(self) -> ContactState:
         """Return the state at the present point, reactions evaluated afresh."""

@@ -54,16 +54,7 @@ class GaussSeidelPath:
     def trace_leg(
         self, start: ContactState, ends: tuple[Array, Array], force_scale: float, samples: int = 0
     ) -> Leg:
-        """Follow one leg; events are the changes of state seen at the ends of the steps.
-
-        Args:
-            start: state at the leg's start.
-            ends: (n_loads,) load factors at its start and at its end.
-            force_scale: largest nodal force of the history so far.
-            samples: number of states to store, at the ends of steps, the last one at s = 1.
-
-        Returns:
-            The traced leg.
+        """Follow one leg as :meth:`EventPath.trace_leg`, states stored at the ends of steps.
 
         Raises:
             NotConverged: a step's sweeps ran out.
@@ -77,18 +68,14 @@ class GaussSeidelPath:
         leg = unchanged(problem)
         leg.events = Changes.between(0.0, start.state, resting.state)
         leg.stops = [(0.0, resting.u)]
-        stored = {round((j + 1) * self.steps / samples) for j in range(samples)}
-        crossing = zero_crossing(ends)
+        stored = {round((j + 1) * self.steps / samples) / self.steps for j in range(samples)}
+        targets = {k / self.steps for k in range(1, self.steps + 1)}
         s = 0.0
-        for k in range(1, self.steps + 1):
-            s_end = k / self.steps
-            if crossing is not None and s < crossing < s_end:
-                # complete unloading undoes all slip: a step across it would keep that
-                leg = self.advance(problem, leg, s, crossing)
-                s = crossing
+        # complete unloading undoes all slip: a step across it would keep that
+        for s_end in sorted(targets | {zero_crossing(ends) or 1.0}):
             leg = self.advance(problem, leg, s, s_end)
             s = s_end
-            if k in stored:
+            if s in stored:
                 leg.samples.append((s, leg.end))
         return leg
 
@@ -110,14 +97,7 @@ class GaussSeidelPath:
     def advance(self, problem: LegProblem, leg: Leg, s: float, s_end: float) -> Leg:
         """Advance by one load step from s to ``s_end``, in parts where it may contain a jump.
 
-        Args:
-            problem: the leg, from the state at its start.
-            leg: what has been followed so far.
-            s: place that has been reached.
-            s_end: end of the step.
-
-        Returns:
-            What has been followed then.
+        ``leg`` is what has been followed so far of ``problem``; return what has been then.
         """
         self._check_equilibrium(problem.ends, s_end)
         targets, part, system = [s_end], 0.0, self.system

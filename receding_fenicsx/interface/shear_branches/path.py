@@ -14,12 +14,10 @@ from receding_fenicsx.interface.exact.jumps import (
     add_jump,
     check_jumps,
     jump_between,
-    lost_by_loose_motion,
     no_state_beyond,
 )
 from receding_fenicsx.interface.exact.legs import LegProblem, evenly_spaced, unchanged
 from receding_fenicsx.interface.exact.path import LEFT_TO_NEXT_LEG, EventPath
-from receding_fenicsx.interface.exact.pivot_matrix import SingularExchange
 from receding_fenicsx.interface.exact.rest import carries_nothing, zero_crossing
 from receding_fenicsx.interface.gauss_seidel.sweeps import GaussSeidelOptions
 from receding_fenicsx.interface.law import SEPARATION, STICK
@@ -102,15 +100,12 @@ class BranchedPath:
         """Follow one leg, as :meth:`EventPath.trace_leg` does."""
         scale = max(largest_force(self.system, load, start.r, force_scale) for load in ends)
         places = evenly_spaced(samples)
-        if self.steps:
-            stored = {round((j + 1) * self.steps / samples) for j in range(samples)}
-            places = tuple(k / self.steps for k in sorted(stored))
         whole = LegProblem(start, ends, scale, () if self.steps else places)
-        crossing = zero_crossing(ends)
-        targets = {k / self.steps for k in range(1, self.steps + 1)} | {crossing or 1.0, 1.0}
+        stored = {round(place * self.steps) / self.steps for place in places if self.steps}
+        targets = {k / self.steps for k in range(1, self.steps + 1)}
         leg = Leg(start, np.zeros(self.system.n), force_scale=scale, stops=[(0.0, start.u)])
         s = 0.0
-        for target in sorted(targets):
+        for target in sorted(targets | {zero_crossing(ends) or 1.0, 1.0}):
             unloaded = not np.any(whole.load(s)) and carries_nothing(leg.end, scale)
             if unloaded and (s == 0.0 or self.sweeps is None):
                 # a body with gaps rolls to where it rests
@@ -122,10 +117,10 @@ class BranchedPath:
             follow = self._follow if self.sweeps is None else self._step
             follow(leg, whole, (s, target))
             s = target
-            if self.steps and s in places:
+            if s in stored:
                 leg.samples.append((s, leg.end))
         if leg.samples:
-            leg.samples[-1] = (places[-1], leg.end)
+            leg.samples[-1] = (1.0, leg.end)
         return leg
 
     def static_leg(self, start: ContactState, ends: tuple[Array, Array], force_scale: float) -> Leg:
@@ -251,9 +246,6 @@ class BranchedPath:
             walk = path.walk(inner)
             try:
                 walk.run(target)
-            except SingularExchange as lost:
-                error = lost_by_loose_motion(self.system, problem.ends[1])
-                error.__cause__ = lost
             except SolveError as lost:
                 error = lost
             ends = error is not None
