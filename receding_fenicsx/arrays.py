@@ -18,10 +18,6 @@ Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 """Whole numbers: nodes, cells, cycles."""
 
-SHORT = reprlib.Repr()
-"""Texts of values, long ones cut in their middle."""
-SHORT.maxstring = SHORT.maxother = 60
-
 
 def brief(value: Any) -> str:
     """Return a value in a few words: an array by its shape and range.
@@ -34,7 +30,9 @@ def brief(value: Any) -> str:
     if isinstance(value, float):
         return f"{value:.6g}"
     if not isinstance(value, np.ndarray):
-        return SHORT.repr(value)
+        short = reprlib.Repr()  # cuts long ones in their middle
+        short.maxstring = short.maxother = 60
+        return short.repr(value)
     if not value.size or value.ndim > 1:
         return str(value.shape)
     if value.dtype == bool:

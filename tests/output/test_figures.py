@@ -413,9 +413,3 @@ def test_a_cycle_of_many_legs_is_one_map_with_the_loads_beside_it(legs: int) -> 
         )
     *cycles, _ = drawn["zones_by_cycle"].axes
     assert [axes.get_title() for axes in cycles] == ["(a) cycle 1", "(b) cycle 2"]
-
-
-def test_unknown_format_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(rf.InputError, match=r"format 'xyz': is unknown; use some of .*png"):
-        rf.figures.plot_all(record(), tmp_path / "figures", formats="xyz")
-    assert not (tmp_path / "figures").exists()

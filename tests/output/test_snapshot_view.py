@@ -210,14 +210,14 @@ def made_up() -> View:
     )
 
 
-def page_of(view: View, contours: tuple[np.ndarray, np.ndarray] | None = None) -> Figure:
-    """The page around an empty field, with the contour lines of a field."""
+def page_of(view: View) -> Figure:
+    """The page around an empty field."""
     fringes = next(q for q in QUANTITIES if q.name == "max_shear")
-    colours, _ = colours_of(2.0 * view.stress["max_shear"], fringes, view.pressure_symbol)
+    colours = colours_of(2.0 * view.stress["max_shear"], fringes, view.pressure_symbol)
     with mpl.rc_context(rf.style.RC):
         layout = layout_of(view, dpi=50.0)
         empty = np.zeros((*layout.pixels[::-1], 4), dtype=np.uint8)
-        return compose(view, layout, empty, colours, contours=contours)
+        return compose(view, layout, empty, colours)
 
 
 @pytest.mark.one_rank
@@ -269,12 +269,10 @@ def test_fringes_are_white_at_whole_orders_and_black_halfway(scale: float) -> No
     view = made_up()
     view = replace(view, stress={"max_shear": scale * view.stress["max_shear"]})
     fringes = next(q for q in QUANTITIES if q.name == "max_shear")
-    values = 2.0 * view.stress["max_shear"]
-    assert values == pytest.approx(2.0 * view.stress["max_shear"])
-    colours, levels = colours_of(values, fringes, "p_0")
+    colours = colours_of(2.0 * view.stress["max_shear"], fringes, "p_0")
     apart = 0.2 * scale  # the largest, 2, has ten
     assert colours.note == rf"one fringe {apart:g}$\,p_0$"
-    assert colours.limits == (0.0, pytest.approx(2.0 * scale)) and len(levels) == 0
+    assert colours.limits == (0.0, pytest.approx(2.0 * scale)) and len(colours.levels) == 0
     assert colours.extend == "neither"
     at = np.linspace(*colours.limits, len(colours.table))
     for order in range(10):

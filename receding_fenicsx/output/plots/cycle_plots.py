@@ -27,7 +27,7 @@ from receding_fenicsx.output.plots.series import Loop
 def slip_per_cycle(record: Record) -> Figure:
     """Draw the slip increment of each cycle at some nodes, with fitted powers of N."""
     scales = scales_of(record)
-    unit, behind = scales.elastic(1, 1)
+    unit, symbol = scales.elastic(r"|\Delta v_i|", 1, 1)
     lines = series.slip_lines(record, scales.length, unit)
     if not lines:
         raise InputError("slip per cycle: no node slips in enough cycles; run more cycles")
@@ -41,7 +41,6 @@ def slip_per_cycle(record: Record) -> Figure:
     axes.set_xlabel("cycle $N$")
     # a word for the pressure needs its own line
     between = "\n" if scales.pressure_symbol.startswith(r"\mathrm") else " "
-    symbol = scales.with_unit(rf"$|\Delta v_i|{behind}$", behind, length=1)
     axes.set_ylabel(f"slip gained in a cycle,{between}{symbol}")
     title = f"fitted over {fitted[0]:.0f} ≤ $N$ ≤ {fitted[-1]:.0f}"
     figure.legend(loc="outside lower center", ncols=2, title=title, title_fontsize=8.0)
@@ -85,7 +84,7 @@ def dissipation_per_cycle(record: Record, stepped: Record | None = None) -> Figu
 def dissipation_density(record: Record) -> Figure:
     """Draw the dissipation per contact area in the first and the last cycle."""
     scales = scales_of(record)
-    unit, behind = scales.elastic(2, 1)
+    unit, symbol = scales.elastic("d", 2, 1)
     density, used = record.cycles.dissipation_density / unit, record.weight > 0.0
     figure = style.new_figure(style.COLUMN, 2.4)
     axes = figure.subplots()
@@ -98,7 +97,6 @@ def dissipation_density(record: Record) -> Figure:
     axes.set_xlim(*scales.ends(record.x))
     axes.set_ylim(0.0, None)
     axes.ticklabel_format(axis="y", scilimits=(-2, 3), useMathText=True)
-    symbol = scales.with_unit(f"$d{behind}$", behind, stress=1, length=1)
     axes.set(xlabel=scales.x_label, ylabel=f"dissipation density\n{symbol}")
     figure.legend(loc="outside upper center", ncols=len(rows))
     return figure
@@ -186,7 +184,7 @@ def trajectories(
     figure = style.new_figure(max(style.COLUMN, 0.3 + 1.8 * columns), 4.3)
     panels = figure.subplots(2, columns, squeeze=False)
     # one range of w for all nodes
-    unit, slip = scales.elastic(1, 1)
+    unit, w_label = scales.elastic("w", 1, 1)
     low, high = (f([f(path.w[:, chosen]) for path in paths]) / unit for f in (np.min, np.max))
     room = 0.1 * (high - low) or 1.0
     for n, i in enumerate(chosen):
@@ -200,9 +198,8 @@ def trajectories(
             style.ticks(axes.xaxis, 3)
             style.ticks(axes.yaxis, 5)
             axes.ticklabel_format(scilimits=(-3, 4), useMathText=True)
-    traction = scales.peak_traction()[1]
-    panels[0, 0].set_ylabel(scales.with_unit(f"$p{traction}$", traction, stress=1))
-    panels[1, 0].set_ylabel(scales.with_unit(f"$w{slip}$", slip, length=1))
+    panels[0, 0].set_ylabel(scales.peak_traction("p")[1])
+    panels[1, 0].set_ylabel(w_label)
     handles: list[Artist] = [Line2D([], [], **look) for look in _looks(paths)]
     if np.any(record.friction.present[chosen]):
         cone = r"$|q| \leq f p$"
@@ -219,8 +216,7 @@ def _draw_node(
     above: Axes, below: Axes, record: Record, paths: Sequence[Loop], node: int, scales: Scales
 ) -> None:
     """Draw p against q of a node with its friction cone, and w against v with the plane w = -g0."""
-    unit, divided = scales.peak_traction()
-    slip, over = scales.elastic(1, 1)
+    (unit, q_label), (slip, v_label) = scales.peak_traction("q"), scales.elastic("v", 1, 1)
     largest = max(float(path.p.max()) for path in paths)
     for path, look in zip(paths, _looks(paths), strict=True):
         q, p = _without_round_off(path.q[:, node], largest), path.p[:, node]
@@ -235,14 +231,14 @@ def _draw_node(
     above.fill_betweenx(p, *law.limits(p), zorder=0, **style.CONE)
     above.set_xlim(-reach, reach)
     above.set_ylim(-0.04 * top, top)
-    above.set_xlabel(scales.with_unit(f"$q{divided}$", divided, stress=1))
+    above.set_xlabel(q_label)
     if np.any(paths[-1].w[:, node] > -record.g0[node]):
         below.axhline(-float(record.g0[node]) / slip, **style.GUIDE)
     largest = max(float(np.abs(path.v).max()) for path in paths) / slip or 1.0
     if np.ptp(below.get_xlim()) < 1e-9 * largest:
         # the node does not move
         below.set_xlim(-0.5 * largest, 0.5 * largest)
-    below.set_xlabel(scales.with_unit(f"$v{over}$", over, length=1))
+    below.set_xlabel(v_label)
 
 
 def _without_round_off(values: Array, largest: float) -> Array:

@@ -13,12 +13,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from matplotlib.backend_bases import FigureCanvasBase
 from matplotlib.figure import Figure
 
 from receding_fenicsx.arrays import Array, spread
 from receding_fenicsx.atomic import make_folder
-from receding_fenicsx.errors import InputError
 from receding_fenicsx.evolution.moment import Moment, moment_of
 from receding_fenicsx.evolution.probes import probe_names
 from receding_fenicsx.evolution.record import Record
@@ -115,10 +113,6 @@ def plot_all(
     """
     folder = Path(folder)
     formats = (formats,) if isinstance(formats, str) else tuple(formats)
-    known = FigureCanvasBase.get_supported_filetypes()
-    for ending in formats:
-        if ending not in known:
-            raise InputError(f"format '{ending}': is unknown; use some of {', '.join(known)}")
     made: list[Path] = []
     edges = record.by_edge()
     for edge, part in edges.items():

@@ -154,11 +154,12 @@ class Scales:
         """What symbols of tractions at an instant are divided by; "" for nothing."""
         return f"/{self.pressure_symbol}" if self.pressure_symbol else ""
 
-    def peak_traction(self) -> tuple[float, str]:
-        """Return the unit of tractions of several instants, and the suffix of their symbols."""
+    def peak_traction(self, symbol: str) -> tuple[float, str]:
+        """Return the unit of a traction at several instants, and its label."""
         if not self.pressure_symbol:
-            return 1.0, ""
-        return self.pressure * float(self.load_max[0]), f"/{peak(self.pressure_symbol)}"
+            return 1.0, self.with_unit(f"${symbol}$", "", stress=1)
+        label = f"${symbol}/{peak(self.pressure_symbol)}$"
+        return self.pressure * float(self.load_max[0]), label
 
     def load_axis(self, k: int, name: str) -> tuple[float, str]:
         """Return what a load factor is divided by on an axis, and the label of the axis."""
@@ -182,8 +183,8 @@ class Scales:
         unit, behind = kind.size, in_unit("$", self._unit_of(kind.conjugate_unit))
         if not prescribed and self._nondimensional():
             # conjugate to the pressure, not to its factor: an area, or the volume of a circle
-            unit, over = self.elastic(1, 3 if self.axisymmetric else 2)
-            unit, behind = unit * self.pressure, f"{over}$"
+            unit, label = self.elastic("", 1, 3 if self.axisymmetric else 2)
+            unit, behind = unit * self.pressure, label[1:]
         # a tension of the far field is a prescribed strain; the tension does its work on -U
         tension = prescribed and kind.unit == (1, 0)
         return (-unit, behind, False) if tension else (unit, behind, prescribed)
@@ -193,18 +194,19 @@ class Scales:
             return shown_unit(self.units.of_force(self.axisymmetric))
         return shown_unit(self.units.product(*powers))
 
-    def elastic(self, pressures: int, lengths: int) -> tuple[float, str]:
-        """Return the unit p^a h^b / E with the largest pressure p, and the suffix of its symbols.
+    def elastic(self, symbol: str, pressures: int, lengths: int) -> tuple[float, str]:
+        """Return the unit p^a h^b / E of a quantity, with the largest pressure p, and its label.
 
         Displacements have a = b = 1, energies per contact area a = 2, b = 1. Without a length, a
-        pressure or Young's modulus the unit is 1.
+        pressure or Young's modulus the unit is that of the scene.
         """
         if not self._nondimensional():
-            return 1.0, ""
+            return 1.0, self.with_unit(f"${symbol}$", "", pressures - 1, lengths)
         p, top = self.pressure * float(self.load_max[0]), peak(self.pressure_symbol)
         top = top if pressures == 1 else f"({top})^{pressures}"
         height = self.length_symbol + (f"^{lengths}" if lengths > 1 else "")
-        return p**pressures * self.length**lengths / self.young, rf"\,E/({top}\,{height})"
+        unit = p**pressures * self.length**lengths / self.young
+        return unit, rf"${symbol}\,E/({top}\,{height})$"
 
     def _nondimensional(self) -> bool:
         return bool(self.length_symbol and self.pressure_symbol and self.young > 0.0)

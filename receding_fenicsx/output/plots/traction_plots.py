@@ -251,7 +251,7 @@ def _distances(probe: ProbeHistory) -> Array:
 
 def _draw_stresses(axes: Axes, x: Array, values: Array, scales: Scales, marker: str = "") -> None:
     """Draw the lines of all stresses, which differ in greyscale too."""
-    unit, suffix = scales.peak_traction()
+    unit, symbol = scales.peak_traction(r"\sigma")
     plane, round_ = ("xx", "yy", "zz", "xy"), ("rr", "zz", r"\theta\theta", "rz")
     indices = [*(round_ if scales.axisymmetric else plane), r"\mathrm{v}"]
     dashes = (None, (4, 1.5), (1, 1), (4, 1, 1, 1), None)
@@ -262,4 +262,4 @@ def _draw_stresses(axes: Axes, x: Array, values: Array, scales: Scales, marker: 
         if dash:
             line.set_dashes(dash)
     axes.axhline(0.0, color=style.GUIDE_COLOUR, lw=0.5)
-    axes.set_ylabel(scales.with_unit(f"$\\sigma{suffix}$", suffix, stress=1))
+    axes.set_ylabel(symbol)

@@ -121,13 +121,12 @@ def draw_pages(
     seen = np.concatenate([layout.shows(view.moved) for view in views])
     areas = np.concatenate([vertex_areas(view.points, view.cells) for view in views])[seen]
     symbol = views[0].pressure_symbol
-    colours, levels = colours_of(np.concatenate(values)[seen], quantity, symbol, areas)
+    colours = colours_of(np.concatenate(values)[seen], quantity, symbol, areas)
     for view, field, clock in zip(views, values, clocks, strict=True):
         shown = colours.limits, colours.table, layout.window, layout.pixels
         pixels = render(view.moved, view.cells, field, *shown)
-        contours = (field, levels) if len(levels) else None
         with mpl.rc_context(style.RC):
-            page = compose(view, layout, pixels, colours, clock, contours)
+            page = compose(view, layout, pixels, colours, clock, field)
         yield page
 
 

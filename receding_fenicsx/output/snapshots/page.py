@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import matplotlib as mpl
@@ -65,13 +65,14 @@ class Colours:
     table: Array  # (k, 3 or 4) colours in [0, 1]
     label: str  # label of the colour bar
     note: str  # stress of one fringe, or ""
-    extend: str  # where values lie beyond the limits: "neither", "min", "max" or "both"
+    extend: str = "neither"  # where values lie beyond the limits: or "min", "max", "both"
+    levels: Array = field(default_factory=lambda: np.empty(0))  # values of contour lines
 
 
 def colours_of(
     values: Array, quantity: Quantity, pressure_symbol: str, areas: Array | None = None
-) -> tuple[Colours, Array]:
-    """Choose the colours and the values of the contour lines (none for fringes) of a field (n,).
+) -> Colours:
+    """Choose the colours and the contour lines (none for fringes) of a field (n,).
 
     Its vertices have the areas (n,), by default equal ones; it is divided by a pressure unless the
     symbol of that is empty.
@@ -94,7 +95,7 @@ def colours_of(
         limits = (0.0, max(float(values.max()), fringe))
         grey = np.cos(np.pi * np.linspace(0.0, limits[1] / fringe, 4096)) ** 2
         note = f"one fringe {fringe:g}" + (rf"$\,{pressure_symbol}$" if pressure_symbol else "")
-        return Colours(limits, np.stack([grey] * 3, axis=1), label, note, "neither"), np.empty(0)
+        return Colours(limits, np.stack([grey] * 3, axis=1), label, note)
     # zero is always part of the range
     low, high = min(low, 0.0), max(high, 0.0)
     largest = max(-low, high) or 1.0
@@ -106,7 +107,7 @@ def colours_of(
     extend = ("neither", "max", "min", "both")[beyond]
     # about nine contour lines
     levels = np.asarray(MaxNLocator(9).tick_values(low, high))
-    return Colours((low, high), table, label, "", extend), levels
+    return Colours((low, high), table, label, "", extend, levels)
 
 
 def fringe_value(largest: float) -> float:
@@ -210,27 +211,24 @@ def compose(
     pixels: Pixels,
     colours: Colours,
     clock: Clock | None = None,
-    contours: tuple[Array, Array] | None = None,
+    values: Array | None = None,
 ) -> Figure:
-    """Draw the page around the image of the field.
+    """Draw the page around the image of the field, whose values have contour lines.
 
-    ``clock`` is its position in a film; ``contours`` are the field and the values at which
-    lines are drawn.
+    ``clock`` is its position in a film.
     """
     figure = Figure(figsize=(style.PAGE, FOOT + layout.height + 0.3), dpi=layout.dpi)
     body = _axes_at(figure, (LEFT, FOOT, WIDTH, layout.height))
     # one pixel of the image for each of the page, behind the axes
     figure.figimage(pixels, round(LEFT * layout.dpi), round(FOOT * layout.dpi), zorder=-1)
-    if contours is not None:
-        values, levels = contours
-        inside = levels[(values.min() < levels) & (levels < values.max())]
+    levels = colours.levels
+    if values is not None and np.any(lines := (values.min() < levels) & (levels < values.max())):
         parts = ([0, 1, 2], [0, 2, 3])[: view.cells.shape[1] - 2]
         cells = np.vstack([view.cells[:, part] for part in parts])
         mesh = Triangulation(view.moved[:, 0], view.moved[:, 1], cells)
         look: dict[str, Any] = {"colors": "black", "alpha": 0.5, "linestyles": "solid"}
-        look["linewidths"] = 72.0 / layout.dpi  # a pixel
-        if len(inside):
-            body.tricontour(mesh, values, levels=inside, zorder=1.5, **look)
+        look |= {"linewidths": 72.0 / layout.dpi, "zorder": 1.5}  # a pixel
+        body.tricontour(mesh, values, levels=levels[lines], **look)
     body.set_xlim(layout.window[0], layout.window[1])
     body.set_ylim(layout.window[2], layout.window[3])
     body.set_axis_off()
