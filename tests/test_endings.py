@@ -80,6 +80,28 @@ def test_library_that_cannot_be_loaded_is_told_with_where_to_look(
     assert re.search("error: .*(not_there|libno.so.1).*; see receding-fenicsx doctor", told)
 
 
+@pytest.mark.one_rank
+@pytest.mark.parametrize(
+    ("variable", "value", "code", "words"),
+    [
+        ("CC", "no-cc", 1, "forms cannot be compiled: .*no-cc.*; see receding-fenicsx doctor"),
+        ("XDG_CACHE_HOME", "/dev/null", 2, "forms cannot be kept there .*; set XDG_CACHE_HOME"),
+    ],
+)
+def test_forms_that_cannot_be_compiled_or_kept_are_told_in_one_line(
+    tmp_path: Path, variable: str, value: str, code: int, words: str
+) -> None:
+    scene = write(tmp_path / "scene.toml", SCENE)
+    done = subprocess.run(
+        [sys.executable, "-m", "receding_fenicsx", "check", str(scene)],
+        env=rf.child_environment() | {"XDG_CACHE_HOME": str(tmp_path), variable: value},
+        capture_output=True,
+        text=True,
+    )
+    (told,) = (x for x in done.stderr.splitlines() if not x.startswith("/bin/sh"))
+    assert done.returncode == code and re.search(f"error: .*{words}", told), told
+
+
 @pytest.mark.parametrize("factor", [1e-100, 1e100])
 def test_system_whose_energies_leave_the_range_of_the_numbers_is_refused(factor: float) -> None:
     system = block_system(8, 2)

@@ -21,10 +21,10 @@ PYPROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())
 SETUPTOOLS = PYPROJECT["tool"]["setuptools"]
 
 
-BROUGHT_BY_DOLFINX = {"basix", "dolfinx", "dolfinx_solver", "mpi4py", "petsc4py", "ufl"}
+BROUGHT_BY_DOLFINX = {"basix", "cffi", "dolfinx", "dolfinx_solver", "mpi4py", "petsc4py", "ufl"}
 """Modules of Debian's python3-dolfinx-real, and of PyPI's dolfinx-solver-real."""
-DISTRIBUTIONS = {"PIL": "pillow", "imageio_ffmpeg": "imageio-ffmpeg"}
-"""Distribution of each module that has another name."""
+DISTRIBUTIONS = {"PIL": "pillow", "imageio_ffmpeg": "imageio-ffmpeg", "pydantic_core": "pydantic"}
+"""Distribution that brings each module of another name."""
 NOT_IMPORTED = {"vtk": "release for pyvista"}
 """Dependencies that the package does not import itself, and their purpose."""
 

@@ -18,6 +18,7 @@ import basix
 import dolfinx
 import numpy as np
 import ufl
+from cffi import VerificationError
 from dolfinx import fem, graph
 from dolfinx import mesh as dmesh
 from dolfinx.fem import petsc as fem_petsc
@@ -58,6 +59,8 @@ def _quiet() -> Iterator[None]:
             f"{error.filename}: compiled forms cannot be kept there ({error.strerror}); set "
             "XDG_CACHE_HOME to a folder that can be written"
         ) from None
+    except VerificationError as error:  # often as there is no compiler
+        raise ImportError(f"the forms cannot be compiled: {error}") from None
     finally:
         logging.disable(before)
 
