@@ -1,17 +1,20 @@
 """Every key of a scene counts where two scenes are compared, unless it is named here as free."""
 
 import dataclasses
+import re
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
+from bodies import block
 
 import receding_fenicsx as rf
 from receding_fenicsx.evolution.journal import JOURNAL
 from receding_fenicsx.scene.identity import digest
 from receding_fenicsx.scene.toml_file import known_scene
+from receding_fenicsx.store import hdf5
 from receding_fenicsx.store.run_folder import SYSTEM, is_finished, run_folder, write_summary
 
 pytestmark = pytest.mark.one_rank
@@ -156,3 +159,23 @@ def test_a_stored_scene_is_not_judged_by_rules_that_are_newer() -> None:
     with pytest.raises(rf.InputError, match="load steps find one"):
         rf.from_toml(stored)
     assert rf.to_toml(known_scene(stored)) == stored
+
+
+def test_a_system_of_another_version_is_known_by_its_scene_but_not_by_its_mesh_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "own.geo").write_text("// a mesh")
+    drawn = block(elements=8)
+    own = replace(drawn, body=rf.Body(mesh=str(tmp_path / "own.geo")))
+    system = rf.given(rf.condense(drawn))
+    with monkeypatch.context() as other:
+        other.setattr(hdf5, "digest", lambda scene: "of another version")
+        for name, scene in (("drawn", drawn), ("own", own)):
+            rf.write_system(tmp_path / name, replace(system, scene_toml=rf.to_toml(scene)))
+    assert rf.read_system(tmp_path / "drawn", drawn).n == system.n
+    for name, scene, key in (
+        ("own", own, "mesh file"),
+        ("drawn", replace(drawn, body=rf.Body(width=4.5)), "[body] width"),
+    ):
+        with pytest.raises(rf.InputError, match=re.escape(f"from a scene with another {key};")):
+            rf.read_system(tmp_path / name, scene)
