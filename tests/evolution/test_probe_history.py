@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from bodies import block
 from small import small_system
 
 import receding_fenicsx as rf
@@ -16,27 +17,18 @@ from receding_fenicsx.evolution.probes import probed_at
 from receding_fenicsx.interface.system import ProbeMatrix
 from receding_fenicsx.store.run_folder import write_probes
 
-BLOCK = """
-[mesh]
-contact_elements = 24
-[[load]]
-name = "p0"
-edge = "top"
-span = [-1.0, 1.0]
-pressure = 1.0
-[history]
-cycles = 4
-[output]
-samples_per_leg = 6
-checkpoint_cycles = 2
-[[probe]]
-name = "deep"
-point = [0.5, 0.5]
-[[probe]]
-name = "edge"
-segment = [[-2.0, 0.0], [2.0, 0.0]]
-count = 5
-"""
+BLOCK = rf.to_toml(
+    block(
+        degree=2,
+        elements=24,
+        history=rf.HistoryOptions(cycles=4),
+        output=rf.OutputOptions(6, checkpoint_cycles=2),
+        probes=(
+            rf.Probe("deep", point=(0.5, 0.5)),
+            rf.Probe("edge", segment=((-2.0, 0.0), (2.0, 0.0)), count=5),
+        ),
+    )
+)
 
 
 def small(*overrides: str) -> rf.Scene:

@@ -6,30 +6,13 @@ from pathlib import Path
 from mpi4py import MPI
 
 import pytest
+from bodies import block
 
 import receding_fenicsx as rf
 from receding_fenicsx import cli
 from receding_fenicsx.mpi import on_root
 
-SCENE = """
-[body]
-width = 4.0
-[mesh]
-contact_elements = 8
-degree = 1
-[contact]
-friction = 0.35
-[[load]]
-name = "p0"
-edge = "top"
-span = [-1.0, 1.0]
-pressure = 1.0
-[history]
-cycles = 200
-until = "limit"
-"""
-
-
+SCENE = rf.to_toml(block(elements=8, history=rf.HistoryOptions(cycles=200, until="limit")))
 COMM = MPI.COMM_WORLD
 
 
@@ -82,7 +65,7 @@ def test_a_run_that_its_limit_has_ended_is_not_played_again(
         assert ("was finished already" in capsys.readouterr().out) == (COMM.rank == 0)
         assert (out / "record.h5").read_bytes() == before
     # plain cycles do not begin where the limit has jumped to
-    plain = SCENE.replace('until = "limit"', "").replace("200", "3")
+    plain = SCENE.replace('until = "limit"', "").replace("cycles = 200", "cycles = 3")
     COMM.Barrier()
     on_root(COMM, lambda: scene.write_text(plain))
     assert cli.main([*run, "--resume"]) == 0
