@@ -195,20 +195,14 @@ def _resolved(errors: list[Any]) -> list[tuple[Place, dict[str, Any]]]:
             branches.setdefault(steps[first][0], []).append((steps[first + 1 :], item))
     for place, branches in unions.items():
         own = [item for inner in branches.values() for steps, item in inner if not steps]
-        fitting = [
-            inner
-            for inner in branches.values()
-            if not any(
-                not steps and (_wanted(item) or item["type"] == "literal_error")
-                for steps, item in inner
-            )
-        ]
-        choice = next((item for item in own if item["type"] == "literal_error"), None)
+        literal = [item for item in own if item["type"] == "literal_error"]
+        wrong = [*literal, *filter(_wanted, own)]
+        fitting = [b for b in branches.values() if not any(item in wrong for _, item in b)]
         if fitting:
             best = min(fitting, key=lambda inner: sum(item["type"] == "key" for _, item in inner))
             found += [(place + inner, item) for inner, item in _resolved(best)]
         else:
-            choices = re.findall("'[^']*'", choice["ctx"]["expected"]) if choice else []
+            choices = re.findall("'[^']*'", literal[0]["ctx"]["expected"]) if literal else []
             types = [*filter(None, map(_wanted, own))]
             text = isinstance(own[0]["input"], str)
             wanted = dict.fromkeys([*choices, *types] if text else [*types, *choices])

@@ -122,11 +122,8 @@ def _of_shakedown(scene: Scene) -> checks.Rules:
 
 
 def _of_accuracy(scene: Scene) -> checks.Rules:
-    owners = {
-        "load": scene.load_names,
-        "probe": tuple(probe.name for probe in scene.probes),
-        "": tuple(contact.edge for contact in scene.contacts),
-    }
+    probes = [probe.name for probe in scene.probes]
+    owners = {"load": scene.load_names, "probe": probes, "": [c.edge for c in scene.contacts]}
     for name in scene.accuracy.numbers:
         base, bracket, owner = name.removesuffix("]").partition("[")
         if base not in HEADLINE_NAMES:

@@ -43,13 +43,11 @@ class FolderKind:
             raise InputError(f"{path}: is a file; give a new folder")
         try:
             # what a write has left behind, or is about to rename, is nothing to lose
-            empty = all(item.suffix == ".tmp" for item in path.iterdir())
+            if all(item.suffix == ".tmp" for item in path.iterdir()):
+                return False
         except OSError as error:
-            raise InputError(
-                f"{path}: cannot be read ({error.strerror}); choose another folder"
-            ) from None
-        if empty:
-            return False
+            reason = f"cannot be read ({error.strerror})"
+            raise InputError(f"{path}: {reason}; choose another folder") from None
         if not any((path / mark).is_file() for mark in self.marks):
             raise InputError(
                 f"{path}: already exists and is not the folder of a {self.name}, so it is not "
