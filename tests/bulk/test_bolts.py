@@ -93,6 +93,24 @@ def test_preload_is_reached_and_the_length_then_locked(round_: bool) -> None:
 
 
 @pytest.mark.one_rank
+@pytest.mark.parametrize("friction", [0.0, 0.5])
+def test_bolt_that_is_not_fitted_yet_follows_an_overlap_without_force(friction: float) -> None:
+    """Until its turn s = -overlap, and nothing presses; then s = F (1/k + 1/k_j) - overlap."""
+    scene, overlap, F, pull = with_preloads(clamped(3.0), 0.02), 0.003, 0.02, 0.003
+    scene = replace(
+        scene,
+        contacts=(replace(scene.contacts[0], friction=friction, interference=overlap),),
+        supports=scene.supports[bool(friction) :],  # friction alone holds the upper one
+        history=rf.HistoryOptions("table", columns=("pull",), rows=((pull,),)),
+    )
+    table = played(scene).turning_points
+    tight = F / 3.0 + F / JOINT - overlap
+    np.testing.assert_allclose(table.load[:, 1], [-overlap, tight, tight], rtol=1e-9)
+    left = F - 4.0 * pull * JOINT / (3.0 + JOINT)
+    np.testing.assert_allclose(table.P.sum(axis=1), [0.0, F, left], rtol=1e-9, atol=1e-11)
+
+
+@pytest.mark.one_rank
 def test_bolts_are_tightened_to_their_preloads_one_after_the_other() -> None:
     slow = rf.HistoryOptions("monotonic", load="pull", maximum=0.1, constant={"kept": 1.0})
     loads = (*lap().loads, rf.Load("kept", "a.right", traction=(1e-4, 0.0)))
