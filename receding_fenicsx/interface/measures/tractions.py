@@ -116,15 +116,20 @@ def recover(at: Tractions) -> tuple[Array, Array]:
     nodes hold as for nodal forces over weights, which are returned on elements of order 1 and
     beside ends of zones.
     """
-    P, Q = at.P, at.Q
+    P, Q, friction = at.P, at.Q, at.friction
+    slack = 1e-14 * float(np.abs(P).max(initial=0.0))
+
+    def broken(P: Array, Q: Array) -> Flags:
+        A, B = friction.margins(Q, P)
+        return (P < 0.0) | (friction.present & ((A < -slack) | (B < -slack)))
+
     middle = midside_nodes(at.x, at.weight, at.radius)
     # at a shear limit q does not follow p, with a cohesion it is not proportional
-    if len(middle) > 2 and at.friction.is_cone:
-        values = _middle_values(at, middle)
-        active = np.ones(len(middle), dtype=bool)
+    if len(middle) > 2 and friction.is_cone:
+        values, active = _middle_values(at, middle), np.ones(len(middle), dtype=bool)
         while np.any(active):
             moved = _moved(at, (middle, values), active)
-            wrong = _violating(at, *moved)
+            wrong = broken(*moved) & ~broken(P, Q)
             if not np.any(wrong):
                 P, Q = moved
                 break
@@ -233,14 +238,3 @@ def _is_smooth(centre: Array, mean: Array, inside: Flags) -> Flags:
     low, high = np.fmin.reduce(around), np.fmax.reduce(around)
     flat = np.maximum(-low, high) <= 1e-3 * np.abs(mean).max(initial=0.0)
     return flat | (low * high > 0.0)
-
-
-def _violating(at: Tractions, P: Array, Q: Array) -> Flags:
-    """Return the nodes at which p >= 0 or |q| <= f p does not hold though it did before."""
-    slack = 1e-14 * float(np.abs(at.P).max(initial=0.0))
-
-    def wrong(P: Array, Q: Array) -> Flags:
-        forward, backward = at.friction.margins(Q, P)
-        return (P < 0.0) | (at.friction.present & ((forward < -slack) | (backward < -slack)))
-
-    return wrong(P, Q) & ~wrong(at.P, at.Q)
