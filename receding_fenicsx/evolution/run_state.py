@@ -107,7 +107,10 @@ class RunState:
                 raise
             if self.problem.judged:
                 self.uniqueness.add((number, k), self.position.state, (a, b), leg, static)
-                for choice in self.problem.chooser.choices if self.problem.chooser else ():
+                chooser = self.problem.chooser
+                if chooser is not None and self.uniqueness.floats:
+                    chooser.unsure.add((number, k, 1.0))
+                for choice in chooser.choices if chooser is not None else ():
                     if (choice.cycle, choice.leg) == (number, k):
                         at, found = (number, k, choice.s), self.uniqueness.found
                         found = found.with_doubt(at, choice.nodes, choice.solutions)

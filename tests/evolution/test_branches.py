@@ -61,6 +61,23 @@ def test_a_branch_ends_at_the_reversal_and_the_other_goes_all_the_way() -> None:
     assert [branch.taken for branch in tree] == [(1,), (2, 1), (2, 2)] and tree.complete
 
 
+@pytest.mark.parametrize(
+    ("loads", "complete"), [([1, 0.4], True), ([1, 1], False), ([0, 1], False)]
+)
+def test_a_motion_that_nothing_determines_leaves_branches_that_are_not_found(
+    loads: list[float], complete: bool
+) -> None:
+    # two feet free to slide: pushed apart beyond friction each may slip any part of the way; held
+    # by nothing but a load in balance the body floats
+    K = np.kron([[0.0, 0.0], [0.0, 1.0]], [[1.0, -1.0], [-1.0, 1.0]])
+    K[:2, :2] = [[2.0, -2.0], [-2.0, 2.0]]
+    parts = {"press": [0.0, 0, 1, 1], "spread": [1.0, -1, 0, 0]}
+    body = small_system(K, parts, 0.5, rigid=[[1.0, 1, 0, 0], [0.0, 0, 1, 1]])
+    tree = rf.branches(body, table(body, [[0, 0], loads]))
+    assert tree.complete == complete and ("may be more" in str(tree)) != complete
+    assert all(rf.given(b.record.uniqueness).certified == complete for b in tree)
+
+
 def test_rules_take_the_continuation_they_name() -> None:
     system, history = node_of_three_solutions(), table(node_of_three_solutions(), [[0.0], [1.0]])
     states = {}

@@ -62,7 +62,8 @@ def all_solutions(
     tried, complete = _candidates(problem, undecided.sets)
     if not complete:
         tried = chain(tried, (states[None] for states in problem.by_covers()))
-    return Solutions(problem.whole(_distinct(problem, tried)), complete)
+    found, loose = _distinct(problem, tried)
+    return Solutions(problem.whole(found), complete and not loose)
 
 
 def _candidates(problem: Problem, sets: int) -> tuple[Iterator[NDArray[np.int8]], bool]:
@@ -126,20 +127,25 @@ def _with_sides(
     return [np.array(found)] if found else [], bool(definite and found)
 
 
-def _distinct(problem: Problem, tried: Iterator[NDArray[np.int8]]) -> NDArray[np.int8]:
-    """Return those (j, m) sets of states that are solutions, one for each different u."""
+def _distinct(problem: Problem, tried: Iterator[NDArray[np.int8]]) -> tuple[NDArray[np.int8], bool]:
+    """Return those (j, m) sets of states that are solutions, one for each different u.
+
+    The second value says that one of them leaves a motion without stiffness.
+    """
     k = np.abs(np.diagonal(problem.S))
     stiffness = float(np.diagonal(problem.system.K).max(initial=0.0))
     far = TOO_FAR * float(np.abs(problem.s).max(initial=0.0))
     kept: list[NDArray[np.int8]] = []
     rates: list[Array] = []
+    any_loose = False
     for states in tried:
-        for state, u in zip(*problem.solutions(states), strict=True):
+        for state, u, loose in zip(*problem.solutions(states), strict=True):
             if stiffness * float(np.abs(u).max(initial=0.0)) > far:
                 continue
+            any_loose |= bool(loose)
             x = problem.S @ u + problem.s
             scale = max(float(np.abs(k * u).max()), float(np.abs(x).max()))
             if all(np.abs(k * (u - other)).max() > SAME_RATES * scale for other in rates):
                 kept.append(state)
                 rates.append(u)
-    return np.array(kept, dtype=np.int8).reshape(-1, len(problem.may))
+    return np.array(kept, dtype=np.int8).reshape(-1, len(problem.may)), any_loose

@@ -29,6 +29,7 @@ from receding_fenicsx.arrays import Array
 from receding_fenicsx.interface.law import BACKWARD, FORWARD, SEPARATION, STICK, Friction
 from receding_fenicsx.interface.lcp.lemke import covers, solve
 from receding_fenicsx.interface.system import ContactSystem, neutral_motions
+from receding_fenicsx.interface.tolerances import NO_STIFFNESS
 
 EXHAUSTED = 2**16
 """Largest number of sets of states that is gone through: eight nodes with all four states."""
@@ -125,11 +126,14 @@ class Problem(NamedTuple):
         every[..., self.nodes] = states
         return every
 
-    def solutions(self, states: NDArray[np.int8]) -> tuple[NDArray[np.int8], Array]:
+    def solutions(
+        self, states: NDArray[np.int8]
+    ) -> tuple[NDArray[np.int8], Array, NDArray[np.bool_]]:
         """Return those of (k, m) sets of states that are solutions, and their (j, 2m) changes u.
 
         A node that may not separate keeps its pressure, and one that may slip in one direction only
-        is at that limit of friction.
+        is at that limit of friction. The third value tells which sets leave a motion without
+        stiffness: u is one of many.
         """
         m, (*_, smooth, friction, S, s) = len(self.nodes), self
         S_t, S_n, s_t, s_n = S[:m], S[m:], s[:m], s[m:]
@@ -147,16 +151,15 @@ class Problem(NamedTuple):
         right_t = np.where(smooth, 0.0, right_t)
         matrix = np.concatenate([rows_t, rows_n], axis=1)
         right = np.concatenate([right_t, right_n], axis=1)[:, :, None]
-        try:
-            u = np.linalg.solve(matrix, right)[:, :, 0]
-        except np.linalg.LinAlgError:
-            # a set that leaves a motion without stiffness: least squares, checked below like all
-            u = np.array(
-                [
-                    np.linalg.lstsq(M, r[:, 0], rcond=None)[0]
-                    for M, r in zip(matrix, right, strict=True)
-                ]
-            )
+        norm = np.maximum(np.linalg.norm(matrix, axis=2, keepdims=True), np.finfo(float).tiny)
+        # sets that may leave a motion without stiffness: least squares, checked below like all
+        loose = np.abs(np.linalg.det(matrix / norm)) <= 1e-9
+        u = np.zeros(right.shape[:2])
+        u[~loose] = np.linalg.solve(matrix[~loose], right[~loose])[:, :, 0]
+        for k in np.flatnonzero(loose):
+            rows, values = matrix[k] / norm[k], (right[k] / norm[k])[:, 0]
+            u[k], _, rank, _ = np.linalg.lstsq(rows, values, rcond=NO_STIFFNESS)
+            loose[k] = rank < 2 * m
         x = u @ S.T + s
         balance = np.abs(np.einsum("kij,kj->ki", matrix, u) - right[:, :, 0]).max(axis=1)
         v, w, Q, P = u[:, :m], u[:, m:], x[:, :m], x[:, m:]
@@ -173,7 +176,7 @@ class Problem(NamedTuple):
         good &= ~backward | (v <= way)
         good &= ~open_ | (w >= -way)
         solved = np.flatnonzero(good.all(axis=1) & (balance <= force[:, 0]))
-        return states[solved], u[solved]
+        return states[solved], u[solved], loose[solved]
 
     def by_covers(self) -> Iterator[NDArray[np.int8]]:
         """Yield (m,) states by Lemke's method for each covering vector that leads to some.
@@ -233,7 +236,7 @@ def solve_states(
         unsure = problem.whole(found) if unsure is None else unsure
     if undecided.sets <= (EXHAUSTED if unsure is None else BATCH):
         for sets in batches(problem.may):
-            solved, _ = problem.solutions(sets)
+            solved, *_ = problem.solutions(sets)
             if len(solved):
                 return problem.whole(solved[0])
     return unsure

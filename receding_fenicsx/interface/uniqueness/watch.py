@@ -105,6 +105,7 @@ class UniquenessWatch:
         self._doubtful: list[tuple[bytes, Sides]] = []
         # static problems that were judged
         self._judged: set[tuple[bytes, bytes]] = set()
+        self.floats = False  # the last leg has left a free body without any contact force
         # doubtful instants whose solutions are counted before the next checkpoint
         self._left = 8
 
@@ -165,8 +166,9 @@ class UniquenessWatch:
             state, events, ties = leg.end.state, *[Changes.none()] * 2
         self._rates(place, b - a, (state, events, ties))
         carried = largest_force(system, b, leg.end.r, scale)
-        if np.any(b) and system.rigid.shape[1] and carries_nothing(leg.end, carried):
-            # nothing says where a free body floats that no force presses
+        free = bool(np.any(b)) and system.rigid.shape[1] > 0
+        self.floats = free and carries_nothing(leg.end, carried)
+        if self.floats:  # nothing says where
             self.found = self.found.with_doubt((*place, 1.0), ())
         end = Sides.of(leg.end.state).of_nodes(self.certificate.rubbing)
         if (end.forward or end.backward) and end not in self._measured:
