@@ -228,9 +228,9 @@ def _text_of(measure: Any) -> str:
     held += [value for value in found if value]
 
     def known(value: Any) -> Any:
-        plain = value.tolist() if isinstance(value, np.ndarray | np.generic) else repr(value)
-        # an address changes from process to process
-        return re.sub(r" at 0x\w+", "", plain) if isinstance(plain, str) else plain
+        if isinstance(value, np.ndarray | np.generic):
+            return value.tolist()
+        return re.sub(r" at 0x\w+", "", repr(value))  # addresses change
 
     text = json.dumps(held, default=known, skipkeys=True) if held else ""
     with suppress(OSError, TypeError):

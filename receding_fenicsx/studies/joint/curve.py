@@ -127,11 +127,8 @@ class JointCurve:
 
     def rows(self) -> list[dict[str, Any]]:
         """Return the table: a row for each amplitude."""
-        names = (
-            *("amplitude", "dissipation", "estimate", "stiffness"),
-            *("masing", "masing_defect", "slip"),
-            *(("omega", "zeta") if self.is_mode else ()),
-        )
+        names = ["amplitude", "dissipation", "estimate", "stiffness", "masing", "masing_defect"]
+        names += ["slip", "omega", "zeta"] if self.is_mode else ["slip"]
         columns = [getattr(self, name).tolist() for name in names]
         return [
             dict(zip(names, row, strict=True))

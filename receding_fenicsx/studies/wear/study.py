@@ -22,7 +22,7 @@ from receding_fenicsx.interface.system import ContactSystem
 from receding_fenicsx.scene.model import Scene, WearOptions
 from receding_fenicsx.store.workspace import Case
 from receding_fenicsx.studies import run as study
-from receding_fenicsx.studies.accuracy.meshes import coarser
+from receding_fenicsx.studies.accuracy import meshes
 from receding_fenicsx.studies.runner import Kind, Runner, Study, StudyOptions, digest_of, run_study
 from receding_fenicsx.studies.wear.result import (
     WearStudy,
@@ -64,7 +64,7 @@ def wear(
     timer = Timer(options.progress if comm.rank == 0 else None)
     system, partner, coarse = study.condense(scene, comm, timer.say), None, None
     with suppress(InputError):  # no coarser mesh fits
-        partner = comm.bcast(mpi.on_root(comm, lambda: coarser(scene)))
+        partner = meshes.partner(scene, comm)
         coarse = None if partner is None else study.condense(partner, comm)
 
     def begin() -> Study[WearStudy]:
