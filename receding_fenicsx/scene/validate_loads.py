@@ -282,6 +282,13 @@ def _of_point(scene: Scene, part: Support | Spring, at: str) -> checks.Rules:
             yield f"{at} point: a rectangle has no named points; write [x, y]"
         else:
             yield from of_place(scene, body, part.point, f"{at} point")
+            acts = part.fix if isinstance(part, Support) else [k for k in "xy" if getattr(part, k)]
+            for other in (s for s in scene.supports if s.edge and {*acts} <= {*s.fix}):
+                owner, line = scene.find_edge(other.edge or "")
+                x, y = symmetry.edge_points(scene, other.edge or "", 0.0)
+                near = y == part.point[1] if line in symmetry.HORIZONTAL else x == part.point[0]
+                if owner == body and near:
+                    yield f'{at} point: a support holds "{other.edge}" in its direction; remove it'
 
 
 def body_named(scene: Scene, name: str | None, where: str, what: str = "point") -> Body:
