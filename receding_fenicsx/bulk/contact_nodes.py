@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 from dolfinx import fem
@@ -61,6 +61,26 @@ class ContactNodes:
     null: Array
     sides: tuple[ContactSide, ...] = ()  # the edges
 
+    @classmethod
+    def of(
+        cls,
+        places: tuple[Ints, Array, Array],
+        held: NDArray[np.bool_],
+        constraints: tuple[Array, Array],
+        pivot: tuple[Array, float],
+        sides: Sequence[ContactSide],
+    ) -> ContactNodes:
+        """Return nodes, given by number, place and normal, that turn about a pivot by a length.
+
+        The second of the constraints are those of which no contact node is part.
+        """
+        node, points, normal = places
+        moved, tangent = motions(points, *pivot), tangent_of(normal)
+        modes = np.concatenate([np.einsum("nc,nck->nk", axis, moved) for axis in (tangent, normal)])
+        null = scaled(modes @ free_motions(constraints[1]))
+        rows = constraints[0]
+        return cls(points, node, tangent, normal, held, modes, rows, null, tuple(sides))
+
     @property
     def dofs(self) -> Ints:
         """(2N,) global degrees of freedom in the order [u_x; u_y]."""
@@ -73,6 +93,11 @@ class ContactNodes:
     def to_global(self, values: Array) -> Array:
         """Turn [t; n] components (2N along the first axis) into [x; y] components."""
         return _turn(values, np.stack([self.tangent, self.normal], axis=2))
+
+
+def tangent_of(normal: Array) -> Array:
+    """Return the tangents t = (n_y, -n_x) of normals (n, 2)."""
+    return np.column_stack([normal[:, 1], -normal[:, 0]]) + 0.0
 
 
 def _turn(values: Array, rotation: Array) -> Array:
@@ -90,7 +115,7 @@ def find_contact(
     ``resisted`` (m, 3) are components of the rigid motions that springs resist.
     """
     edges = [_edge_nodes(scene, space, body, contact) for contact in body.contacts]
-    every = np.concatenate([facets.nodes[0] for facets in edges])
+    every = np.concatenate([own for own, *_ in edges])
     found = find_constraints(scene, space, body, every)
     node, first, times = np.unique(every, return_index=True, return_counts=True)
     # in the order of the edges
@@ -99,62 +124,42 @@ def find_contact(
     place = {int(number): i for i, number in enumerate(node)}
     sides = []
     for edge, contact in zip(edges, body.contacts, strict=True):
-        own, points, x, weight = edge.nodes
+        own, points, x, weight, nodes_of_facets = edge
         at = np.array([place[int(number)] for number in own])
         normal = contact.inward(points)
         carries = times[at] == 1
         if contact.tie:
             normal = np.tile([0.0, 1.0], (len(at), 1))
-            tied = [e.nodes[0] for e, c in zip(edges, body.contacts, strict=True) if c.tie]
-            carries = np.isin(own, np.concatenate([o for o in tied if o is not own] or [own[:0]]))
-            carries = ~carries
+            tied = [e[0] for e, c in zip(edges, body.contacts, strict=True) if c.tie]
+            others = np.concatenate([own[:0], *(o for o in tied if o is not own)])
+            carries = ~np.isin(own, others)
         else:
             carries &= ~_held_obliquely(own, points, normal, found.given, carries)
         rows = {int(number): i for i, number in enumerate(own)}
-        facets = np.array([[rows.get(int(n), -1) for n in facet] for facet in edge.facets])
+        facets = np.array([[rows.get(int(n), -1) for n in facet] for facet in nodes_of_facets])
         if not (contact.tie or isinstance(contact.line, Line)):
             # chords have only their ends on the curve
             carries[facets[:, 2:]] = False
         sides.append(ContactSide(at, x, points, normal, weight, facets, carries, contact.slave))
-    points, normal = (
-        np.concatenate([getattr(side, name) for side in sides])[first]
-        for name in ("points", "normal")
-    )
+    points = np.concatenate([side.points for side in sides])[first]
+    normal = np.concatenate([side.normal for side in sides])[first]
     pairs = zip(sides, body.contacts, strict=True)
     own = np.concatenate([side.carries & (not contact.tie) for side, contact in pairs])[first]
     normal = np.where(own[:, None], normal, [0.0, 1.0])
-    tangent = np.column_stack([normal[:, 1], -normal[:, 0]]) + 0.0
-
     # a body of revolution moves along its axis only
     axial = np.eye(3)[[0, 2] if scene.axisymmetric else []]
     excluded = np.vstack([found.tied, axial, resisted])
     at_contact = np.isin(found.given // 2, node)
-    on_nodes = motions(points, body.pivot, body.size)
-    modes = np.concatenate([np.einsum("nc,nck->nk", axis, on_nodes) for axis in (tangent, normal)])
-    nodes = ContactNodes(
-        points=points,
-        node=node,
-        tangent=tangent,
-        normal=normal,
-        held=_held_at_contact(found.given[at_contact], node, tangent, normal),
-        modes=modes,
-        constraints=np.vstack([found.rows, excluded]),
-        null=scaled(modes @ free_motions(np.vstack([found.rows[~at_contact], excluded]))),
-        sides=tuple(sides),
-    )
-    return nodes, found
-
-
-class _Edge(NamedTuple):
-    """Number, coordinates, position and weight of the nodes of an edge, sorted, and its facets."""
-
-    nodes: tuple[Ints, Array, Array, Array]
-    facets: Ints
+    every, off = np.vstack([found.rows, excluded]), np.vstack([found.rows[~at_contact], excluded])
+    held = _held_at_contact(found.given[at_contact], node, tangent_of(normal), normal)
+    pivot = body.pivot, body.size
+    return ContactNodes.of((node, points, normal), held, (every, off), pivot, sides), found
 
 
 def _edge_nodes(
     scene: Scene, space: fem.FunctionSpace, body: BodyMesh, contact: ContactFacets
-) -> _Edge:
+) -> tuple[Ints, Array, Array, Array, Ints]:
+    """Return number, place, position and weight of the nodes of an edge, sorted, and its facets."""
     facets = tagged_facets(space, body, (contact.tag,))
     weights = integrate(facets, lambda points, normals: measure(scene, points))[:, :, 0]
     node, first, inverse = np.unique(facets.nodes.ravel(), return_index=True, return_inverse=True)
@@ -165,7 +170,7 @@ def _edge_nodes(
     if scene.axisymmetric and not contact.tie:
         # at order 2 the node on the axis has no weight: it gets no contact condition
         order = order[weight[order] > 1e-9 * weight.max()]
-    return _Edge((node[order], points[order], x[order], weight[order]), facets.nodes)
+    return node[order], points[order], x[order], weight[order], facets.nodes
 
 
 def _held_at_contact(dofs: Ints, node: Ints, tangent: Array, normal: Array) -> NDArray[np.bool_]:

@@ -30,7 +30,7 @@ from numpy.typing import NDArray
 from scipy import sparse
 
 from receding_fenicsx.arrays import Array, Ints
-from receding_fenicsx.bulk.contact_nodes import ContactNodes, ContactSide
+from receding_fenicsx.bulk.contact_nodes import ContactNodes, ContactSide, tangent_of
 from receding_fenicsx.bulk.edges import shape_functions
 from receding_fenicsx.bulk.mesh.curved_edges import gauss
 from receding_fenicsx.errors import InputError, MeshMisfit
@@ -193,7 +193,7 @@ def relative_of(
         np.concatenate([getattr(part, name) for part in contacts_])
         for name in ("x", "normal", "weight")
     )
-    tangent = np.column_stack([normal[:, 1], -normal[:, 0]]) + 0.0
+    tangent = tangent_of(normal)
     return relative, ContactPoints(x, joint[:n], places[:n], tangent, normal, weight, held)
 
 
@@ -226,7 +226,7 @@ class _Points:
         n, k = len(nodes.node), "tn".index(axis)
         if body not in self.parts:
             return sparse.csr_matrix((len(self.x), 2 * n))
-        direction = (np.column_stack([self.normal[:, 1], -self.normal[:, 0]]), self.normal)[k]
+        direction = (tangent_of(self.normal), self.normal)[k]
         along = sparse.hstack([sparse.diags(part) for part in direction.T])
         axes = nodes.tangent, nodes.normal
         turn = sparse.bmat([[sparse.diags(axis[:, i]) for axis in axes] for i in (0, 1)])
@@ -271,7 +271,7 @@ def _points(
     elif len(sides) > 1 and not (same and slave.carries.all()):
         without = _held_together(contacts, (body, slave), sides[1][1:], keep)
     # the images of what is beside a plane of symmetry keep the point on it, and turn nothing
-    tangent = np.column_stack([normal[:, 1], -normal[:, 0]])
+    tangent = tangent_of(normal)
     aside = without[:, 0] * np.einsum("pc,pc->p", slave.points[keep] - places, tangent)
     places, shift = places + aside[:, None] * tangent, np.where(without[:, 0], 0.0, shift)
 

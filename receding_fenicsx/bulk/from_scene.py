@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import signal
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.mpi import given, on_root
@@ -23,6 +23,8 @@ if TYPE_CHECKING:
 
     from receding_fenicsx.bulk.stack import Stack
     from receding_fenicsx.interface.system import ContactSystem, ProbeMatrix
+
+T = TypeVar("T")
 
 
 def is_small(scene: Scene) -> bool:
@@ -52,36 +54,35 @@ def condensed(scene: Scene, comm: MPI.Comm, timer: Timer) -> tuple[ContactSystem
     for load in scene.loads:
         if load.mode is not None:
             raise InputError(f"{load.label}: modes are driven by joint, --drive mode:{load.mode}")
-    if comm.size > 1 and is_small(scene):
-        from mpi4py import MPI
 
-        alone = on_root(comm, lambda: condensed(scene, MPI.COMM_SELF, timer))
-        return alone or (None, 0)
-    bulk = bulk_of(scene, comm, timer)
-    try:
-        with timer("condense"):
-            system = stack.condense(bulk)
-            on_root(comm, lambda: _check_reaches_contact(given(system)))
-            probes = probe_matrix(bulk, scene) if scene.probes else None
-            if system is not None:
-                system = replace(system, probes=probes)
-            return system, bulk.dofs
-    finally:
-        bulk.destroy()
+    def work(bulk: Stack) -> tuple[ContactSystem | None, int]:
+        system = stack.condense(bulk)
+        on_root(bulk.comm, lambda: _check_reaches_contact(given(system)))
+        probes = probe_matrix(bulk, scene) if scene.probes else None
+        return system and replace(system, probes=probes), bulk.dofs
+
+    return _with_bulk(scene, comm, timer, work) or (None, 0)
 
 
 def probes_of(scene: Scene, comm: MPI.Comm, timer: Timer) -> ProbeMatrix | None:
     """Return the values at a scene's probes alone, on rank 0; collective."""
     from receding_fenicsx.bulk.fields import probe_matrix
 
+    return _with_bulk(scene, comm, timer, lambda bulk: probe_matrix(bulk, scene))
+
+
+def _with_bulk(
+    scene: Scene, comm: MPI.Comm, timer: Timer, work: Callable[[Stack], T | None]
+) -> T | None:
+    """Return a result of a scene's bodies, assembled for it; small ones on rank 0 alone."""
     if comm.size > 1 and is_small(scene):
         from mpi4py import MPI
 
-        return on_root(comm, lambda: probes_of(scene, MPI.COMM_SELF, timer))
+        return on_root(comm, lambda: _with_bulk(scene, MPI.COMM_SELF, timer, work))
     bulk = bulk_of(scene, comm, timer)
     try:
         with timer("condense"):
-            return probe_matrix(bulk, scene)
+            return work(bulk)
     finally:
         bulk.destroy()
 

@@ -249,8 +249,6 @@ def own_nodes(scene: Scene) -> ContactNodes:
     along, count = np.concatenate(x), len(np.concatenate(x))
     points = np.stack([along + scene.body.position[0], np.full(count, scene.body.position[1])], 1)
     normal = np.tile([0.0, -1.0 if below else 1.0], (count, 1))
-    tangent = np.tile([-1.0 if below else 1.0, 0.0], (count, 1))
-    size = float(np.ptp(along))
     starts = np.cumsum([0, *(len(part) for part in x)])
     sides = []
     for part, start in zip(x, starts, strict=False):
@@ -259,19 +257,9 @@ def own_nodes(scene: Scene) -> ContactNodes:
         weight = np.convolve(np.diff(part), [0.5, 0.5])
         carries = np.ones(len(part), dtype=bool)
         sides.append(ContactSide(at, part, points[at], normal[at], weight, facets, carries, True))
-    on_nodes = motions(points, _pivot(points), size)
-    modes = np.concatenate([np.einsum("nc,nck->nk", axis, on_nodes) for axis in (tangent, normal)])
-    return ContactNodes(
-        points=points,
-        node=np.arange(count),
-        tangent=tangent,
-        normal=normal,
-        held=np.zeros(2 * count, dtype=bool),
-        modes=modes,
-        constraints=np.zeros((0, 3)),
-        null=modes,
-        sides=tuple(sides),
-    )
+    places, none = (np.arange(count), points, normal), np.zeros((0, 3))
+    pivot = _pivot(points), float(np.ptp(along))
+    return ContactNodes.of(places, np.zeros(2 * count, dtype=bool), (none, none), pivot, sides)
 
 
 def _positions(scene: Scene, contact: Contact) -> Array:
