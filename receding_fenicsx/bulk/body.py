@@ -28,13 +28,7 @@ from receding_fenicsx.bulk.contact_nodes import ContactNodes
 from receding_fenicsx.bulk.join_bodies import CondensedBody
 from receding_fenicsx.bulk.mesh.rectangle import POSITION_TOLERANCE
 from receding_fenicsx.bulk.schur import norm, symmetrise, turn
-from receding_fenicsx.bulk.stress import (
-    Discretisation,
-    PointValues,
-    Stresses,
-    point_values,
-    stresses,
-)
+from receding_fenicsx.bulk.stress import Discretisation, Stresses, point_values, stresses
 from receding_fenicsx.errors import SolveError
 from receding_fenicsx.mpi import given, on_root
 
@@ -81,7 +75,7 @@ class Bulk(Discretisation):
         """Condense the body, turned to [t; n], on rank 0; collective."""
         found, held, compliance = eliminate_interior(self)
         u = np.cos(1.0 + np.arange(len(self.contact.dofs)) ** 2)
-        probe = _contact_forces(self, interior_solver(self), u[:, None])
+        probe = _contact_forces(self, u[:, None])
 
         def checked() -> CondensedBody:
             contact, K = self.contact, given(found)
@@ -132,39 +126,29 @@ class Bulk(Discretisation):
         mirrored = self.body.half and not self.scene.axisymmetric
         modelled = np.column_stack([np.abs(points[:, 0]), points[:, 1]]) if mirrored else points
         solve = interior_solver(self)
-        values = point_values(self, modelled, labels)
-        count = 6 * len(points)
-        blocks = [
-            self._rows(solve, values, (first, min(first + 64, count)))
-            for first in range(0, count, 64)  # right-hand sides of one solve
-        ]
+        start, end = self.stiffness.getOwnershipRange()
+        own, thermal = point_values(self, modelled, labels)
+        own, blocks = own[:, start:end], []
+        for first in range(0, len(thermal), 64):  # right-hand sides of one solve
+            part = slice(first, first + 64)
+            g = own[part].T.toarray()
+            if self.ties is not None:
+                g = times(self.ties, g, transposed=True)
+            z = solve(g)
+            of_loads = self.comm.allreduce(z.T @ self.loads / self.young + g.T @ self.moved)
+            of_contact = gather_contact(self, g - times(self.stiffness, z))
+            if of_contact is not None:
+                of_contact = self.contact.to_local(of_contact).T
+                blocks.append(np.hstack([of_contact, of_loads + thermal[part]]))
         if self.comm.rank != 0:
             return None
-        rows = np.vstack([given(block) for block in blocks]).reshape(len(points), 6, -1)
+        rows = np.vstack(blocks).reshape(len(points), 6, -1)
         if mirrored:
             # u_x and s_xy change their sign in the image
             near = POSITION_TOLERANCE * self.body.size
             sign = np.where(np.abs(points[:, 0]) <= near, 0.0, np.sign(points[:, 0]))
             rows[:, [0, 5]] *= sign[:, None, None]
         return rows
-
-    def _rows(self, solve: Solve, values: PointValues, rows: tuple[int, int]) -> Array | None:
-        """Return some rows of the matrix (n, 2N + loads) on rank 0, None elsewhere."""
-        start, end = self.stiffness.getOwnershipRange()
-        first, last = rows
-        own = (values.row >= first) & (values.row < last)
-        own &= (values.dof >= start) & (values.dof < end)
-        g = np.zeros((end - start, last - first))
-        np.add.at(g, (values.dof[own] - start, values.row[own] - first), values.value[own])
-        if self.ties is not None:
-            g = times(self.ties, g, transposed=True)
-        z = solve(g)
-        of_loads = self.comm.allreduce(z.T @ self.loads / self.young + g.T @ self.moved)
-        of_loads += values.of_loads[first:last]
-        of_contact = gather_contact(self, g - times(self.stiffness, z))
-        if of_contact is None:
-            return None
-        return np.hstack([self.contact.to_local(of_contact).T, of_loads])
 
     def append_loads(self, names: tuple[str, ...], nodes: Ints, forces: Array) -> None:
         """Append loads with forces (n, 2, k) at nodes (n,)."""
@@ -266,7 +250,7 @@ def eliminate_interior(bulk: Bulk) -> tuple[Array | None, Array | None, Array]:
             bulk.interior.destroy()
         bulk.interior, K = schur.factorise(matrix, bulk.contact.dofs)
     else:
-        K = _contact_forces(bulk, interior_solver(bulk), np.eye(size))
+        K = _contact_forces(bulk, np.eye(size))
         if K is not None:
             symmetrise(K)
     if supported:
@@ -283,13 +267,13 @@ def eliminate_interior(bulk: Bulk) -> tuple[Array | None, Array | None, Array]:
     return K, gather_contact(bulk, force), compliance
 
 
-def _contact_forces(bulk: Bulk, solve: Solve, u: Array) -> Array | None:
+def _contact_forces(bulk: Bulk, u: Array) -> Array | None:
     """Return K u (2N, n; rank 0) by solves."""
     rows, places = owned_contact(bulk)
     x = np.zeros((len(bulk.loads), u.shape[1]))
     x[rows] = u[places]
     force = times(bulk.stiffness, x)
-    return gather_contact(bulk, force - times(bulk.stiffness, solve(force)))
+    return gather_contact(bulk, force - times(bulk.stiffness, interior_solver(bulk)(force)))
 
 
 def times(matrix: PETSc.Mat, columns: Array, transposed: bool = False) -> Array:

@@ -14,12 +14,7 @@ from scipy import sparse
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.bulk import _dolfinx
 from receding_fenicsx.bulk.contact_nodes import ContactNodes, ContactSide
-from receding_fenicsx.bulk.join_bodies import (
-    CondensedBody,
-    JoinedBodies,
-    Motion,
-    common_sign,
-)
+from receding_fenicsx.bulk.join_bodies import CondensedBody, JoinedBodies, common_sign
 from receding_fenicsx.bulk.mesh.grading import Base, graded
 from receding_fenicsx.bulk.mesh.meshing import BodyMesh, make_meshes
 from receding_fenicsx.bulk.rigid_motions import free_motions, motions, scaled
@@ -425,7 +420,7 @@ def join_half_planes(a: HalfPlane, b: HalfPlane, load_names: tuple[str, ...]) ->
         none,
         scaled(modes[:, free]),
         (turned @ on_u - moved_b + modes @ b_on_u, turned @ on_loads + modes @ b_on_loads),
-        (Motion(every, every), Motion(0.0 * every, every)),
+        ((every, every), (0.0 * every, every)),
         (np.eye(len(load_names)), none),
         none,
     )

@@ -45,7 +45,6 @@ import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -76,13 +75,6 @@ class CondensedBody:
     constraints: Array  # (m, 3) components of these motions at all held degrees of freedom
 
 
-class Motion(NamedTuple):
-    """Displacements of one body, u_b = A u + Y y."""
-
-    A: sparse.csr_matrix
-    Y: sparse.csr_matrix
-
-
 @dataclass(frozen=True)
 class JoinedBodies:
     """Several bodies in one."""
@@ -98,7 +90,8 @@ class JoinedBodies:
     driven: Array
     rigid: Array  # (2N, n) free relative motions of the bodies, each with largest entry 1
     rest: tuple[Array, Array]  # (m, 2N) and (m, n_loads): y = rest[0] u + rest[1] lambda, as joined
-    motions: tuple[Motion, ...]  # how each body follows u and y, as joined
+    # A and Y of each body, u_b = A u + Y y, as joined
+    motions: tuple[tuple[sparse.csr_matrix, sparse.csr_matrix], ...]
     # factors, shift: T, G and D. Of the present u and lambda, the bodies as joined have the
     # displacements u + D^T lambda, and the load factors T lambda + G (u + D^T lambda)
     factors: tuple[Array, Array]
@@ -112,8 +105,8 @@ class JoinedBodies:
 
     def displacement(self, body: int, u: Array, load: Array) -> Array:
         """Return the contact displacements (2N_b,) of a body for u and load as joined."""
-        motion, y = self.motions[body], self.rest[0] @ u + self.rest[1] @ load
-        moved: Array = motion.A @ u + motion.Y @ y
+        A, Y = self.motions[body]
+        moved: Array = A @ u + Y @ (self.rest[0] @ u + self.rest[1] @ load)
         return moved
 
     def rows(self, body: int, on_body: Array, on_loads: Array) -> Array:
@@ -121,10 +114,10 @@ class JoinedBodies:
 
         The rows are (..., 2N_b) and (..., unit loads).
         """
-        motion, (T, G) = self.motions[body], self.factors
+        (A, Y), (T, G) = self.motions[body], self.factors
         flat = on_body.reshape(-1, on_body.shape[-1])
-        follow = flat @ motion.Y
-        on_u = (follow @ self.rest[0] + flat @ motion.A).reshape(*on_body.shape[:-1], -1)
+        follow = flat @ Y
+        on_u = (follow @ self.rest[0] + flat @ A).reshape(*on_body.shape[:-1], -1)
         on_u[..., self.held] = 0.0
         on_loads = on_loads + (follow @ self.rest[1]).reshape(on_loads.shape)
         on_u = on_u + on_loads @ G
@@ -142,7 +135,7 @@ def join(
     A, Y, rest, held = eliminate(relative, every, diagonal)
     held = held[:size]
     starts = np.cumsum([0, *(len(body.held) for body in bodies)])
-    motions = tuple(Motion(A[i:j, :size], Y[i:j]) for i, j in pairwise(starts.tolist()))
+    motions = tuple((A[i:j, :size], Y[i:j]) for i, j in pairwise(starts.tolist()))
     driven = np.zeros((len(sign), relative.rows))
     for body, G in zip(bodies, relative.on, strict=True):
         driven += (G @ body.driven.T).T
@@ -152,22 +145,22 @@ def join(
             "edge, or both sides alike"
         )
     # one body on planes has K already
-    first = motions[0].A
+    first = motions[0][0]
     alone = len(bodies) == 1 and not len(rest) and first.shape == (size, size)
     alone = alone and (first != sparse.identity(size)).nnz == 0
     K = bodies[0].K if alone else np.zeros((size, size))
     H, C = np.zeros((len(rest), len(rest))), np.zeros((len(rest), size))
     r_star, L = np.zeros((len(sign), size)), np.zeros((len(rest), len(sign)))
-    for body, motion in zip(bodies, motions, strict=True):
-        if motion.A.nnz:
-            r_star += body.r_star @ motion.A
-            KA = None if alone else body.K @ motion.A
-            if KA is not None:
-                K += motion.A.T @ KA
-                C += motion.Y.T @ KA
-        if motion.Y.nnz:
-            H += motion.Y.T @ (body.K @ motion.Y)
-            L += motion.Y.T @ body.r_star.T
+    for body, (A, Y) in zip(bodies, motions, strict=True):
+        if A.nnz:
+            r_star += body.r_star @ A
+            if not alone:
+                KA = body.K @ A
+                K += A.T @ KA
+                C += Y.T @ KA
+        if Y.nnz:
+            H += Y.T @ (body.K @ Y)
+            L += Y.T @ body.r_star.T
     common = common_motions([body.constraints for body in bodies], relative.links)
     _pin(H, L, common, bodies, rest, load_names)
     y = -_solve(H, np.hstack([C, L])) if len(rest) else np.zeros((0, size + len(sign)))

@@ -1,4 +1,4 @@
-"""Stresses of a displacement field in cells and at vertices; values at points as sparse rows."""
+"""Stresses of a displacement field in cells and at vertices; values at points, row by row."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from petsc4py import PETSc
 import numpy as np
 from dolfinx import fem
 from numpy.typing import NDArray
+from scipy import sparse
 
 from receding_fenicsx.arrays import Array, Ints
 from receding_fenicsx.bulk import _dolfinx
@@ -123,23 +124,14 @@ def _sum_at_vertices(space: fem.FunctionSpace, local: NDArray[np.int32], values:
     return result
 
 
-@dataclass(frozen=True)
-class PointValues:
-    """Values [u_x, u_y, s_xx, s_yy, s_zz, s_xy] at points as sparse rows; alike on every rank."""
+def point_values(
+    bulk: Discretisation, points: Array, labels: list[str]
+) -> tuple[sparse.csr_matrix, Array]:
+    """Return rows of [u_x, u_y, s_xx, s_yy, s_zz, s_xy] at points (m, 2); collective.
 
-    row: Ints  # (k,) row of each entry, 6 times the point's number plus the component's
-    dof: Ints  # (k,) global degree of freedom
-    value: Array  # (k,) coefficient
-    # (6m, n_loads) part of each load with factor 1 beside the displacements: the stress that a
-    # thermal strain takes away
-    of_loads: Array
-
-
-def point_values(bulk: Discretisation, points: Array, labels: list[str]) -> PointValues:
-    """Return displacements and stresses at points (m, 2) of the modelled body; collective.
-
-    Stresses jump from cell to cell: a point on several cells gets the mean over them. A point in no
-    cell is an error, by its label.
+    The rows are (6m, freedoms) and (6m, n_loads), the latter for the stress that a thermal strain
+    takes away. Stresses jump from cell to cell: a point on several cells gets the mean over them. A
+    point in no cell is an error, by its label.
     """
     found = on_all(bulk.comm, lambda: _in_own_cells(bulk, points))
     every = [part for parts in bulk.comm.allgather(found) for part in parts]
@@ -150,16 +142,14 @@ def point_values(bulk: Discretisation, points: Array, labels: list[str]) -> Poin
                 f"{label}: ({point[0]:g}, {point[1]:g}) lies outside the mesh of the body; move it "
                 "inside"
             )
-    rows = [np.repeat(6 * i + np.arange(6), len(dofs)) for i, dofs, _, _ in every]
+    row = np.concatenate([np.repeat(6 * i + np.arange(6), len(dofs)) for i, dofs, _, _ in every])
+    dof = np.concatenate([np.tile(dofs, 6) for _, dofs, _, _ in every])
+    value = np.concatenate([value.ravel() / count[i] for i, _, value, _ in every])
     of_loads = np.zeros((len(points), 6, len(bulk.load_names)))
     for i, _, _, stress in every:
         of_loads[i, 2:] -= stress / count[i]
-    return PointValues(
-        np.concatenate(rows),
-        np.concatenate([np.tile(dofs, 6) for _, dofs, _, _ in every]),
-        np.concatenate([value.ravel() / count[i] for i, _, value, _ in every]),
-        of_loads.reshape(6 * len(points), -1),
-    )
+    shape = 6 * len(points), 2 * bulk.space.dofmap.index_map.size_global
+    return sparse.csr_matrix((value, (row, dof)), shape), of_loads.reshape(6 * len(points), -1)
 
 
 def _in_own_cells(bulk: Discretisation, points: Array) -> list[tuple[int, Ints, Array, Array]]:
