@@ -160,9 +160,10 @@ def assembled(bulk: Stack) -> Assembled:
     parts: Any = bulk.parts
     A = sparse.block_diag([_csr(part.stiffness) * part.young for part in parts], "csr")
     # unit loads (dofs, m) of bolts and springs between bodies, and their compliance
-    names = [*(bolt.name for bolt in bulk.scene.bolts), *bulk.link_names]
     soft = block_diag(bolt_compliance(bulk.scene), bulk.soft)
-    at = [parts[0].load_names.index(name) for name in names]
+    names = bulk.load_names
+    at = [names.index(bolt.name) for bolt in bulk.scene.bolts]
+    at += range(len(bulk.scene.load_names), len(names))
     L = sparse.csr_matrix(np.vstack([part.loads[:, at] for part in parts]))
     A = A + L @ sparse.csr_matrix(np.linalg.inv(soft)) @ L.T
     M = sparse.block_diag([_mass(part) for part in parts], "csr")

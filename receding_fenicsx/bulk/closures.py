@@ -56,11 +56,6 @@ from receding_fenicsx.scene.model import INTERFERENCE, Scene, Spring
 from receding_fenicsx.scene.profiles import evaluate_checked
 
 
-def link_names(count: int) -> tuple[str, ...]:
-    """Return names for unit loads of springs between two bodies, which no load of a scene has."""
-    return tuple(f"[[spring]] {k}" for k in range(count))
-
-
 def add_springs(matrix: PETSc.Mat, space: fem.FunctionSpace, body: BodyMesh, scene: Scene) -> Array:
     """Add int (k_n n n + k_t t t) N_i N_j dA / E to A, and k / E at points; collective.
 
@@ -121,7 +116,8 @@ def add_links(scene: Scene, parts: Mapping[str, Bulk]) -> Array:
         for k, d in ((spring.normal, normal), (spring.tangential, tangent)):
             if k > 0.0:
                 first = sum(map(len, blocks))
-                names = link_names(first + len(nodes))[first:]
+                # no load of a scene has such a name
+                names = tuple(f"[[spring]] {first + i}" for i in range(len(nodes)))
                 forces = np.einsum("kn,c->nck", mass, d)
                 for part in parts.values():
                     on = slice(None if part is a or part is b else 0)

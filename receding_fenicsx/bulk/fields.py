@@ -101,7 +101,7 @@ def _places(bodies: Stack, probe: Probe) -> Array:
         if probe.edge == (joint.edge if sign > 0 else joint.against):
             found.append(side.points)
     points = np.concatenate(found)
-    if bodies.half and not scene.axisymmetric:
+    if bodies.parts[0].half and not scene.axisymmetric:
         image = points[points[:, 0] > POSITION_TOLERANCE * np.ptp(points[:, 0])]
         points = np.concatenate([image[::-1] * [-1.0, 1.0], points])
     return points

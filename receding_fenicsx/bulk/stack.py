@@ -22,7 +22,6 @@ from receding_fenicsx.bulk.closures import (
     add_links,
     bolt_compliance,
     closed,
-    link_names,
     with_gaps,
 )
 from receding_fenicsx.bulk.contact_nodes import find_contact
@@ -73,19 +72,9 @@ class Stack:
         return self.parts[0].body
 
     @property
-    def half(self) -> bool:
-        """Whether only x >= 0 is modelled; always for an axisymmetric body."""
-        return self.parts[0].half
-
-    @property
     def load_names(self) -> tuple[str, ...]:
-        """Names of all loads."""
-        return self.scene.load_names
-
-    @property
-    def link_names(self) -> tuple[str, ...]:
-        """Names of the unit loads of springs between the bodies."""
-        return link_names(len(self.soft))
+        """Names of all unit loads: those of the scene, then those of springs between bodies."""
+        return self.parts[0].load_names
 
     @property
     def dofs(self) -> int:
@@ -102,14 +91,13 @@ class Stack:
 
     def _joined(self, condensed: list[CondensedBody | None]) -> JoinedBodies:
         """Join the condensed bodies, and close what acts between them; on rank 0."""
-        names = self.load_names + self.link_names
+        names, kept = self.load_names, len(self.scene.load_names)
         if self.pair:
             joined = join_half_planes(*self.pair, names)
         else:
             joined = join([given(part) for part in condensed], self.relative, names)
-        kept = len(self.load_names)
         bolts = [bolt.name for bolt in self.scene.bolts]
-        at = [names.index(name) for name in (*bolts, *self.link_names)]
+        at = [names.index(name) for name in (*bolts, *names[kept:])]
         if at:
             soft = block_diag(bolt_compliance(self.scene), self.soft)
             labels = [f"bolt '{name}'" for name in bolts] + ["[[spring]]"] * len(self.soft)
@@ -120,7 +108,7 @@ class Stack:
     def _check_driven(self, joined: JoinedBodies) -> None:
         """Raise where a load prescribes a relative displacement of contact nodes."""
         n = len(self.contact.x)
-        for name, moved in zip(self.load_names, joined.driven, strict=True):
+        for name, moved in zip(self.scene.load_names, joined.driven, strict=True):
             for dof in np.flatnonzero(joined.held & (moved != 0.0)):
                 x, y = self.contact.points[dof % n]
                 raise InputError(
@@ -157,7 +145,7 @@ def build_all(scene: Scene, bodies: tuple[BodyMesh, ...], comm: MPI.Comm | None 
         if not body.is_half_plane
     }
     soft = add_links(scene, built)
-    names = scene.load_names + link_names(len(soft))
+    names = next((part.load_names for part in built.values()), scene.load_names)
     parts: list[Body] = []
     halves: list[HalfPlane] = []
     for body in in_order(scene):
@@ -221,7 +209,7 @@ def condense(bodies: Stack) -> ContactSystem | None:
             g0=unknown.copy(),
             held=joined.held,
             rigid=joined.rigid,
-            half=bodies.half and not scene.axisymmetric,
+            half=bodies.parts[0].half and not scene.axisymmetric,
             load_compliance=joined.compliance,
             load_sign=joined.sign,
             edge=contact.edge,

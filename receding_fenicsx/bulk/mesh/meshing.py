@@ -102,11 +102,9 @@ def make_meshes(comm: MPI.Comm, scene: Scene, half: bool) -> tuple[BodyMesh, ...
     found = []
     for i, data in enumerate(every):
         corners = {"triangle": 3, "quadrilateral": 4}[data["cell"]]
-        points, cells = np.empty((0, 2)), np.empty((0, corners), np.int64)
-        facets, tags = np.empty((0, 2), np.int64), np.empty(0, np.int32)
-        of_cells = tags
-        if made is not None:
-            points, cells, facets, tags, of_cells = made[i][1]
+        none = np.empty((0, 2), np.int64), np.empty(0, np.int32), np.empty(0, np.int32)
+        empty = np.empty((0, 2)), np.empty((0, corners), np.int64), *none
+        points, cells, facets, tags, of_cells = empty if made is None else made[i][1]
         mesh = _dolfinx.create_mesh(comm, data["cell"], cells, points)
         tags = _dolfinx.tag_entities(mesh, 1, facets, tags)
         numbers = None
