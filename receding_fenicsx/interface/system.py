@@ -322,10 +322,10 @@ class Leg:
         self.residual = max(self.residual, found.residual)
         self.force_scale = max(self.force_scale, found.force_scale)
         self.sweeps += found.sweeps
-        self.samples = self.samples + found.samples
+        self.samples += found.samples
         self.events = Changes.joined(self.events, found.events)
-        self.jumps = self.jumps + found.jumps
-        self.stops = self.stops + found.stops
+        self.jumps += found.jumps
+        self.stops += found.stops
         self.ties = Changes.joined(self.ties, found.ties)
 
 
