@@ -67,6 +67,8 @@ def fatigue_at(stress: Array, material: Material, options: FatigueOptions) -> di
 
     Compliances are those of the material; ``fatemi_socie`` needs the yield stress.
     """
+    if material.young_2 is not None:
+        raise InputError("fatigue_at: strains are those of an isotropic material; give one")
     young, nu = material.young, material.poisson
     trace = stress[..., :3].sum(axis=-1)
 

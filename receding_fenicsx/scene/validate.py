@@ -105,6 +105,15 @@ def _of_fatigue(scene: Scene) -> checks.Rules:
     long = any(probe.segment and len(probe.coordinates) > 2 for probe in scene.probes)
     if options.threshold is not None and not long:
         yield "[fatigue] threshold: needs a [[probe]] with a segment, and a count of 3 or more"
+    for probe in scene.probes:
+        edge, at = probe.edge, f"probe '{probe.name}'"
+        body = scene.find_edge(edge)[0] if edge else loads.body_named(scene, probe.body, at)
+        mixed = len(scene.surface_materials(body)) > 1
+        if mixed or scene.material_of(body).young_2 is not None:
+            yield (
+                f"{at}: [fatigue] takes strains by Hooke's law of one isotropic material, "
+                "which its body has not; leave one of them out"
+            )
 
 
 def _of_wear(scene: Scene) -> checks.Rules:

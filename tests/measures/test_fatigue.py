@@ -252,3 +252,9 @@ def test_a_half_model_has_the_probe_of_the_whole_edge() -> None:
     for name, parameter in half.items():
         scale = float(np.abs(whole[name].value).max())
         assert np.abs(parameter.value - whole[name].value).max() <= 1e-6 * scale, name
+
+
+def test_strains_of_an_orthotropic_material_are_refused() -> None:
+    wood = rf.Material(1.0, 0.3, "plane stress", young_2=0.5, shear=0.3)
+    with pytest.raises(rf.InputError, match="isotropic"):
+        rf.fatigue_at(np.zeros((2, 1, 4)), wood, rf.FatigueOptions())
