@@ -56,10 +56,7 @@ class Limit:
 def furthest(system: ContactSystem, a: Array, b: Array) -> Limit | None:
     """Return where equilibrium ends on the leg from ``a`` to ``b``; None where it does not.
 
-    Args:
-        system: the condensed body in 2N form.
-        a: (n_loads,) load factors at the start, where equilibrium exists.
-        b: (n_loads,) load factors at the end.
+    Equilibrium exists at its start.
     """
     if system.rigid.shape[1] == 0:
         return None
@@ -82,11 +79,6 @@ def is_balanced(system: ContactSystem, load: Array, end: ContactState) -> bool:
 
     They keep the contact law; what the rigid motions feel of them beside the loads is the round-off
     of K u, which may carry a body that moves far.
-
-    Args:
-        system: the condensed body in 2N form.
-        load: (n_loads,) load factors.
-        end: a state that satisfies the contact law.
     """
     elastic = end.r - load @ system.r_star
     carried = float(np.abs(system.rigid.T @ elastic).max(initial=0.0))

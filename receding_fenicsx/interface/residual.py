@@ -20,12 +20,6 @@ def largest_force(system: ContactSystem, load: Array, r: Array, so_far: float) -
 
     An open contact has no force of its own: there a hundredth of the held reactions sum |lambda r*|
     sets the scale, also of loads that cancel, such as a fit and a bolt that is shortened for it.
-
-    Args:
-        system: the condensed body.
-        load: (n_loads,) load factors.
-        r: reactions at this instant.
-        so_far: largest force before it.
     """
     held = float((np.abs(load) @ np.abs(system.r_star)).max(initial=0.0))
     return max(so_far, float(np.abs(r).max(initial=0.0)), 1e-2 * held)
@@ -55,12 +49,6 @@ def limit_excuse(
 
     The largest force is that of the contact or an elastic one, K u less its own round-off: soft
     springs may carry the loads of a body whose contact is open.
-
-    Args:
-        system: the condensed body.
-        excused: residual over the force scale.
-        u: displacements (2N,) at one instant or several.
-        force_scale: largest nodal force of the history so far.
     """
     if not excused > REACHABLE_AT_MOST:
         return excused
@@ -137,13 +125,7 @@ def relative_residual(
 
 
 def residual_at_rest(system: ContactSystem, end: ContactState, force_scale: float) -> float:
-    """Return the relative residual at one instant; a slipping node must be at its limit.
-
-    Args:
-        system: the condensed body in 2N form.
-        end: the state, reactions evaluated afresh.
-        force_scale: largest nodal force of the history so far.
-    """
+    """Return the relative residual at one instant; a slipping node must be at its limit."""
     if force_scale == 0.0:
         return 0.0  # nothing presses
     slipping = SLIP_SIGN[end.state] != 0.0

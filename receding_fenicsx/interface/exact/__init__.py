@@ -66,4 +66,10 @@ are no load steps. The method, from top to bottom:
 10. **Complete unloading** (`rest`). Where all loads vanish on a free body without gaps, $P = Q
     = 0$ and $K u = 0$: all nodes reach all limits together. The leg stops at a remaining load of
     $10^{-9}$, its end is set to the rigid sliding reached, and the next leg is a first loading.
+
+Names used throughout: `load` and `direction` (n_loads,) are load factors and their change along a
+leg, `state` and `before` (N,) states now and on the way to the present place, `y` and `q` (4N,)
+quantities and their rates, `r` (2N,) reactions, `start` and `end` states of the contact, slip being
+counted from the start, `force_scale` the largest nodal force of the history so far; `segments`
+belongs to one condensed body, `system` is in the 2N form.
 """

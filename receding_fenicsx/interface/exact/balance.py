@@ -62,10 +62,7 @@ class BalanceCheck:
     def errors(self, y: Array, load: Array, of_rates: bool = False) -> Array:
         """Return the sums.
 
-        Args:
-            y: (4N,) quantities [v, gap, A, B], or (k, 4N) of k instants.
-            load: (n_loads,) or (k, n_loads) load factors.
-            of_rates: y and load are rates.
+        Of one instant or, with rows y (k, 4N) and load (k, n_loads), of several.
         """
         errors: Array = y.dot(self.on_y)
         errors += load.dot(self.on_load)

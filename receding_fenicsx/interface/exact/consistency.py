@@ -83,10 +83,7 @@ class ConsistentStates:
     ) -> SolveError:
         """Return the error for a path that ends at the present point.
 
-        Args:
-            states: (N,) states on the way there.
-            nodes: those whose rates have no solution; all on a limit when left out.
-            exhausted: all sets of their states were tried.
+        Without ``nodes`` all on a limit are named.
         """
         scale = self.point.problem.force_scale
         if nodes is None:
@@ -95,12 +92,6 @@ class ConsistentStates:
 
     def decide(self, before: States) -> Segment:
         """Bring the states to consistent ones where changing them one by one does not end.
-
-        Args:
-            before: (N,) states on the way to the present point.
-
-        Returns:
-            The rates there.
 
         Raises:
             SolveError: there are no such states.
@@ -230,14 +221,7 @@ def state_after(old: int, kinds: int, frictional: bool, slip: float) -> int:
 
 
 def undecided_nodes(segments: Segments, y: Array, state: States, limit: Array) -> Undecided:
-    """Return the nodes that sit on a limit, sorted by which limit.
-
-    Args:
-        segments: of the condensed body.
-        y: (4N,) quantities.
-        state: (N,) states.
-        limit: (4N,) distance from a limit up to which a node sits on it.
-    """
+    """Return the nodes that sit on a limit, sorted by which limit."""
     n, frictional = segments.system.n, segments.frictional
     on = (y <= limit).reshape(4, n)
     contact = state != SEPARATION

@@ -33,15 +33,7 @@ def drifting(
     direction: Array,
     touching: NDArray[np.intp],
 ) -> Segment:
-    """Return rates with the least drift that keeps touching nodes from penetrating.
-
-    Args:
-        segments: of the condensed body.
-        segment: rates without drift.
-        state: (N,) states.
-        direction: (n_loads,) change of the load factors on the leg.
-        touching: separated nodes whose gap is zero and must not fall.
-    """
+    """Return rates with the least drift that keeps touching nodes from penetrating."""
     q = segment.q.copy()
     q[: 2 * len(state)] = drifted(segments, q[: 2 * len(state)], state, touching)
     return segments.segment(state, q, direction)
@@ -50,14 +42,8 @@ def drifting(
 def drifted(segments: Segments, change: Array, state: States, touching: NDArray[np.intp]) -> Array:
     """Add the least drift with which slips keep their directions and gaps do not fall.
 
-    Args:
-        segments: of the condensed body.
-        change: (2N,) displacements, or their rates, without drift.
-        state: (N,) states.
-        touching: separated nodes whose gap must not fall.
-
-    Returns:
-        (2N,) displacements; unchanged where no drift will do.
+    ``change`` (2N,) are displacements or their rates; they are returned as they are where no drift
+    will do.
     """
     motion = segments.free_motions(state)
     slipping = np.flatnonzero(segments.frictional & (SLIP_SIGN[state] != 0.0))

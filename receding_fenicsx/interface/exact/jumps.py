@@ -31,11 +31,7 @@ class Jump:
 def find_jump(segments: Segments, start: ContactState, load: Array, place: Array) -> Jump:
     """Solve a static problem for the state after a jump, with slip counted from the state before.
 
-    Args:
-        segments: of the condensed body.
-        start: state before the jump.
-        load: (n_loads,) load factors just beyond.
-        place: (n_loads,) load factors that an error names.
+    ``load`` is just beyond, ``place`` the load factors that an error names.
 
     Raises:
         NoQuasiStaticContinuation: no state was found.
@@ -100,13 +96,8 @@ def explain(
 ) -> SolveError:
     """Return the error for a path that ends: lift-off, gross sliding or no continuation.
 
-    Args:
-        segments: of the condensed body.
-        point: where the path ends.
-        states: (N,) states on the way there.
-        force_scale: largest nodal force of the history so far.
-        nodes: those whose rates have no solution.
-        exhausted: all sets of their states were tried.
+    ``nodes`` are those whose rates have no solution; ``exhausted``: all sets of their states were
+    tried.
     """
     s = point.problem.place(point.s)
     load = point.load

@@ -19,13 +19,7 @@ class Chooser(Protocol):
     """Chooses among several continuations, see :mod:`receding_fenicsx.interface.branches`."""
 
     def choose(self, found: Any, before: NDArray[np.int8], segment: Any) -> Any:
-        """Return the rates to go on with, and bring the path's states to theirs.
-
-        Args:
-            found: the ``ConsistentStates`` at the present point.
-            before: (N,) states before.
-            segment: rates in the states that were found.
-        """
+        """Return the rates to go on with, and bring the path's states to theirs."""
         ...
 
     def choose_static(self, segments: Any, problem: LegProblem, end: ContactState) -> ContactState:
@@ -67,12 +61,7 @@ class LegProblem:
     ) -> LegProblem:
         """Return a piece of this leg as a leg of its own.
 
-        Args:
-            start: state at its start.
-            ends: (n_loads,) load factors at its start and at its end.
-            force_scale: largest nodal force so far.
-            s: where it starts and ends on this leg.
-            jumps: jumps on this leg just before it.
+        It runs between the places ``s`` of this one, which has had some jumps just before.
         """
         part = self.place(s[0]), self.place(s[1])
         total = self.jumps + jumps

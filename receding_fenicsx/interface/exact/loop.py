@@ -314,13 +314,7 @@ class Loop:
     def leave_out(
         self, state: NDArray[np.int8], changed: NDArray[np.bool_], opened: NDArray[np.bool_]
     ) -> None:
-        """Leave out the columns of nodes that stick and have not changed, where they are many.
-
-        Args:
-            state: (N,) present states.
-            changed: (N,) nodes that have changed their states.
-            opened: (N,) those that have opened or closed.
-        """
+        """Leave out the columns of nodes that stick and have not changed, where they are many."""
         asked = state.tobytes() + changed.tobytes() + opened.tobytes()
         if asked in self._asked:
             return

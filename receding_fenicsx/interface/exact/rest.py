@@ -89,10 +89,6 @@ def displacements_at_rest(segments: Segments, end: ContactState) -> Array:
 
     It is that of the stuck nodes, in each motion that several contacts leave free; where a motion
     has none, of all. All others are still displaced by the remaining load, and by round-off.
-
-    Args:
-        segments: of the condensed body.
-        end: state under the remaining load.
     """
     system, n = segments.system, segments.system.n
     u = np.zeros(2 * n)
@@ -110,11 +106,7 @@ def displacements_at_rest(segments: Segments, end: ContactState) -> Array:
 def keeps_limits(segments: Segments, start: Array, y: Array, force_scale: float) -> bool:
     """Return whether y (4N,) at the end of unloading passes limits by round-off at most.
 
-    Args:
-        segments: of the condensed body.
-        start: (2N,) displacements at the start of the leg, whose round-off gaps keep.
-        y: the quantities.
-        force_scale: largest nodal force of the history so far.
+    Gaps keep the round-off of the displacements ``start`` (2N,) at the start of the leg.
     """
     n, weight = segments.system.n, segments.weight
     at_start = float(np.abs(start * weight[: 2 * n]).max())
@@ -129,11 +121,6 @@ def load_from_rest(segments: Segments, problem: LegProblem, limit: Limit | None)
 
     With the slip counted from the start, the dissipation of a node is -1/2 Q (v_end - v_start) and
     the work of the loads 1/2 sum lambda r* . (u_end - u_start).
-
-    Args:
-        segments: of the condensed body.
-        problem: the leg; its start has no reactions.
-        limit: where equilibrium ends between no load and the load at its end.
 
     Raises:
         NoEquilibrium: no contact forces balance the loads, or no solution was found.
@@ -186,12 +173,6 @@ def _by_motion(segments: Segments, end: ContactState, slip: Array, force: float)
 
     Such a node, called stuck though it has moved or called slipping the other way, slips as it has
     moved; one that carries nothing is open.
-
-    Args:
-        segments: of the condensed body.
-        end: a state that satisfies the contact law.
-        slip: (N,) change of v.
-        force: nodal force that counts as none.
     """
     moved = slip * segments.weight[: len(slip)]
     stuck = (end.state == STICK) & (np.abs(moved) > force)

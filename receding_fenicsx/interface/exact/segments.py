@@ -115,9 +115,7 @@ class Segments:
     def tableau(self, state: States, renew: bool = False) -> Tableau:
         """Return the tableau, brought to the given states.
 
-        Args:
-            state: (N,) states.
-            renew: make it from scratch, without the round-off that has gathered in it.
+        With ``renew`` it is made from scratch, without the round-off that has gathered in it.
 
         Raises:
             SingularExchange: a motion of the body is left without stiffness.

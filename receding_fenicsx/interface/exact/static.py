@@ -40,12 +40,6 @@ def solve_static(segments: Segments, start: ContactState, load: Array) -> Contac
     Gauss-Seidel with polish; linear complementarity; Newton's method from several starts, of which
     slender bodies take as many steps as there are nodes that open one after the other; Gauss-Seidel
     with many sweeps, of which a nearly incompressible body takes thousands.
-
-    Args:
-        segments: of the condensed body.
-        start: displacements that slip is counted from; linear complementarity takes its open
-            nodes as touching.
-        load: (n_loads,) load factors.
     """
     system = segments.system
     attempts = (
@@ -91,12 +85,8 @@ def states_by_newton(
     running fewer than half as many nodes having changed after two steps as after one, and where the
     start has gaps, so that first contact is not where the node is.
 
-    Args:
-        system: the condensed body.
-        start: displacements that slip is counted from.
-        load: (n_loads,) load factors.
-        first: state that all nodes with friction begin with.
-        patient: go on until a set returns; take open nodes as linear complementarity does.
+    All nodes with friction begin in the state ``first``. A patient search takes open nodes as
+    linear complementarity does.
     """
     n = system.n
     if not patient and np.any((system.g0 + start.w)[~system.held[n:]] != 0.0):
@@ -193,11 +183,7 @@ def end_in_states(
 ) -> ContactState | None:
     """Return the answer of a static problem in given states; None where it breaks the law.
 
-    Args:
-        segments: of the condensed body.
-        start: displacements that slip is counted from; open nodes are taken as touching.
-        load: (n_loads,) load factors.
-        state: (N,) states; 0 where they do not matter.
+    Open nodes are taken as touching; states 0 do not matter.
     """
     system, n = segments.system, segments.system.n
     state = np.where(state == 0, STICK, state).astype(np.int8)

@@ -64,14 +64,7 @@ def exchanges(
     old: NDArray[np.int8],
     new: NDArray[np.int8],
 ) -> tuple[list[int], list[int]]:
-    """Return the labels of outputs and inputs to exchange where nodes change their states.
-
-    Args:
-        frictional: (N,) nodes with the full contact law.
-        nodes: those that change.
-        old: (N,) states before.
-        new: (N,) states after.
-    """
+    """Return the labels of outputs and inputs to exchange where nodes change their states."""
     n = len(old)
     outputs: list[int] = []
     inputs: list[int] = []
@@ -199,10 +192,6 @@ class Tableau:
 
         They stay inputs as long as their nodes stick; when one is to be exchanged after all, the
         tableau is made anew with all columns.
-
-        Args:
-            state: (N,) states.
-            inputs: labels of the displacements.
         """
         self._left_out = inputs
         self.build(state)
@@ -231,14 +220,7 @@ class Tableau:
             matrix.state[:] = state
 
     def rates(self, direction: Array) -> Array:
-        """Return the rates of v, gap, A and B along a leg.
-
-        Args:
-            direction: (n_loads,) change of the load factors.
-
-        Returns:
-            (4N,) rates by label; zero for the inputs.
-        """
+        """Return the rates of v, gap, A and B along a leg."""
         n = len(self.state)
         rates = np.zeros(4 * n)
         rates[self.matrix.row_label] = pivot_matrix.of_loads(self.matrix, direction)
@@ -271,12 +253,8 @@ class Tableau:
     def response(self, labels: NDArray[np.intp], change: Array) -> Array:
         """Return the change of every quantity when forces among the inputs change.
 
-        Args:
-            labels: labels of the changed inputs, not V or W.
-            change: (k,) their changes, or several in columns.
-
-        Returns:
-            (5N,) changes by label, or as many columns.
+        Of the (k,) labelled inputs, not V or W, or of several changes in columns: (5N,) by label,
+        or as many columns.
         """
         out = np.zeros((5 * self.system.n, *change.shape[1:]))
         out[self.matrix.row_label] = pivot_matrix.response(self.matrix, labels, change)
@@ -287,11 +265,8 @@ class Tableau:
     def correction(self, r: Array) -> Array:
         """Return the change of every quantity that brings every input back to zero.
 
-        Args:
-            r: (2N,) reactions, or rates of reaction, in the present states; or several in columns.
-
-        Returns:
-            (5N,) changes by label; the first 2N are those of the displacements.
+        Of reactions (2N,), or their rates, in the present states, or of several in columns: (5N,)
+        changes by label, those of the displacements first.
         """
         n, state = self.system.n, self.state
         Q, P, friction = r[:n], r[n:], self.system.friction

@@ -247,12 +247,9 @@ class Walk:
     def _refined(self, state: ContactState, load: Array, steps: int = 0) -> ContactState:
         """Return a state after iterative refinement.
 
-        Args:
-            state: the state.
-            load: (n_loads,) load factors there.
-            steps: fewer are taken where corrections become negligible or no longer smaller; 0 for
-                as many as bring the forces that vanish to round-off; after a complete unloading
-                round-off of larger displacements before must not remain as slip.
+        So many steps, or 0 for as many as bring the forces that vanish to round-off; fewer where
+        corrections become negligible or no longer smaller. After a complete unloading round-off of
+        larger displacements before must not remain as slip.
         """
         n, weight, last, before = self.system.n, self.segments.weight, np.inf, state
         # on soft springs one step leaves a large part of the error, that of the pivots
@@ -298,8 +295,7 @@ class Walk:
     def finish(self, at_rest: bool = False) -> Leg:
         """Return the leg, its reactions evaluated afresh and its residual checked.
 
-        Args:
-            at_rest: the leg ends at complete unloading, just beyond the present point.
+        ``at_rest``: it ends at complete unloading, just beyond the present point.
 
         Raises:
             SolveError: the residual is above its tolerance.
