@@ -433,51 +433,32 @@ def test_ties_to_a_rigid_plane_are_supports(shared_tmp_path: Path) -> None:
     assert held[1].turning_points.P == pytest.approx(tied[1].turning_points.P, abs=1e-12)
 
 
-BIMETAL = """
-[[body]]
-name = "low"
-width = 20.0
-height = 1.0
-[[body]]
-name = "up"
-width = 20.0
-height = 0.5
-position = [0.0, 1.0]
-[material]
-kinematics = "{}"
-[material.low]
-young = 1000.0
-[material.up]
-young = 3000.0
-[mesh]
-contact_elements = 40
-[[contact]]
-edge = "low.bottom"
-friction = 0.3
-[[tie]]
-edge = "up.bottom"
-against = "low.top"
-[[load]]
-name = "weight"
-body_force = [0.0, -1e-7]
-body = "low"
-[[load]]
-name = "heat"
-thermal_strain = 1e-3
-body = "up"
-[history]
-kind = "table"
-columns = ["weight", "heat"]
-rows = [[1.0, 0.0], [1.0, 1.0]]
-cycle_rows = [[1.0, 0.5], [1.0, 1.0]]
-cycles = 1
-"""
+BIMETAL = rf.Scene(
+    body=rf.Body("low", width=20.0),
+    others=(rf.Body("up", width=20.0, height=0.5, position=(0.0, 1.0)),),
+    materials=(rf.Material(1000.0, name="low"), rf.Material(3000.0, name="up")),
+    mesh=rf.MeshOptions(contact_elements=40),
+    contacts=(rf.Contact("low.bottom", friction=0.3),),
+    ties=(rf.Tie("up.bottom", against="low.top"),),
+    loads=(
+        rf.Load("weight", body_force=(0.0, -1e-7), body="low"),
+        rf.Load("heat", thermal_strain=1e-3, body="up"),
+    ),
+    history=rf.HistoryOptions(
+        "table",
+        columns=("weight", "heat"),
+        rows=((1.0, 0.0), (1.0, 1.0)),
+        cycle_rows=((1.0, 0.5), (1.0, 1.0)),
+        cycles=1,
+    ),
+)
 
 
 @pytest.mark.parametrize("kinematics", ["plane strain", "plane stress"])
 def test_heated_bimetal_has_the_curvature_of_timoshenko(kinematics: str) -> None:
     """S. Timoshenko, Analysis of bi-metal thermostats, J. Opt. Soc. Am. 11 (1925), eq. (4)."""
-    _, record = last(rf.from_toml(BIMETAL.format(kinematics)))
+    materials = tuple(replace(m, kinematics=kinematics) for m in BIMETAL.materials)
+    _, record = last(replace(BIMETAL, materials=materials))
     w, middle = record.turning_points.w[1], np.abs(record.x) < 5.0
     curvature = -2.0 * np.polyfit(record.x[middle], w[middle], 2)[0]
     # in plane strain the strain along z is stopped

@@ -7,6 +7,7 @@ from mpi4py import MPI
 
 import numpy as np
 import pytest
+from bodies import block
 from shakedown_cases import LOWER, TO_AND_FRO, UPPER, two_nodes
 from small import small_system
 
@@ -16,32 +17,24 @@ from receding_fenicsx.output.report.run import limit_rows
 from receding_fenicsx.studies.shakedown.study import diagram_figure
 from receding_fenicsx.studies.starts import starts_summary, steady_states_figure
 
-SCENE = """
-title = "sheared block"
-[body]
-width = 2.0
-[mesh]
-contact_elements = 16
-degree = 1
-[contact]
-friction = 0.5
-[[load]]
-name = "press"
-edge = "top"
-pressure = 1.0
-[[load]]
-name = "shear"
-edge = "top"
-traction = [1.0, 0.0]
-[history]
-kind = "table"
-columns = ["press", "shear"]
-cycle_rows = [[1.0, 0.1], [1.0, -0.1], [1.0, 0.1]]
-cycles = 5
-[shakedown]
-mean = {press = 1.0}
-range = [{shear = 1.0}, {shear = -1.0}]
-"""
+SCENE = rf.to_toml(
+    block(
+        body=rf.Body(width=2.0),
+        material=rf.Material(),
+        contacts=(rf.Contact(friction=0.5),),
+        loads=(
+            rf.Load("press", "top", pressure=1.0),
+            rf.Load("shear", "top", traction=(1.0, 0.0)),
+        ),
+        history=rf.HistoryOptions(
+            "table",
+            columns=("press", "shear"),
+            cycle_rows=((1.0, 0.1), (1.0, -0.1), (1.0, 0.1)),
+            cycles=5,
+        ),
+        shakedown=rf.ShakedownOptions({"press": 1.0}, ({"shear": 1.0}, {"shear": -1.0})),
+    )
+)
 root = MPI.COMM_WORLD.rank == 0
 BLOCK = Path(__file__).parents[2] / "demos" / "block.toml"
 
