@@ -51,14 +51,10 @@ app = App(
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run the command line.
+    """Run the command line with these arguments, by default the process's; return the exit code.
 
-    Args:
-        argv: arguments; those of the process when left out.
-
-    Returns:
-        The exit code. 1: a solver failed, something is missing, or there is no room on the disk or
-        in memory; 2: bad input; 130: interrupted.
+    1: a solver failed, something is missing, or there is no room on the disk or in memory; 2: bad
+    input; 130: interrupted.
     """
     words = list(sys.argv[1:] if argv is None else argv)
     in_job = any(MPI_VARIABLES.match(name) for name in os.environ)

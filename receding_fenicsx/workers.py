@@ -28,14 +28,10 @@ _pools: dict[tuple[int, str], Executor] = {}
 
 
 class WorkerEnded(RecedingError):
-    """A process ended before its job was done.
-
-    Attributes:
-        code: its exit code, the negative number of a signal; None where it is not known.
-    """
+    """A process ended before its job was done."""
 
     def __init__(self, reason: str, code: int | None = None) -> None:
-        """Keep the reason and the exit code."""
+        """Keep its exit code, the negative number of a signal; None where it is not known."""
         super().__init__(reason)
         self.code = code
 
@@ -91,7 +87,7 @@ def submit(
                 job = _pools[key].submit(_do, os.getcwd(), work, arguments)
                 if new:
                     # at the exit loky would wait for jobs; the last one registered is called first
-                    threading._register_atexit(_end_all)  # type: ignore[attr-defined]
+                    threading._register_atexit(end, pool)  # type: ignore[attr-defined]
                 return job
             except (BrokenExecutor, ShutdownExecutorError):  # one ended while it had no job
                 end(pool)
@@ -130,12 +126,6 @@ def end(pool: str) -> None:
     executor: Any = _pools.pop((os.getpid(), pool), None)
     if executor is not None:
         executor.shutdown(wait=True, kill_workers=True)
-
-
-def _end_all() -> None:
-    """End all pools."""
-    for _, pool in list(_pools):
-        end(pool)
 
 
 def _begin(parent: int, loud: bool) -> None:

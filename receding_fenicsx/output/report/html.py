@@ -38,8 +38,6 @@ def report_html(
 ) -> str:
     """Return the report as HTML that refers to no other file; pictures are PNG files."""
     edges = {row["edge"] for row in summary["turning_points"] if "edge" in row}
-    spared = {"mirror": ", half of the body modelled", "axisymmetric": ", axisymmetric"}
-    methods = {"events": "exact path (events)", "gauss-seidel": "Gauss-Seidel in load steps"}
     environment = jinja2.Environment(
         loader=jinja2.FileSystemLoader(Path(__file__).parent),
         autoescape=True,
@@ -50,11 +48,6 @@ def report_html(
     environment.globals["shown"] = shown
     return environment.get_template("template.html").render(
         summary=summary,
-        title=summary["title"] or "Untitled run",
-        lead=f"{summary['nodes']} contact nodes ({summary['modelled_nodes']} modelled"
-        f"{spared.get(summary['symmetry'], '')}), "
-        f"{methods.get(summary['method'], summary['method'])}, "
-        f"{len(summary['dissipation_per_cycle'])} cycles after first loading",
         cards=_cards(summary),
         sections=[s for s in SECTIONS.values() if len(s.table(summary)) > s.headed],
         before_pictures=SECTIONS["Turning points"],

@@ -1,20 +1,9 @@
-r"""XDMF files of the whole body and its contact, for ParaView, pyvista and meshio.
+"""XDMF files of the whole body and its contact, for ParaView, pyvista and meshio.
 
-An instant is one grid: the cells of all bodies, and the contact as lines between its nodes,
-which are points of their own. Half bodies are completed. ``instants.xdmf`` is the series of all
-instants of a folder in time. Time counts cycles: 1 is the start of cycle 1, 1.5 the end of the
-first of two legs. Numbers are in HDF5 files beside the XDMF files.
-
-Values at points:
-
-* ``displacement``; ``sxx``, ``syy``, ``szz``, ``sxy``, ``von_mises``, ``max_shear``: averages of
-  the cells around a vertex; on the contact interpolated between vertices.
-* On the contact only, nan elsewhere: tractions ``p`` and ``q`` on its first body, the vector
-  ``traction`` $= q\,t + p\,n$, ``gap`` $= g_0 + w$, ``slip`` $= v$.
-* ``state``: 1 to 4 on the contact, 0 elsewhere.
-
-Values of cells: ``part`` (0: contact, 1: first body, 2: second body, ...) and the stresses at the
-midpoints, ``sxx_cell`` and so on; of contact lines the mean of both ends.
+An instant is one grid: the cells of all bodies, and the contact as lines between its nodes, which
+are points of their own. Half bodies are completed. ``instants.xdmf`` is the series of all instants
+of a folder in time. Numbers are in HDF5 files beside the XDMF files. ``docs/formats.md`` has the
+names and meanings of the values.
 """
 
 from __future__ import annotations
