@@ -94,10 +94,8 @@ def point_table(summary: Summary) -> Rows:
                 low, high = fitted["interval"]
                 words = f"{fitted['value']:{form}} ({low:{form}} to {high:{form}})"
             widths += [p[f"{kind}_half_width"], words]
-        p_max, *q = extremes_of(p)
-        values: list[float | str] = [p_max, *q]
-        if p.get("p_max_singular"):
-            values = ["singular", *("singular" if value else value for value in q)]
+        singular = p.get("p_max_singular", False)
+        values = ["singular" if singular and value else value for value in extremes_of(p)]
         start = [*[p.get("edge")] * edges, p["cycle"], _loads(p, "{} = {:z.6g}", ", ")]
         rows.append([*start, *widths, *values, zones_shown(p, summary)])
     return rows

@@ -182,7 +182,34 @@ def animate(
             fields.append(replace(found, stress={quantity.name: found.stress[quantity.name]}))
 
     def write() -> list[Path]:
-        frames = draw_frames(bulk, instants, time, fields, quantity, say)
+        largest = largest_factors(bulk.scene)
+        symbol = pressure_of(bulk.scene, bulk.scene.load_names)[1]
+        units = units_of(bulk, fields, largest, peak(symbol) if symbol else "")
+        views = [view_of(bulk, *now, units) for now in zip(fields, instants, strict=True)]
+        # the legend is where p is the lowest in all pictures
+        x, p = views[0].x, np.array([view.p for view in views])
+        third = np.clip((3.0 * (x - x[0]) / (x[-1] - x[0])).astype(int), 0, 2)
+        highest = [float(np.nanmax(p[:, third == k])) for k in (2, 0, 1)]
+        legend = ("upper right", "upper left", "upper center")[int(np.argmin(highest))]
+        known = np.isfinite(views[0].p)
+        shown = [(view.p[known], view.q[known], view.f[known]) for view in views]
+        limits = np.array([style.focus(p, np.concatenate([q, *f.limits(p)])) for p, q, f in shown])
+        both = float(limits[:, 0].min()), float(limits[:, 1].max())
+        load = np.array([now.load for now in instants]) / largest
+        names = tuple(f"${load_symbol(name)}$" for name in bulk.scene.load_names)
+        clocks = [
+            Clock(time, load, names, float(now), part, both, legend)
+            for now, part in zip(time, load, strict=True)
+        ]
+        frames: list[NDArray[np.uint8]] = []
+        tell = Countdown(say, "frames:")
+        # dots per inch for a width of 1280 pixels
+        for page in draw_pages(views, quantity, layout_of(*views, dpi=171.0), clocks):
+            tell(len(frames), len(views), f"time {clocks[len(frames)].now:.2f} of 1")
+            canvas = FigureCanvasAgg(page)
+            with mpl.rc_context(style.RC):
+                canvas.draw()
+            frames.append(np.array(canvas.buffer_rgba())[:, :, :3])
         make_folder(path.parent)
         if say is not None:
             say("coding the film")
@@ -194,48 +221,8 @@ def animate(
     return on_root(bulk.comm, write)
 
 
-def draw_frames(
-    bulk: Stack,
-    instants: Sequence[Instant],
-    time: Array,
-    fields: list[Fields],
-    quantity: Quantity,
-    say: Say | None = None,
-) -> list[NDArray[np.uint8]]:
-    """Draw the frames (height, width, 3) of a film, on rank 0."""
-    largest = largest_factors(bulk.scene)
-    symbol = pressure_of(bulk.scene, bulk.scene.load_names)[1]
-    units = units_of(bulk, fields, largest, peak(symbol) if symbol else "")
-    views = [view_of(bulk, *now, units) for now in zip(fields, instants, strict=True)]
-    known = np.isfinite(views[0].p)
-    shown = [(view.p[known], view.q[known], view.f[known]) for view in views]
-    limits = np.array([style.focus(p, np.concatenate([q, *f.limits(p)])) for p, q, f in shown])
-    load = np.array([now.load for now in instants]) / largest
-    names = tuple(f"${load_symbol(name)}$" for name in bulk.scene.load_names)
-    both = float(limits[:, 0].min()), float(limits[:, 1].max())
-    # the legend is where p is the lowest in all pictures
-    x, p = views[0].x, np.array([view.p for view in views])
-    third = np.clip((3.0 * (x - x[0]) / (x[-1] - x[0])).astype(int), 0, 2)
-    highest = [float(np.nanmax(p[:, third == k])) for k in (2, 0, 1)]
-    legend = ("upper right", "upper left", "upper center")[int(np.argmin(highest))]
-    clocks = [
-        Clock(time, load, names, float(now), part, both, legend)
-        for now, part in zip(time, load, strict=True)
-    ]
-    frames: list[NDArray[np.uint8]] = []
-    tell = Countdown(say, "frames:")
-    # dots per inch for a width of 1280 pixels
-    for page in draw_pages(views, quantity, layout_of(*views, dpi=171.0), clocks):
-        tell(len(frames), len(views), f"time {clocks[len(frames)].now:.2f} of 1")
-        canvas = FigureCanvasAgg(page)
-        with mpl.rc_context(style.RC):
-            canvas.draw()
-        frames.append(np.array(canvas.buffer_rgba())[:, :, :3])
-    return frames
-
-
 def write_film(path: Path, frames: list[NDArray[np.uint8]]) -> None:
-    """Write frames as an MP4 file, coded as H.264, or as an endless GIF with one palette."""
+    """Write frames (height, width, 3) as MP4, coded as H.264, or as endless GIF of one palette."""
     try:
         from imageio_ffmpeg import get_ffmpeg_exe
 
