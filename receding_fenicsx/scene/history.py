@@ -276,9 +276,6 @@ def _rules(scene: Scene, varying: tuple[str, ...]) -> Rules:
             yield f"[history] corners: {options.corners} are too few; the extremes need {least}"
     if kind == "table":
         yield from _of_table(options)
-        none = not options.cycle_rows and options.cycles > 0
-        without = "a table without cycle_rows has none"
-        yield from unused(options, "[history]", [(none, ("cycles",), without)])
 
 
 def _of_table(options: HistoryOptions) -> Rules:

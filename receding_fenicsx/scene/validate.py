@@ -45,7 +45,7 @@ def check_rules(scene: Scene) -> None:
         *(loads.of_bolt(scene, bolt) for bolt in scene.bolts),
         *(loads.of_support(scene, support) for support in scene.supports),
         *(loads.of_spring(scene, spring) for spring in scene.springs),
-        *(rule(scene) for rule in (_of_probes, _of_shakedown, _of_wear, _of_accuracy)),
+        *(rule(scene) for rule in (_of_probes, _of_shakedown, _of_wear, _of_accuracy, _of_use)),
         of_solver(scene.solver),
     ]
     # a load that is wrong may not be in the history yet
@@ -76,12 +76,22 @@ def scene_warnings(scene: Scene) -> list[str]:
 
 
 def of_solver(solver: SolverOptions) -> checks.Rules:
-    """The method has the options that are given."""
+    """The method finds the branch that is taken."""
     if solver.branch != "first" and solver.method != "events":
         yield '[solver] branch: load steps find one continuation only; use method "events"'
+
+
+def _of_use(scene: Scene) -> checks.Rules:
+    """Method and history have a use for the options; not asked of the scenes of stored records."""
+    solver, history = scene.solver, scene.history
     sweeps = ("over_relaxation", "polish", "change_tolerance", "residual_tolerance", "max_sweeps")
     only = 'is for method = "gauss-seidel" only, not "events"'
     yield from checks.unused(solver, "[solver]", [(solver.method == "events", sweeps, only)])
+    once = history.kind == "table" and bool(history.rows) and not history.cycle_rows
+    without = "a table without cycle_rows has none"
+    yield from checks.unused(
+        history, "[history]", [(once and history.cycles > 0, ("cycles",), without)]
+    )
 
 
 def _of_units(scene: Scene) -> checks.Rules:

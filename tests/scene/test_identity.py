@@ -161,6 +161,14 @@ def test_a_stored_scene_is_not_judged_by_rules_that_are_newer() -> None:
     assert rf.to_toml(known_scene(stored)) == stored
 
 
+def test_stored_scenes_keep_options_that_new_ones_have_no_use_for() -> None:
+    once = rf.HistoryOptions("table", columns=("p0",), rows=((1.0,),), cycles=5)
+    stored = rf.to_toml(block(history=once, solver=rf.SolverOptions(polish=False)))
+    with pytest.raises(rf.InputError, match=r"\[solver\] polish"):
+        rf.from_toml(stored)
+    assert rf.history_from_scene(known_scene(stored)).cycles == 0
+
+
 def test_a_system_of_another_version_is_known_by_its_scene_but_not_by_its_mesh_file(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
