@@ -43,15 +43,13 @@ def half_width_estimates(record: Record, row: int, betas: tuple[float, ...] = ()
 
 def estimates_at(record: Record, row: int, found: Sequence[Tractions]) -> dict[str, Any]:
     """Return :func:`half_width_estimates` of tractions, one for each value of Dundurs' constant."""
-    widths = {
-        "contact_half_width_estimate": [contact_half_width_estimate(at) for at in found],
-        "stick_half_width_estimate": [stick_half_width_estimate(at) for at in found],
-    }
-    bears = _bears(record, row)
-    return {
-        key: _shown(ends) if bears and np.isfinite(ends[0].value) else None
-        for key, ends in widths.items()
-    }
+    shown: dict[str, Any] = {}
+    estimates = {"contact": contact_half_width_estimate, "stick": stick_half_width_estimate}
+    for name, estimate in estimates.items():
+        ends = [estimate(at) for at in found]
+        bears = _bears(record, row) and np.isfinite(ends[0].value)
+        shown[f"{name}_half_width_estimate"] = _shown(ends) if bears else None
+    return shown
 
 
 def half_widths(record: Record, row: int) -> dict[str, float | None]:
@@ -86,17 +84,9 @@ def estimated_ends(record: Record, row: int, betas: tuple[float, ...] = ()) -> l
 def tractions(record: Record, row: int, beta: float | None = None) -> Tractions:
     """Return the data of fits of zone ends, at a row of ``record.turning_points``."""
     table = record.turning_points
-    return Tractions(
-        record.x,
-        record.weight,
-        table.P[row],
-        table.Q[row],
-        table.state[row],
-        record.friction,
-        beta,
-        record.half,
-        record.radius,
-    )
+    forces = table.P[row], table.Q[row], table.state[row]
+    law, half, radius = record.friction, record.half, record.radius
+    return Tractions(record.x, record.weight, *forces, law, beta, half, radius)
 
 
 def contact_betas(record: Record) -> tuple[float, ...]:

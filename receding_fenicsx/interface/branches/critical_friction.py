@@ -152,9 +152,7 @@ def _states(system: ContactSystem, states: ArrayLike | None) -> NDArray[np.int8]
     """Return the states of the modelled nodes, checked."""
     if system.kind == "normal" or not np.any(system.friction.present):
         raise InputError("critical_friction: the system has no friction; set [contact] friction")
-    if states is None:
-        return np.ones(system.n, dtype=np.int8)
-    given = np.asarray(states)
+    given = np.ones(system.n) if states is None else np.asarray(states)
     whole = mirror_of(system)
     if given.shape == whole.index.shape and given.shape != (system.n,):
         # the modelled nodes are the images that are not mirrored

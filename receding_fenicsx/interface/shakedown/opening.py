@@ -245,11 +245,7 @@ class _Rows:
         least, most = (
             [np.where(fixed, 0.0, np.append(sign * large, shut)), sign * many] for sign in (-1, 1)
         )
-        least += [
-            np.zeros(points),
-            np.maximum(pattern, 0).ravel(),
-            np.atleast_1d(at_least),
-        ]
+        least += [np.zeros(points), np.maximum(pattern, 0).ravel(), np.array([at_least])]
         most += [inner, np.abs(pattern).ravel(), np.ones(1)]
         return scipy.optimize.Bounds(np.concatenate(least), np.concatenate(most))
 

@@ -91,14 +91,9 @@ class Certificate:
 
     def free(self, open_: NDArray[np.bool_]) -> NDArray[np.intp]:
         """Return the freedoms that move at zero reaction where some nodes are open."""
-        n = self.system.n
-        return np.concatenate(
-            [
-                np.flatnonzero(open_ & self.frictional),
-                self.loose,
-                n + np.flatnonzero(open_ & ~self.system.held[n:]),
-            ]
-        )
+        n, held = self.system.n, self.system.held
+        v, w = np.flatnonzero(open_ & self.frictional), np.flatnonzero(open_ & ~held[n:])
+        return np.concatenate([v, self.loose, n + w])
 
     def matrices(self, state: States) -> tuple[Array, Array]:
         """Return K'_tt and C K'_nt of the slipping nodes; LinAlgError as :meth:`condensed`."""
