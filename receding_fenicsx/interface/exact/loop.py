@@ -34,10 +34,6 @@ FIRST_ENTRIES = 256
 CACHE_BYTES = 2**28
 """Memory for the rates of sets of states that have been met before."""
 
-ON_THE_WAY = 0.1
-"""Part of the residual accepted at an event up to which errors of nodal forces stay on the way."""
-
-
 _none, _no_labels = np.zeros((1, 1)), np.zeros(1, dtype=np.intp)
 NO_MATRIX = Matrix(
     *(_none, _none, _none, np.zeros(3, dtype=np.intp), np.zeros(1), *4 * (_no_labels,)),
@@ -154,7 +150,8 @@ class Loop:
         self._ways: dict[bytes, Any] = {}
         self.memory = self._new_memory(FIRST_ENTRIES)
         self._unlimited = np.tile(~(segments.frictional | segments.smooth), 4)
-        self._accepted = ON_THE_WAY * summed(n, ACCEPTED_RESIDUAL)
+        # up to a tenth of the residual accepted at an event errors stay on the way
+        self._accepted = 0.1 * summed(n, ACCEPTED_RESIDUAL)
         self.sets = ActiveSets(segments)
         self.last: tuple[ContactState, Array] | None = None
         self._asked: set[bytes] = set()

@@ -41,19 +41,10 @@ from receding_fenicsx.interface.tolerances import (
 
 States = NDArray[np.int8]
 
-RATE_IMBALANCE = 1e-12
-"""Imbalance of rates, over the norm of those of forces alone, above which they are refined."""
-
 EPSILON = float(np.finfo(float).eps)
 
 UNREFINABLE_ROUND_OFFS = 16.0
 """Imbalance of rates, in round-offs of the norm of all rates, that refinement does not reduce."""
-
-MAX_REFINEMENTS = 3
-"""Steps of iterative refinement of one set of rates."""
-
-REFINEMENTS_BEFORE_REBUILD = 0.05
-"""Refinements, over the number of contact freedoms, that take as long as a new tableau."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -222,14 +213,14 @@ class Segments:
         The round-off of a tableau stays in it: where refining has taken as long as a new one would,
         it is renewed.
         """
-        renew = self._is_worn
+        renew = self.refinements > 0.1 * self.system.n
         tableau = self.tableau(state, renew)
         if renew:
             self.refinements = 0
         q = tableau.rates(direction)
         imbalance = self.balance.error(q, direction, of_rates=True)
         accepted = self._accepted(q * self.weight, imbalance)
-        for _ in range(MAX_REFINEMENTS):
+        for _ in range(3):
             if imbalance <= accepted:
                 break
             self.refinements += 1
@@ -250,12 +241,8 @@ class Segments:
         if imbalance <= unrefinable:
             return unrefinable
         forces = forces[2 * self.system.n :]
-        return max(unrefinable, RATE_IMBALANCE * sqrt(forces.dot(forces)))
-
-    @property
-    def _is_worn(self) -> bool:
-        """Whether refining has taken as long as a new tableau would."""
-        return self.refinements > REFINEMENTS_BEFORE_REBUILD * 2 * self.system.n
+        # the norm of the forces alone: 1e-12 of it need no refinement
+        return max(unrefinable, 1e-12 * sqrt(forces.dot(forces)))
 
     @property
     def is_loose(self) -> bool:

@@ -26,12 +26,6 @@ from receding_fenicsx.interface.residual import (
 from receding_fenicsx.interface.system import ContactState, ContactSystem, reactions
 from receding_fenicsx.interface.tolerances import ACCEPTED_RESIDUAL
 
-MAX_STATE_SETS = 30
-"""Sets of states tried by Newton's method."""
-
-PATIENT_STATE_SETS = 3
-"""The same per node, where nothing quicker has found an answer."""
-
 
 def solve_static(segments: Segments, start: ContactState, load: Array) -> ContactState | None:
     """Solve the static problem from ``start`` to ``load``; None when no solution was found.
@@ -98,7 +92,7 @@ def states_by_newton(
     state[loose & frictionless] = FORWARD
     seen: set[bytes] = set()
     last, before, oscillates = state, state, False
-    most = PATIENT_STATE_SETS * n if patient else MAX_STATE_SETS
+    most = 3 * n if patient else 30
     while len(seen) < most and state.tobytes() not in seen:
         comes_back = (
             not patient and len(seen) > 1 and 2 * differing(state, before) < differing(state, last)

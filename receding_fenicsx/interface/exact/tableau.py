@@ -50,10 +50,6 @@ EXCHANGES: dict[tuple[int, int], tuple[tuple[int, int], ...]] = {
 SMOOTH_EXCHANGES = {(STICK, SEPARATION): ((A, W),), (SEPARATION, STICK): ((W, A),)}
 """The same for a node without friction or held tangentially."""
 
-MAX_AGE = 10
-"""Exchanges, in multiples of the tableau's size, after which it is made from scratch, to remove
-round-off."""
-
 MAX_PENDING = 32
 """Rank-one updates that are collected before they are applied."""
 
@@ -171,7 +167,7 @@ class Tableau:
             state=state.astype(np.int8),
             unit=self._unit,
             singular=self._singular,
-            oldest=MAX_AGE * m,
+            oldest=10 * m,  # then round-off has gathered
         )
         if outputs and not pivot_matrix.exchange(self.matrix, np.array(outputs), np.array(inputs)):
             raise SingularExchange
