@@ -151,7 +151,11 @@ def find_contact(
     excluded = np.vstack([found.tied, axial, resisted])
     at_contact = np.isin(found.given // 2, node)
     every, off = np.vstack([found.rows, excluded]), np.vstack([found.rows[~at_contact], excluded])
-    held = _held_at_contact(found.given[at_contact], node, tangent_of(normal), normal)
+    # along t and n; of an oblique node only if it is held in both directions
+    fixed = np.isin(2 * node[:, None] + [0, 1], found.given)
+    axes = np.abs(np.stack([tangent_of(normal), normal]))
+    along = (fixed & (axes > 1.0 - 1e-10)).any(axis=2)
+    held = np.where(fixed.all(axis=1), True, along).ravel()
     pivot = body.pivot, body.size
     return ContactNodes.of((node, points, normal), held, (every, off), pivot, sides), found
 
@@ -171,20 +175,6 @@ def _edge_nodes(
         # at order 2 the node on the axis has no weight: it gets no contact condition
         order = order[weight[order] > 1e-9 * weight.max()]
     return node[order], points[order], x[order], weight[order], facets.nodes
-
-
-def _held_at_contact(dofs: Ints, node: Ints, tangent: Array, normal: Array) -> NDArray[np.bool_]:
-    """Return (2N,) flags [v; w] of the held degrees of freedom of contact nodes."""
-    n = len(node)
-    place = {int(number): i for i, number in enumerate(node)}
-    held = np.zeros(2 * n, dtype=bool)
-    axes: dict[int, set[int]] = {}
-    for dof in dofs:
-        axes.setdefault(place[int(dof // 2)], set()).add(int(dof % 2))
-    for i, fixed in axes.items():
-        for k, direction in enumerate((tangent[i], normal[i])):
-            held[k * n + i] = len(fixed) == 2 or abs(direction[next(iter(fixed))]) > 1.0 - 1e-10
-    return held
 
 
 def _held_obliquely(

@@ -160,7 +160,12 @@ def relative_of(
     slave = []
     for k, sides in enumerate(joints):
         sides.sort(key=lambda side: -side[0])
-        same = len(sides) == 1 or _match(sides[0][2], sides[1][2])
+        same, (a, b) = True, (sides[0][2], sides[-1][2])
+        if len(sides) > 1:
+            # nodes are the same places to a part of the distance of the nearest two
+            near = 1e-5 * np.linalg.norm(np.diff(a.points, axis=0), axis=1).min()
+            same = len(a.x) == len(b.x)
+            same = same and np.linalg.norm(a.points - b.points, axis=1).max() <= near
         if not same and sides[1][2].slave:
             sides.reverse()
         slave.append(-1 if same else sides[0][1])
@@ -195,15 +200,6 @@ def relative_of(
     )
     tangent = tangent_of(normal)
     return relative, ContactPoints(x, joint[:n], places[:n], tangent, normal, weight, held)
-
-
-def _match(a: ContactSide, b: ContactSide) -> bool:
-    """Return whether the nodes of two sides are the same places, one by one."""
-    if len(a.x) != len(b.x):
-        return False
-    # over the distance of the nearest two
-    near = 1e-5 * np.linalg.norm(np.diff(a.points, axis=0), axis=1).min()
-    return bool(np.linalg.norm(a.points - b.points, axis=1).max() <= near)
 
 
 @dataclass(frozen=True)
@@ -302,8 +298,14 @@ def _merged(side: ContactSide, where: str) -> sparse.csr_matrix:
     n = len(side.x)
     rows, columns, values = list(range(n)), list(range(n)), side.weight.tolist()
     for node in np.flatnonzero(~side.carries):
-        facets = side.facets[(side.facets == node).any(axis=1)]
-        near = [k for f in facets for k in _beside(f, node, side.carries)]
+        near: list[int] = []
+        # along each facet, first middles that carry contact
+        for facet in side.facets[(side.facets == node).any(axis=1)]:
+            ends, middle = facet[:2], facet[2:]
+            if node in middle:
+                near += list(ends[side.carries[ends]])
+            else:
+                near += list(middle[side.carries[middle]]) or list(ends[ends != node])
         if not near or not side.carries[near].all():
             x, y = side.points[node]
             raise MeshMisfit(
@@ -314,14 +316,6 @@ def _merged(side: ContactSide, where: str) -> sparse.csr_matrix:
         values += [side.weight[node] / len(near)] * len(near)
     W = sparse.csr_matrix((values, (rows, columns)), shape=(n, n))
     return W[np.flatnonzero(side.carries)]
-
-
-def _beside(facet: Ints, node: int, carries: NDArray[np.bool_]) -> list[int]:
-    """Return the neighbours of a node along a facet."""
-    if node in facet[2:]:
-        return [k for k in facet[:2] if carries[k]]
-    middle = facet[2:][carries[facet[2:]]]
-    return list(middle) or [k for k in facet[:2] if k != node]
 
 
 def _projection(

@@ -114,7 +114,11 @@ def gather_fields(parts: Sequence[BodyFields]) -> Fields | None:
         return bodies[0] if bodies else None
     if len({body.cells.shape[1] for body in bodies}) > 1:
         # two triangles stand for each quadrilateral where another body has triangles
-        bodies = [_triangles(body) if body.cells.shape[1] == 4 else body for body in bodies]
+        for k, body in enumerate(bodies):
+            if body.cells.shape[1] == 4:
+                cells = np.vstack([body.cells[:, :3], body.cells[:, [0, 2, 3]]])
+                twice = {name: np.tile(value, 2) for name, value in body.cell_stress.items()}
+                bodies[k] = replace(body, cells=cells, cell_stress=twice)
     sizes = [len(body.points) for body in bodies]
     starts = np.cumsum([0, *sizes[:-1]])
     stress, cell_stress = (
@@ -129,12 +133,6 @@ def gather_fields(parts: Sequence[BodyFields]) -> Fields | None:
         cell_stress,
         np.repeat(np.arange(len(bodies)), sizes),
     )
-
-
-def _triangles(body: Fields) -> Fields:
-    cells = np.vstack([body.cells[:, :3], body.cells[:, [0, 2, 3]]])
-    twice = {name: np.tile(value, 2) for name, value in body.cell_stress.items()}
-    return replace(body, cells=cells, cell_stress=twice)
 
 
 def _gather(part: BodyFields) -> Fields | None:

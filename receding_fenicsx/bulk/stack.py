@@ -102,20 +102,15 @@ class Stack:
             soft = block_diag(bolt_compliance(self.scene), self.soft)
             labels = [f"bolt '{name}'" for name in bolts] + ["[[spring]]"] * len(self.soft)
             joined = closed(joined, np.array(at), soft, labels, kept)
-        self._check_driven(joined)
-        return with_gaps(joined, self.scene, self.contact)
-
-    def _check_driven(self, joined: JoinedBodies) -> None:
-        """Raise where a load prescribes a relative displacement of contact nodes."""
-        n = len(self.contact.x)
         for name, moved in zip(self.scene.load_names, joined.driven, strict=True):
             for dof in np.flatnonzero(joined.held & (moved != 0.0)):
-                x, y = self.contact.points[dof % n]
+                x, y = self.contact.points[dof % len(self.contact.x)]
                 raise InputError(
                     f"load '{name}': prescribes how the contact node at ({x:.6g}, {y:.6g}) moves "
                     "relative to what it touches, which is held there; give it a platen with a "
                     "force, a pressure or a traction instead, or a span without that node"
                 )
+        return with_gaps(joined, self.scene, self.contact)
 
     def as_joined(self, load: Array | None, u: Array | None) -> list[tuple[Body, Any, Any]]:
         """Return each body with all unit loads' factors and its displacements, for rank 0's.
