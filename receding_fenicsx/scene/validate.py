@@ -82,11 +82,8 @@ def of_solver(solver: SolverOptions) -> checks.Rules:
 
 
 def _of_use(scene: Scene) -> checks.Rules:
-    """Method and history have a use for the options; not asked of the scenes of stored records."""
-    solver, history = scene.solver, scene.history
-    sweeps = ("over_relaxation", "polish", "change_tolerance", "residual_tolerance", "max_sweeps")
-    only = 'is for method = "gauss-seidel" only, not "events"'
-    yield from checks.unused(solver, "[solver]", [(solver.method == "events", sweeps, only)])
+    """The history has a use for its options; not asked of the scenes of stored records."""
+    history = scene.history
     once = history.kind == "table" and bool(history.rows) and not history.cycle_rows
     without = "a table without cycle_rows has none"
     yield from checks.unused(
