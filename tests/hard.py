@@ -153,7 +153,10 @@ def played(scene: rf.Scene) -> Played:
 def scene_of(loads: tuple[rf.Load, ...], path: tuple[Path_, Path_], **parts: Any) -> Played:
     """Play a block of 4 by 1 of 24 quadratic elements under a table of loads, three cycles."""
     names = tuple(dict.fromkeys(load.name for load in loads))
-    history = rf.HistoryOptions("table", columns=names, rows=path[0], cycle_rows=path[1], cycles=3)
+    cycles = 3 if path[1] else 0
+    history = rf.HistoryOptions(
+        "table", columns=names, rows=path[0], cycle_rows=path[1], cycles=cycles
+    )
     scene = rf.Scene(mesh=rf.MeshOptions(contact_elements=24), loads=loads, history=history)
     return played(replace(scene, **parts))
 
