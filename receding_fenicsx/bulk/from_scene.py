@@ -8,10 +8,10 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING
 
 from receding_fenicsx.errors import InputError
-from receding_fenicsx.mpi import given, on_root
+from receding_fenicsx.mpi import T, given, on_root
 from receding_fenicsx.scene.model import Scene
 from receding_fenicsx.scene.one_body import part_of
 from receding_fenicsx.scene.symmetry import is_half_meshed
@@ -23,8 +23,6 @@ if TYPE_CHECKING:
 
     from receding_fenicsx.bulk.stack import Stack
     from receding_fenicsx.interface.system import ContactSystem, ProbeMatrix
-
-T = TypeVar("T")
 
 
 def is_small(scene: Scene) -> bool:
