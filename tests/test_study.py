@@ -245,3 +245,10 @@ def test_each_cycle_is_logged_once(caplog: pytest.LogCaptureFixture) -> None:
     with caplog.at_level("INFO", "receding_fenicsx"):
         rf.run(small("history.cycles=2"))
     assert sum("cycle 1" in record.getMessage() for record in caplog.records) == 1
+
+
+def test_a_rank_alone_has_an_answer_of_its_own() -> None:
+    scene = small("mesh.contact_elements=16", "history.cycles=1")
+    assert study.condense(scene, MPI.COMM_SELF) is not None
+    assert study.run(scene, comm=MPI.COMM_SELF) is not None
+    assert study.check(scene, MPI.COMM_SELF) == 33
