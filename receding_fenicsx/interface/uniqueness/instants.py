@@ -16,6 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from receding_fenicsx.arrays import Ints
 from receding_fenicsx.interface.law import BACKWARD, FORWARD, SEPARATION, STICK
 from receding_fenicsx.interface.system import Changes
 from receding_fenicsx.interface.tolerances import SIMULTANEOUS
@@ -102,47 +103,85 @@ class Sides(NamedTuple):
             yield one
 
 
-class _Change(NamedTuple):
-    node: int
-    old: int
-    new: int
-    is_tie: bool
+Change = tuple[int, int, int, bool]
+"""Node, old and new state, and whether it is a tie."""
+
+_PLACE = {FORWARD: 0, BACKWARD: 1, SEPARATION: 2, STICK: 3}
 
 
-def instants(
-    start: States, events: Changes, ties: Changes, finite: Callable[[float], bool] | None = None
-) -> Iterator[tuple[float, Sides]]:
-    """Yield the instants of a leg: its start and where states change.
+class Instants(NamedTuple):
+    """Instants of a leg: its start, and where states change."""
 
-    Each is its place s, and the sides on which every node that may slip does so. A node that was
-    slipping, or that begins to, may slip or stick; so may a stuck one on a limit. One that comes
-    into contact or leaves it, or whose slip turns round at once, may do anything. Ties are changes
-    to other states that nodes on limits may take. Where states change by a load step or a jump, as
-    ``finite`` says of a place, only the states after it are judged.
-    """
-    every = [(*row, is_tie) for rows, is_tie in ((ties, True), (events, False)) for row in rows]
-    groups, last = [(0.0, list[_Change]())], 0.0
-    for s, i, old, new, is_tie in sorted(every, key=lambda row: row[0]):
-        if s - last > SIMULTANEOUS:
-            groups.append((s, []))
-        groups[-1][1].append(_Change(i, old, new, is_tie))
-        last = s
-    now = Sides.of(start)
-    for s, group in groups:
-        before = now
-        for one in group:
-            now = now if one.is_tie else now.put(1 << one.node, one.new)
-        alone = [] if len(group) > 1 else [k for c in group if not c.is_tie for k in (c.old, c.new)]
-        if finite is not None and finite(s):
-            yield s, _loosest(now, [one for one in group if one.is_tie])
-        elif STICK in alone and SEPARATION not in alone:
-            # mostly one node begins or ends to slip: it may slip or stick
-            yield s, before if alone[1] == STICK else now
-        else:
-            yield s, _loosest(before, group)
+    start: States  # (N,) states at the start
+    every: Changes  # events and ties in order
+    is_tie: NDArray[np.bool_]  # which of them are ties, changes that nodes on limits may make
+    first: Ints  # (k + 1,) first row of each of the k instants, and the number of rows
+
+    @classmethod
+    def of(cls, start: States, events: Changes, ties: Changes) -> Instants:
+        """Group the events and ties of a leg by instants; the first one is its start."""
+        every = Changes.joined(ties, events)
+        order = every.s.argsort(kind="stable")
+        every = every.select(order)
+        number = np.cumsum(np.diff(every.s, prepend=0.0) > SIMULTANEOUS)
+        first = number.searchsorted(np.arange(number.max(initial=0) + 2))
+        return cls(start, every, order < len(ties), first)
+
+    def keys(self, marks: NDArray[np.uint64]) -> list[int]:
+        """Return a hash of each instant: of the states before it, and of what changes there.
+
+        ``marks`` are random numbers (N, 5, 5, 2) of changes of a node that are no ties, or are.
+        """
+        node, old, new, first = self.every.node, self.every.old, self.every.new, self.first
+        state = marks[:, 0, :, 0]
+        changed = np.where(self.is_tie, np.uint64(0), state[node, old] ^ state[node, new])
+        now = np.bitwise_xor.reduce(state[np.arange(len(self.start)), self.start])
+        before = now ^ np.append(np.uint64(0), np.bitwise_xor.accumulate(changed))[first[:-1]]
+        rank = np.arange(len(node)) - np.repeat(first[:-1], np.diff(first))
+        what = marks[node, old, new, self.is_tie.astype(int)] * (2 * rank + 1).astype(np.uint64)
+        summed = np.diff(np.append(np.uint64(0), what.cumsum())[first])
+        keys: list[int] = (before * np.uint64(0x9E3779B97F4A7C15) + summed).tolist()
+        return keys
+
+    def sides(
+        self, wanted: Iterable[int] | None = None, finite: Callable[[float], bool] | None = None
+    ) -> Iterator[tuple[float, Sides]]:
+        """Yield the place s of each instant, or some, and the sides with all slip that may be.
+
+        A node that was slipping, or that begins to, may slip or stick; so may a stuck one on a
+        limit. One that comes into contact or leaves it, or whose slip turns round at once, may do
+        anything. Where states change by a load step or a jump, as ``finite`` says of a place, only
+        the states after it are judged.
+        """
+        every, first = self.every, self.first.tolist()
+        columns = every.node, every.old, every.new, self.is_tie
+        rows = list(zip(*(column.tolist() for column in columns), strict=True))
+        now, row = [*Sides.of(self.start)[:3], 0], 0  # the last one is of no account
+
+        def go_to(end: int) -> Sides:
+            nonlocal row
+            for i, _, new, tie in rows[row:end]:
+                if not tie:
+                    others = ~(1 << i)
+                    now[:3] = now[0] & others, now[1] & others, now[2] & others
+                    now[_PLACE[new]] |= 1 << i
+            row = end
+            return Sides(*now[:3])
+
+        for k in range(len(first) - 1) if wanted is None else wanted:
+            s = float(every.s[first[k]]) if k else 0.0
+            before, group = go_to(first[k]), rows[first[k] : first[k + 1]]
+            alone = [state for change in group[:1] if not change[3] for state in change[1:3]]
+            if finite is not None and finite(s):
+                yield s, _loosest(go_to(first[k + 1]), [one for one in group if one[3]])
+            elif len(group) == 1 and STICK in alone and SEPARATION not in alone:
+                # mostly one node begins or ends to slip: it may slip or stick
+                yield s, before if alone[1] == STICK else go_to(first[k + 1])
+            else:
+                yield s, _loosest(before, group)
 
 
-def _loosest(before: Sides, changes: Iterable[_Change]) -> Sides:
+def _loosest(before: Sides, changes: Iterable[Change]) -> Sides:
     """Return the states in which all slip that may at simultaneous changes, and who touch."""
     sides, slipped = before, dict[int, int]()
     for i, old, new, _ in changes:

@@ -38,10 +38,10 @@ from receding_fenicsx.interface.uniqueness.certificate import (
     grouped,
 )
 from receding_fenicsx.interface.uniqueness.instants import (
+    Instants,
     Sides,
     States,
     bits_of,
-    instants,
     mask_of,
 )
 
@@ -95,12 +95,18 @@ class UniquenessWatch:
         """Continue; ``in_steps`` if events are ends of load steps, not where states change."""
         self.found, self.in_steps = found, in_steps
         self.certificate, self._segments = Certificate(system), Segments(system)
-        # instants met before, by direction of the leg
+        # instants met before, and hashes of them, by direction of the leg
         self._met: dict[bytes, set[Sides]] = {}
+        self._keys: dict[bytes, set[int]] = {}
+        self._marks = np.random.default_rng(0).integers(
+            0, 2**63, (system.n, 5, 5, 2), dtype=np.uint64
+        )
         self._patterns: list[Pattern] = []
         # met, and not proved to be definite
         self.indefinite: set[Sides] = set()
         self._measured: set[Sides] = set()
+        # of no smaller margin than the one that is found: eigenvalues take far longer
+        self._larger: list[Pattern] = []
         self._jumps: list[float] = []
         self._doubtful: list[tuple[bytes, Sides]] = []
         # static problems that were judged
@@ -115,6 +121,7 @@ class UniquenessWatch:
             self._met[way].discard(sides)
         self._doubtful, self._left = [], 8
         self._judged.clear()
+        self._keys.clear()
 
     def add(
         self,
@@ -203,9 +210,14 @@ class UniquenessWatch:
             seen = {(s, i, state) for s, i, *states in events for state in states}
             ties = Changes.of(one for one in ties if (*one[:2], one[3]) not in seen)
             finite = self._is_finite
+        instants, wanted = Instants.of(start, events, ties), None
+        if finite is None:
+            keys, known = instants.keys(self._marks), self._keys.setdefault(way, set())
+            wanted = [k for k, key in enumerate(keys) if key not in known]
+            known.update(keys)
         rubbing, met = self.certificate.rubbing, self._met.setdefault(way, set())
         new = dict[Sides, float]()
-        for s, sides in instants(start, events, ties, finite):
+        for s, sides in instants.sides(wanted, finite):
             if sides not in met:
                 met.add(sides)
                 new[sides] = s
@@ -272,10 +284,17 @@ class UniquenessWatch:
 
     def _measure(self, one: Sides) -> None:
         """Lower the margin to that of a set of states, if it is smaller."""
-        margin, _ = self.certificate.margin(one.states(self.certificate.system.n))
-        # what slips without stiffness does so whatever the friction
-        if 0.0 < margin < self.found.margin * (1.0 - SAME_MARGIN):
-            self.found = replace(self.found, margin=margin)
+        judge, least = self.certificate, self.found.margin
+        if any(larger.holds(one) for larger in self._larger):
+            return
+        if np.isfinite(least):
+            pattern = certify(judge, [one], least * (1.0 - SAME_MARGIN))
+            if pattern is not None:
+                self._larger.append(pattern)
+                return
+        margin, _ = judge.margin(one.states(judge.system.n))
+        if margin > 0.0:  # what slips without stiffness does so whatever the friction
+            self.found = replace(self.found, margin=min(least, margin))
 
     def _doubt(self, place: tuple[int, int, float], direction: Array, sides: Sides) -> None:
         """Count the solutions of an instant whose matrices are not all definite."""
