@@ -16,7 +16,6 @@ from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.evolution.record_data import Limit, Steady
 from receding_fenicsx.evolution.run_state import Position, RunState
 from receding_fenicsx.interface.exact.path import EventPath
-from receding_fenicsx.interface.exact.pivot_matrix import SingularExchange
 from receding_fenicsx.interface.exact.rest import carries_nothing, zero_crossing
 from receding_fenicsx.interface.exact.segments import Segments
 from receding_fenicsx.interface.law import STICK
@@ -88,7 +87,7 @@ class LimitSearch:
         """Search for the cycle that repeats itself; add it to the finished ones if it was found."""
         try:
             cycle = self._cycle(cycles)
-        except (NoLimit, SolveError, SingularExchange) as error:
+        except (NoLimit, SolveError) as error:
             reason = str(error) if isinstance(error, NoLimit) else "a cycle searched ends early"
             self.limit = replace(self.limit, reason=reason)
             return False

@@ -318,8 +318,7 @@ def quantities(segments: Segments, u: Array, r: Array) -> Array:
 def trace(segments: Segments, start: ContactState, loop: Array, force: float) -> TracedCycle:
     """Trace one cycle of load factors (m + 1, n_loads).
 
-    SolveError: the path ends, or its residual is above its tolerance. SingularExchange: a motion
-    without stiffness is left.
+    SolveError: the path ends, or its residual is above its tolerance.
     """
     # loads Numba, which takes longer than all the rest
     from receding_fenicsx.interface.exact.compilation import loop_of

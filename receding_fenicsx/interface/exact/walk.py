@@ -414,10 +414,11 @@ def _displacement_uncertainty(
         met[now.tobytes()] = now.copy()
     largest = 0.0
     for state in list(met.values())[-64:]:
-        tableau = segments.tableau(state)
-        for error in signs * reach:
-            change = tableau.correction(error)[: 2 * n] * weight[: 2 * n]
-            largest = max(largest, float(np.abs(change).max()))
+        with suppress(SingularExchange):  # a motion without stiffness excuses nothing
+            tableau = segments.tableau(state)
+            for error in signs * reach:
+                change = tableau.correction(error)[: 2 * n] * weight[: 2 * n]
+                largest = max(largest, float(np.abs(change).max()))
     inherited = 2.0 * residual_at_rest(segments.system, ends[0], force_scale)
     excused = max(inherited, ROUND_OFFS * largest / force_scale)
     return limit_excuse(segments.system, excused, [end.u for end in ends], force_scale)

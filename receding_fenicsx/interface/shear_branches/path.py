@@ -138,6 +138,7 @@ class BranchedPath:
         force_scale: float,
         sweeps: GaussSeidelOptions | None = None,
     ) -> Leg:
+        """Solve a static problem exactly, or by sweeps."""
         scale = max(largest_force(self.system, load, start.r, force_scale) for load in ends)
         problem, now = LegProblem(start, ends, scale), self.cones.branches_of(start)
         tried = Tried(self.cones)
