@@ -61,7 +61,7 @@ def read_columns(
     text = read_text(folder / name, label).splitlines()
     without = ("" if line.lstrip()[:1] == "%" else line.partition("#")[0].strip() for line in text)
     filled = [(i, line) for i, line in enumerate(without, 1) if line]
-    numbered = (any(map(math.isfinite, _numbers(_cells(line)))) for _, line in filled)
+    numbered = (any(number is not None for number in _numbers(_cells(line))) for _, line in filled)
     first = next((k for k, found in enumerate(numbered) if found), None)
     if first is None:
         raise InputError(f"{label}: has no row of numbers; write one row a line")
@@ -70,9 +70,10 @@ def read_columns(
     values: list[list[float]] = []
     for i, line in rows:
         cells = _cells(line, mark)
-        values.append(_numbers(cells))
-        for count, (cell, number) in enumerate(zip(cells, values[-1], strict=True), 1):
-            if "," in cell or not math.isfinite(number):
+        found = _numbers(cells)
+        values.append([number for number in found if number is not None])
+        for count, (cell, number) in enumerate(zip(cells, found, strict=True), 1):
+            if "," in cell or number is None or not math.isfinite(number):
                 raise InputError(
                     f'{label}: line {i}: column {count} is "{cell[:40]}", not a finite number with '
                     "a decimal point; mend it, or begin the line with #"
@@ -107,14 +108,14 @@ def _cells(line: str, separator: str | None = "") -> list[str]:
     return [cell.strip().strip("\"'").strip() for cell in line.split(separator)]
 
 
-def _numbers(cells: list[str]) -> list[float]:
-    """Return the numbers in cells, also those with decimal commas; NaN for what is none."""
-    found = []
+def _numbers(cells: list[str]) -> list[float | None]:
+    """Return the numbers in cells, also those with decimal commas; None for what is none."""
+    found: list[float | None] = []
     for cell in cells:
         try:
             found.append(float(cell.replace(",", ".").replace("_", "no number")))
         except ValueError:
-            found.append(math.nan)
+            found.append(None)
     return found
 
 

@@ -222,9 +222,6 @@ def of_contact(scene: Scene, number: int) -> Rules:
     contact, at = scene.contacts[number], scene.joint_labels[number]
     body, edge = scene.find_edge(contact.edge)
     forward, backward = directions(contact.friction, f"{at} friction")
-    rough = contact.friction != 0.0 or contact.cohesion is not None
-    without = "without friction and cohesion there is no shear traction"
-    yield from unused(contact, at, [(not rough, ("shear_limit",), without)])
     profiles = {"friction": forward}
     if forward != backward:
         profiles = {"friction forward": forward, "friction backward": backward}
