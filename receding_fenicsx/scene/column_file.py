@@ -70,9 +70,9 @@ def read_columns(
     values: list[list[float]] = []
     for i, line in rows:
         cells = _cells(line, mark)
-        found = _numbers(cells)
-        values.append([number for number in found if number is not None])
-        for count, (cell, number) in enumerate(zip(cells, found, strict=True), 1):
+        numbers = _numbers(cells)
+        values.append([number for number in numbers if number is not None])
+        for count, (cell, number) in enumerate(zip(cells, numbers, strict=True), 1):
             if "," in cell or number is None or not math.isfinite(number):
                 raise InputError(
                     f'{label}: line {i}: column {count} is "{cell[:40]}", not a finite number with '
