@@ -282,8 +282,9 @@ def _of_point(scene: Scene, part: Support | Spring, at: str) -> checks.Rules:
             yield f"{at} point: a rectangle has no named points; write [x, y]"
         else:
             yield from of_place(scene, body, part.point, f"{at} point")
-            acts = part.fix if isinstance(part, Support) else [k for k in "xy" if getattr(part, k)]
-            for other in (s for s in scene.supports if s.edge and {*acts} <= {*s.fix}):
+            # a support there, unlike a spring, acts as it would without the edge's
+            acts = {k for k in "xy" if isinstance(part, Spring) and getattr(part, k)}
+            for other in (s for s in scene.supports if s.edge and acts and acts <= {*s.fix}):
                 owner, line = scene.find_edge(other.edge or "")
                 x, y = symmetry.edge_points(scene, other.edge or "", 0.0)
                 near = y == part.point[1] if line in symmetry.HORIZONTAL else x == part.point[0]
