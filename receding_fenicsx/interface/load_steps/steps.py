@@ -42,6 +42,9 @@ STEP_ERROR = 0.5
 """Distance between the ends of a load step and of the exact path, over the length of the latter, up
 to which it is the error of a step in time."""
 
+NEAR = 0.02
+"""The same distance up to which a step needs no better initial guess."""
+
 
 class Trial(NamedTuple):
     """Result of a trial of one part of a load step."""
@@ -85,10 +88,11 @@ class StepTrials:
         is_smallest = s_to - s <= 1.5 * SMALLEST_PART
         if error is None:
             if at_rest:
-                # where nothing presses a free body sweeps may leave it anywhere off its plane
                 with suppress(SolveError):
                     return Trial(walk.finish(at_rest), s_to)
-            near = step and self._nearest(leg, part, walk.here(), step)
+            # where nothing presses a free body sweeps may leave it anywhere off its plane
+            allowed = NEAR if at_rest else STEP_ERROR
+            near = step and self._nearest(leg, part, walk.here(), step, allowed)
             if near is None and (is_smallest or step is None):
                 return Trial(walk.finish(at_rest), s_to)
             return Trial(near, s_to if near else 0.5 * (s + s_to))
@@ -173,7 +177,12 @@ class StepTrials:
         return step
 
     def _nearest(
-        self, leg: Leg, part: tuple[Array, Array], exact: ContactState, step: Leg
+        self,
+        leg: Leg,
+        part: tuple[Array, Array],
+        exact: ContactState,
+        step: Leg,
+        allowed: float,
     ) -> Leg | None:
         """Return the step that ends nearest to the exact path, None if the error is too large."""
         length = self.size(exact.u - leg.end.u)
@@ -185,11 +194,11 @@ class StepTrials:
             distance = self.size(change - free @ (free.T @ change))
             return distance / (length + STEP_ON_LIMIT * step.force_scale / STEP_ERROR)
 
-        if error(step) > 0.02:
+        if error(step) > NEAR:
             # sweeps from a better initial guess may end nearer
             with suppress(NotConverged):
                 step = min(step, self._solve(leg, part, exact), key=error)
-        return step if error(step) <= STEP_ERROR else None
+        return step if error(step) <= allowed else None
 
 
 def seen_changes(found: Leg, start: ContactState, s: float, stops: list[float]) -> Changes:
