@@ -258,9 +258,10 @@ def starts_summary(states: SteadyStates) -> dict[str, Any]:
     patterns, of_start = np.unique(states.state[played], axis=0, return_inverse=True)
     first = [played[int(np.argmax(of_start == p))] for p in range(len(patterns))]
     kinds, spread = states.counts, (high - low) / high if high > 0.0 else None
+    same = len({*kinds} - {"failed"}) <= 1 >= len(patterns) and (spread or 0.0) <= 1e-8
     return {
         "count": len(states.names),
-        "same": len(kinds) == len(patterns) == 1 and (spread or 0.0) <= 1e-8,
+        "same": None if same and states.errors else same,  # what failed might differ
         "dissipation": [low, high] if np.isfinite(low) else None,
         "spread": spread,
         "kinds": kinds,

@@ -48,9 +48,10 @@ def test_a_start_that_fails_is_reported_beside_the_others(scene: Path) -> None:
     gap = ["--set", 'contact.initial_gap="0.01*x**2"']
     assert cli.main(["run", str(scene), "--out", str(out), "--starts=3", *gap]) == 0
     starts = json.loads((out / "summary.json").read_text())["limit"]["starts"]
-    assert not starts["same"] and starts["kinds"]["failed"] == 2
+    assert starts["same"] is None and starts["kinds"]["failed"] == 2
     assert set(starts["errors"]) == {"forward", "backward"}
     assert all("has an initial gap" in text for text in starts["errors"].values())
+    assert "limits from 3 initial slips, some failed" in (out / "report.html").read_text()
 
 
 def test_a_run_that_its_limit_has_ended_is_not_played_again(

@@ -366,8 +366,8 @@ def limit_rows(summary: Summary) -> Rows:
         if len(starts["zones"]) > 1:
             nodes = f"{starts['nodes_that_differ']} of {starts['nodes']} nodes"
             words += f"; {len(starts['zones'])} arrangements of zones, which differ at {nodes}"
-        differ = "do not differ" if starts["same"] else "differ"
-        rows.append([f"limits from {starts['count']} initial slips {differ}", words])
+        differ = {True: " do not differ", False: " differ", None: ", some failed"}[starts["same"]]
+        rows.append([f"limits from {starts['count']} initial slips{differ}", words])
     return rows
 
 
