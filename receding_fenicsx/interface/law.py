@@ -133,7 +133,7 @@ class Friction:
         return (self.forward + self.backward) * P
 
     def limits(self, P: Array, touches: NDArray[np.bool_] | bool = True) -> tuple[Array, Array]:
-        """Return the lowest and the highest Q, -f_forward P+ and f_backward P+, P+ = max(P, 0)."""
+        """Return the lowest and the highest Q; -f_forward P+, f_backward P+ for a cone, P+ >= 0."""
         slopes, pressing = (self.forward, self.backward), np.maximum(P, 0.0)
         forward, backward = (self._limit(slope, pressing, touches) for slope in slopes)
         return -forward, backward
