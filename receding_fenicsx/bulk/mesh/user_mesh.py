@@ -307,7 +307,7 @@ def words_of(path: Path) -> set[str]:
             continue
         read.add(file)
         text = file.read_text(encoding="utf-8", errors="replace")
-        text = re.sub(r"(?s)//[^\n]*|/\*.*?\*/", "", text)
+        text = re.sub(r'(?s)("[^"]*")|//[^\n]*|/\*.*?\*/', r"\1", text)  # strings may hold //
         words |= set(re.findall(r"[A-Za-z_]\w*", re.sub(r'"[^"]*"', "", text)))
         included = re.findall(r'(?:Include|Merge)\s*"([^"]+\.geo)"', text)
         todo += [(file.parent / name).resolve() for name in included]

@@ -12,6 +12,7 @@ from bodies import CELLS, block, built, make_mesh
 from msh import Array, Ints, rectangle, turned, write_msh
 
 from receding_fenicsx.bulk.from_scene import condensed
+from receding_fenicsx.bulk.mesh.user_mesh import words_of
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.evolution.problem import with_profiles
 from receding_fenicsx.interface.system import ContactSystem
@@ -262,3 +263,12 @@ def test_msh_files_that_cannot_serve_are_refused(shared_tmp_path: Path) -> None:
     assert "cells of higher order" in refused(order_two)
     garbage = write_text(shared_tmp_path / "bad.msh", "no mesh")
     assert "gmsh cannot use it" in refused(replace(order_two, body=Body(mesh=garbage)))
+
+
+@pytest.mark.one_rank
+def test_parameters_of_a_file_are_words_outside_of_comments_and_strings(tmp_path: Path) -> None:
+    (tmp_path / "own.geo").write_text(
+        'a = 1; // five" b\nDefineConstant[ c = {1, Name "A//d"}, e = {2, Name "/*f"} ];\n'
+        '/* g "\n h */ i = 2;\n'
+    )
+    assert words_of(tmp_path / "own.geo") == {*"acei", "DefineConstant", "Name"}
