@@ -98,6 +98,7 @@ class UniquenessWatch:
         # instants met before, and hashes of them, by direction of the leg
         self._met: dict[bytes, set[Sides]] = {}
         self._keys: dict[bytes, set[int]] = {}
+        self._legs: set[int] = set()  # hashes of whole legs, which mostly come again
         self._marks = np.random.default_rng(0).integers(
             0, 2**63, (system.n, 5, 5, 2), dtype=np.uint64
         )
@@ -122,6 +123,7 @@ class UniquenessWatch:
         self._doubtful, self._left = [], 8
         self._judged.clear()
         self._keys.clear()
+        self._legs.clear()
 
     def add(
         self,
@@ -210,6 +212,13 @@ class UniquenessWatch:
             seen = {(s, i, state) for s, i, *states in events for state in states}
             ties = Changes.of(one for one in ties if (*one[:2], one[3]) not in seen)
             finite = self._is_finite
+        elif not len(ties):
+            later = np.diff(events.s, prepend=0.0) > SIMULTANEOUS
+            parts = start, events.node, events.old, events.new, later
+            leg = hash((way, *(part.tobytes() for part in parts)))
+            if leg in self._legs:
+                return
+            self._legs.add(leg)
         instants, wanted = Instants.of(start, events, ties), None
         if finite is None:
             keys, known = instants.keys(self._marks), self._keys.setdefault(way, set())
