@@ -16,6 +16,7 @@ from mpi4py import MPI
 
 import pytest
 from bodies import ONCE, block
+from geo import RECTANGLE, TWO_LAYERS
 
 import receding_fenicsx as rf
 from receding_fenicsx import cli
@@ -75,18 +76,11 @@ WHEEL = (
     rf.Load("weight", body_force=(0.0, -0.05)),
     rf.Load("wheel", "top", (-0.5, 0.5), pressure=1.0, travel=(-1.0, 1.0), steps=4),
 )
-GEO = """
-DefineConstant[ width = {4, Name "width"}, contact_elements = 8 ];
-Point(1) = {-width/2, 0, 0}; Point(2) = {width/2, 0, 0};
-Point(3) = {width/2, 1, 0}; Point(4) = {-width/2, 1, 0};
-For i In {1 : 4}
-  Line(i) = {i, i % 4 + 1};
-EndFor
-Curve Loop(1) = {1 : 4}; Plane Surface(1) = {1};
-Transfinite Curve{1, 3} = contact_elements + 1; Transfinite Curve{2, 4} = 5;
-Transfinite Surface{1};
-Physical Curve("foot") = {1}; Physical Curve("top") = {3};
-"""
+GEO = (
+    'DefineConstant[ width = {4, Name "width"}, contact_elements = 8 ]; height = 1;'
+    + RECTANGLE
+    + 'Physical Curve("foot") = {1}; Physical Curve("top") = {3};\n'
+)
 OWN = """
 [body]
 mesh = "own.geo"
@@ -123,16 +117,7 @@ FILES = {
     "exit.geo": GEO + "Exit;",
     "error.geo": GEO + 'Error("too thin"); Exit;',
     "crash.geo": GEO + 'SystemCall "kill -SEGV $PPID";',
-    "two.geo": """
-Point(1) = {0, 0, 0, 0.5}; Point(2) = {4, 0, 0, 0.5}; Point(3) = {4, 1, 0, 0.5};
-Point(4) = {0, 1, 0, 0.5}; Point(5) = {4, 2, 0, 0.5}; Point(6) = {0, 2, 0, 0.5};
-Line(1) = {1, 2}; Line(2) = {2, 3}; Line(3) = {3, 4}; Line(4) = {4, 1};
-Line(5) = {3, 5}; Line(6) = {5, 6}; Line(7) = {6, 4};
-Curve Loop(1) = {1, 2, 3, 4}; Plane Surface(1) = {1};
-Curve Loop(2) = {-3, 5, 6, 7}; Plane Surface(2) = {2};
-Physical Surface("coat") = {1}; Physical Surface("core") = {2};
-Physical Curve("foot") = {1}; Physical Curve("top") = {6};
-""",
+    "two.geo": TWO_LAYERS,
 }
 SCENES: dict[str, str | rf.Scene] = {
     "none": "",

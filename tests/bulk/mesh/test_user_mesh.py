@@ -9,6 +9,7 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 from bodies import CELLS, block, built, make_mesh
+from geo import RECTANGLE
 from msh import Array, Ints, rectangle, turned, write_msh
 
 from receding_fenicsx.bulk.from_scene import condensed
@@ -94,18 +95,11 @@ def test_supports_on_named_points_hold_them(shared_tmp_path: Path) -> None:
         built(replace(user, supports=(Support("x", point="pni"),)))
 
 
-GEO = """
-DefineConstant[ width = {4, Name "width"}, height = 1, contact_elements = 8 ];
-Point(1) = {-width/2, 0, 0}; Point(2) = {width/2, 0, 0};
-Point(3) = {width/2, height, 0}; Point(4) = {-width/2, height, 0};
-For i In {1 : 4}
-  Line(i) = {i, i % 4 + 1};
-EndFor
-Curve Loop(1) = {1 : 4}; Plane Surface(1) = {1};
-Transfinite Curve{1, 3} = contact_elements + 1; Transfinite Curve{2, 4} = 5;
-Transfinite Surface{1};
-Physical Curve("foot") = {1}; Physical Curve("head") = {3}; Physical Curve(7) = {2};
-"""
+GEO = (
+    'DefineConstant[ width = {4, Name "width"}, height = 1, contact_elements = 8 ];'
+    + RECTANGLE
+    + 'Physical Curve("foot") = {1}; Physical Curve("head") = {3}; Physical Curve(7) = {2};\n'
+)
 
 
 def write_text(path: Path, text: str) -> str:
