@@ -11,6 +11,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from importlib import resources
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
@@ -209,7 +210,13 @@ def _meshes(bodies: Sequence[Body], options: MeshOptions, axisymmetric: bool) ->
         for name, value in numbers.items():
             gmsh.parser.setNumber(name, [value])
         try:
-            gmsh.merge(str(path))
+            with TemporaryDirectory() as folder:
+                # of a last line without a line break gmsh takes the first statement only, but not
+                # in a file that another one includes
+                whole = Path(folder, path.name)
+                whole.write_text(f'Include "{path.resolve()}";\n', encoding="utf-8")
+                ends = not is_geo or path.read_bytes().endswith(b"\n")
+                gmsh.merge(str(path if ends else whole))
             if is_geo:
                 gmsh.option.setNumber("Mesh.ElementOrder", 1)
                 gmsh.model.mesh.generate(2)

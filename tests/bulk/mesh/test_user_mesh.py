@@ -127,8 +127,12 @@ def test_geo_file_gets_the_scenes_numbers_and_the_bodys_parameters(shared_tmp_pa
         assert system.r_star[0] @ down == pytest.approx(6.0, rel=1e-12)
 
 
-def test_scaling_factor_of_a_geo_file_counts(shared_tmp_path: Path) -> None:
-    system = system_of(geo_scene(shared_tmp_path / "my.geo", GEO + "Mesh.ScalingFactor = 0.5;"))
+@pytest.mark.parametrize("end", ["\n", "", " // whole", "\n// whole"])
+def test_scaling_factor_of_a_geo_file_counts(end: str, shared_tmp_path: Path) -> None:
+    """Of a last line without a line break, gmsh itself takes the first statement only."""
+    last = f"one = 1; Mesh.ScalingFactor = 0.5;{end}"
+    write_text(shared_tmp_path / "body.geo", GEO)
+    system = system_of(geo_scene(shared_tmp_path / "my.geo", f'Include "body.geo";\n{last}'))
     if system is not None:
         assert system.x[[0, -1]] == pytest.approx([-1.0, 1.0], rel=1e-14)
 
