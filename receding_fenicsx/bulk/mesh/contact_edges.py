@@ -239,21 +239,20 @@ def _check_apart(
     scene: Scene, meshes: Sequence[RawMesh], found: Sequence[ContactFacets], half: bool
 ) -> None:
     """Check that contacts and ties share no facet with each other, loads and supports."""
-    # the contact edge of each facet of each body
+    # the contact or tie of each facet of each body
     taken: dict[tuple[int, ...], str] = {}
     for side in found:
-        joint = scene.joints[side.joint]
+        joint, label = scene.joints[side.joint], scene.joint_labels[side.joint]
         first = scene.find_edge(joint.edge) == (scene.bodies[side.body], side.edge)
         name = joint.edge if first else str(joint.against)
         for key in _keys(meshes[side.body].edges[side.edge][side.facets]):
             if (side.body, *key) in taken:
                 x, y = meshes[side.body].points[list(key)].mean(axis=0)
                 raise InputError(
-                    f"{scene.joint_labels[side.joint]}: '{name}' lies on "
-                    f"'{taken[side.body, *key]}', which is in another contact or tie, at "
-                    f"({x:g}, {y:g}); keep them apart by their spans or groups"
+                    f"{label}: '{name}' overlaps {taken[side.body, *key]} at ({x:g}, {y:g}); keep "
+                    "them apart by their spans or groups"
                 )
-            taken[side.body, *key] = name
+            taken[side.body, *key] = label
     uses = [(part.edge, part.label, part.span) for part in scene.edge_parts]
     uses += [(s.edge, "[[support]] edge", None) for s in scene.supports if s.edge is not None]
     for edge, where, span in uses:
