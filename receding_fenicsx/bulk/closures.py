@@ -137,7 +137,7 @@ def _across(spring: Spring, places: Array, beyond: Array, normal: Array) -> Ints
     gap = offset[np.arange(len(found)), found] @ normal
     if aside[worst].min() > 1e-9 * size or gap.min() < -1e-9 * size:
         x, y = places[worst]
-        raise InputError(
+        raise MeshMisfit(
             f"[[spring]] against: '{spring.against}' has no node straight across from the one of "
             f"'{spring.edge}' at ({x:g}, {y:g}); give a span, or both edges the same nodes"
         )

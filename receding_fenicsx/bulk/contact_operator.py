@@ -127,7 +127,7 @@ def eliminate(
         missing = np.setdiff1d(row, rows)
         if len(missing):
             x, y = relative.places[stage[missing[0]]]
-            raise InputError(
+            raise MeshMisfit(
                 f"[[support]]: one or a displacement holds the node at ({x:.6g}, {y:.6g}) of one "
                 "side where the nodes of both do not match; hold both sides, or make the other one "
                 "the slave"

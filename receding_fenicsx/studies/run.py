@@ -17,7 +17,7 @@ from receding_fenicsx import environment, mpi
 from receding_fenicsx.arrays import Array, check_types
 from receding_fenicsx.atomic import make_folder, new_file
 from receding_fenicsx.bulk.from_scene import condensed, is_small, probes_of
-from receding_fenicsx.errors import InputError, SolveError, ToleranceNotMet
+from receding_fenicsx.errors import InputError, MeshMisfit, SolveError, ToleranceNotMet
 from receding_fenicsx.evolution.collect import record_of
 from receding_fenicsx.evolution.evolve import continue_history, evolve, evolve_bare
 from receding_fenicsx.evolution.histories import CORNERS, tightened, with_corners
@@ -208,7 +208,7 @@ def _found(
             found.extra |= study.errors_of_run(own, found.record, on_mesh, kept)
     if own.fatigue is not None and found.failure is None:
         with resumable(folder, "on a coarser mesh"), timer("errors"):
-            with suppress(InputError):  # none fits
+            with suppress(MeshMisfit):  # none fits
                 partner = meshes.partner(own, comm)
                 coarse = None if partner is None else on_mesh(partner, evolve)
             more = mpi.on_root(comm, lambda: fatigue_summary(mpi.given(found.record), coarse))
@@ -321,7 +321,7 @@ def check(scene: Scene, comm: MPI.Comm | None = None) -> int:
         while coarse is not None and (coarse.mesh.contact_elements > 320 or not is_small(coarse)):
             try:
                 coarse = meshes.coarser(coarse)
-            except InputError:
+            except MeshMisfit:
                 coarse = None
         return nodes, coarse
 

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import receding_fenicsx as rf
+from receding_fenicsx.errors import MeshMisfit
 from receding_fenicsx.evolution.evolve import evolve_bare
 from receding_fenicsx.reference.closed_forms import BLOCK
 from receding_fenicsx.studies import run as study
@@ -87,7 +88,7 @@ def test_meshes_that_do_not_fit_the_scene_are_passed_over(monkeypatch: pytest.Mo
     def solve_some(scene: rf.Scene) -> Any:
         tried.append(scene.mesh.contact_elements)
         if tried[-1] in (32, 16):
-            raise rf.InputError("no vertex")
+            raise MeshMisfit("no vertex")
         return {"a": rf.Number(1.0 + 1.0 / tried[-1])}
 
     own: Any = {"a": rf.Number(1.0 + 1.0 / 64.0)}

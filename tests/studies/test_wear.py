@@ -2,6 +2,7 @@
 
 import csv
 import json
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,6 +13,7 @@ import pytest
 
 import receding_fenicsx as rf
 from receding_fenicsx import cli
+from receding_fenicsx.errors import MeshMisfit
 from receding_fenicsx.evolution.problem import problem_of_scene
 from receding_fenicsx.studies.runner import StudyOptions
 from receding_fenicsx.studies.wear.result import fatigue_figure
@@ -389,3 +391,23 @@ def test_a_study_that_cannot_be_written_or_shared_is_refused_before_it_condenses
         rf.wear(scene, tmp_path)
     with pytest.raises(rf.InputError, match="depend on each other; leave the shard out"):
         rf.wear(scene, tmp_path / "new", StudyOptions(shard=(1, 2)))
+
+
+@pytest.mark.parametrize(
+    "study", [rf.run, rf.wear, lambda scene: rf.joint_curve(scene, "Q", [0.3 * F * P])]
+)
+def test_only_misfits_of_a_coarser_mesh_are_passed_over(
+    study: Callable[[rf.Scene], object], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    probes = '[[probe]]\nname = "edge"\nedge = "lower.top"\n[fatigue]\n'
+    scene = rf.from_toml(rf.to_toml(cylinders(16, "wear.cycles=1")) + probes)
+    error: list[Exception] = [MeshMisfit("no vertex")]
+
+    def refuse(_: rf.Scene) -> int:
+        raise error[0]
+
+    monkeypatch.setattr("receding_fenicsx.studies.accuracy.meshes.count_nodes", refuse)
+    assert study(scene) is not None
+    error[0] = rf.InputError("not of the mesh")
+    with pytest.raises(rf.InputError, match="not of the mesh"):
+        study(scene)

@@ -23,7 +23,7 @@ import numpy as np
 
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.bulk.mesh.raw_mesh import RawMesh, line_of, sides
-from receding_fenicsx.errors import InputError
+from receding_fenicsx.errors import InputError, MeshMisfit
 from receding_fenicsx.scene.model import MAX_CONTACT_ELEMENTS, Refinement
 
 
@@ -198,7 +198,7 @@ def mesh_refined(
         model.mesh.generate(2)
     except Exception as caught:  # gmsh raises nothing more special
         reason = " ".join(str(caught).split())
-        raise InputError(f"{where}: gmsh cannot mesh it: {reason}; use other sizes") from None
+        raise MeshMisfit(f"{where}: gmsh cannot mesh it: {reason}; use other sizes") from None
 
 
 def _places_on(

@@ -282,7 +282,7 @@ def curve_of(mesh: RawMesh, edge: str, where: str) -> Line | Curve:
     if np.abs(turns).max() > 0.6:
         k = int(np.argmax(np.abs(turns)))
         x, y = vertices[k if closed else k + 1]
-        raise InputError(
+        raise MeshMisfit(
             f"{where}: '{edge}' turns by {np.degrees(abs(turns[k])):.0f} degrees at ({x:g}, "
             f"{y:g}); make it a group on either side of a corner, or refine the curve"
         )

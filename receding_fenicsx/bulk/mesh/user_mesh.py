@@ -222,7 +222,7 @@ def _meshes(bodies: Sequence[Body], options: MeshOptions, axisymmetric: bool) ->
                 gmsh.model.mesh.generate(2)
         except Exception as caught:  # gmsh raises nothing more special
             reason = " ".join(str(caught).split())
-            raise InputError(f"{where}: gmsh cannot use it: {reason}; mend the file") from None
+            raise MeshMisfit(f"{where}: gmsh cannot use it: {reason}; mend the file") from None
         # gmsh itself scales a mesh only when it writes it
         scale = gmsh.option.getNumber("Mesh.ScalingFactor") if is_geo else 1.0
 

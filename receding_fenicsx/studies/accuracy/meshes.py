@@ -127,12 +127,11 @@ def solve_near(
     most: float,
     solve: Callable[[Scene, int], T],
     ratio: float = 1.6,
-    refused: type[InputError] = MeshMisfit,
 ) -> T | None:
     """Solve on the mesh nearest to a wanted number of elements whose vertices fit the scene.
 
-    It has from ``wanted`` / ``ratio`` to ``most`` elements; None where there is none such. A mesh
-    is refused by an error of a type; that of the last one is raised.
+    It has from ``wanted`` / ``ratio`` to ``most`` elements; None where there is none such. Where
+    all are misfits, the error of the last one is raised.
     """
     low = max(wanted / ratio, MIN_ELEMENTS)
     found = [*range(2 * math.ceil(low / 2), int(most) + 1, 2)]
@@ -142,7 +141,7 @@ def solve_near(
     for elements in sorted(found, key=lambda n: abs(math.log(n / wanted))):
         try:
             return solve(scaled_mesh(scene, elements), elements)
-        except refused as error:
+        except MeshMisfit as error:
             misfit = error
     if misfit is not None:
         raise misfit
@@ -167,7 +166,7 @@ def coarser(scene: Scene) -> Scene | None:
         return partner
 
     half = 0.5 * scene.mesh.contact_elements
-    return solve_near(scene, half, half, fitting, refused=InputError)
+    return solve_near(scene, half, half, fitting)
 
 
 def partner(scene: Scene, comm: MPI.Comm) -> Scene | None:

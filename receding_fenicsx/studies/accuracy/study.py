@@ -328,8 +328,7 @@ def space_errors(
     for factor in (2.0, 2.5, 4.0):  # the second mesh is not nested in the run's
         below = min(most / factor, levels[-1].elements - 1)
         try:
-            # the run itself was accepted: a coarser mesh is refused for its vertices
-            found = solve_near(scene, most / factor, below, level, refused=InputError)
+            found = solve_near(scene, most / factor, below, level)
         except RecedingError:
             if len(levels) == 1:
                 raise

@@ -15,7 +15,7 @@ from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
 from receding_fenicsx import mpi
 from receding_fenicsx.arrays import Array, as_numbers, check_types, described
-from receding_fenicsx.errors import InputError
+from receding_fenicsx.errors import InputError, MeshMisfit
 from receding_fenicsx.evolution.evolve import evolve
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.interface.law import State
@@ -306,7 +306,7 @@ def joint_curve(
     # the preload or the first loading may fail: before anything is written
     first = mpi.on_root(comm, loaded)
     if cyclic is not None:
-        with suppress(InputError):  # without estimate where no coarser mesh fits
+        with suppress(MeshMisfit):  # without estimate where no coarser mesh fits
             partner = meshes.partner(replace(cyclic, wear=WearOptions()), comm)
 
     def begin() -> Study[JointCurve]:

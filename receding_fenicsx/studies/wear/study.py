@@ -13,7 +13,7 @@ import numpy as np
 
 from receding_fenicsx import mpi
 from receding_fenicsx.arrays import check_types
-from receding_fenicsx.errors import InputError, NoEquilibrium, SolveError
+from receding_fenicsx.errors import InputError, MeshMisfit, NoEquilibrium, SolveError
 from receding_fenicsx.evolution.histories import with_corners
 from receding_fenicsx.evolution.problem import problem_of_scene
 from receding_fenicsx.interface.law import State
@@ -63,7 +63,7 @@ def wear(
     kind.check(out, None, options)
     timer = Timer(options.progress if comm.rank == 0 else None)
     system, partner, coarse = study.condense(scene, comm, timer.say), None, None
-    with suppress(InputError):  # no coarser mesh fits
+    with suppress(MeshMisfit):  # no coarser mesh fits
         partner = meshes.partner(scene, comm)
         coarse = None if partner is None else study.condense(partner, comm)
 
