@@ -21,8 +21,6 @@ STATE_COLOURS = {
 """Fill colour of each state."""
 SHOWN_ZONES, SHOWN_EDGES = 8, 4
 """Numbers of items that a line names."""
-WIDTH, HEIGHT, LEFT = 560, 18, 200
-"""Width and height of a strip of zones in pixels, and room for its label."""
 
 
 def text_of(record: RecordData, title: str, edges: Mapping[str, RecordData]) -> str:
@@ -73,35 +71,22 @@ def text_of(record: RecordData, title: str, edges: Mapping[str, RecordData]) -> 
 
 def html_of(text: str, edges: Mapping[str, RecordData]) -> str:
     """Return a description with a strip of zones for each of an edge's last turning points."""
-    strips = _last_turning_points(edges)
-    states = sorted({int(s) for _, at in strips for s in np.unique(at.state)})
-    legend = " ".join(
-        f'<span style="background:{STATE_COLOURS[State(s)]};border:1px solid #000">&emsp;</span> '
-        f"{STATE_NAMES[State(s)]}"
-        for s in states
-    )
-    picture = "".join(_strip(k, name, at) for k, (name, at) in enumerate(strips))
-    height = len(strips) * (HEIGHT + 6)
-    svg = (
-        f'<svg xmlns="http://www.w3.org/2000/svg" width="{LEFT + WIDTH + 2}" height="{height}" '
-        f'font-family="sans-serif" font-size="12">{picture}</svg>'
-    )
-    return f"<div><pre>{escape(text)}</pre>{svg}<div>{legend}</div></div>"
-
-
-def _strip(number: int, name: str, at: Moment) -> str:
-    """Return the SVG of the zones at one instant."""
-    top = number * (HEIGHT + 6) + 1
     colours = {name: STATE_COLOURS[state] for state, name in STATE_NAMES.items()}
-    first, last = at.zones[0][1], at.zones[-1][2]
-    scale = WIDTH / (last - first) if last > first else 0.0
-    boxes = "".join(
-        f'<rect x="{LEFT + scale * (a - first):.2f}" y="{top}" width="{scale * (b - a):.2f}" '
-        f'height="{HEIGHT}" fill="{colours.get(zone, STATE_COLOURS[State.STICK])}" stroke="#000" '
-        f'stroke-width="0.5"><title>{escape(zone)}: {a:.4g} to {b:.4g}</title></rect>'
-        for zone, a, b in at.zones
+    strips = ""
+    for name, at in _last_turning_points(edges):
+        length = 0.01 * (at.zones[-1][2] - at.zones[0][1]) or 1.0
+        boxes = "".join(
+            f'<i title="{escape(zone)}: {a:.4g} to {b:.4g}" style="flex:{(b - a) / length:.6g};'
+            f'outline:1px solid;background:{colours.get(zone, STATE_COLOURS[State.STICK])}"></i>'
+            for zone, a, b in at.zones
+        )
+        label = f'<span style="flex:none;width:16em">{escape(name)}</span>'
+        strips += f'<div style="display:flex">{label}{boxes}</div>'
+    legend = " ".join(
+        f'<span style="border-left:1em solid {colour}">&nbsp;{name}</span>'
+        for name, colour in colours.items()
     )
-    return f'<text x="0" y="{top + 13}">{escape(name)}</text>{boxes}'
+    return f"<div><pre>{escape(text)}</pre>{strips}{legend}</div>"
 
 
 def _last_turning_points(edges: Mapping[str, RecordData]) -> list[tuple[str, Moment]]:

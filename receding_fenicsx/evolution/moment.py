@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from receding_fenicsx.arrays import Array
+from receding_fenicsx.arrays import Array, check_types
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.evolution.record_data import RecordData, States
 from receding_fenicsx.interface.law import friction_of
@@ -78,10 +78,7 @@ def moment_of(record: RecordData, table: States, row: int) -> Moment:
         s=float(table.s[row]),
         load=dict(zip(names, table.load[row].tolist(), strict=True)),
         load_displacement=dict(zip(names, table.load_displacement[row].tolist(), strict=True)),
-        x=record.x,
-        f=record.f,
-        f_backward=record.f_backward,
-        begins_on_axis=record.begins_on_axis,
+        **{key: getattr(record, key) for key in ("x", "f", "f_backward", "begins_on_axis")},
         cohesion=record.cohesion,
         shear_limit=record.shear_limit,
         **{key: getattr(table, key)[row] for key in ("state", "P", "Q", "p", "q", "v", "w")},
@@ -110,17 +107,8 @@ def recovered_tractions(record: RecordData, moment: Moment) -> tuple[Array, Arra
             "recovered_tractions: give an instant and the record of its contact edge; of several "
             "edges record.by_edge() has the record of each"
         )
-    return recover(
-        Tractions(
-            x=record.x,
-            weight=record.weight,
-            P=moment.P,
-            Q=moment.Q,
-            state=moment.state,
-            friction=record.friction,
-            radius=record.radius,
-        )
-    )
+    forces = moment.P, moment.Q, moment.state, record.friction
+    return recover(Tractions(record.x, record.weight, *forces, radius=record.radius))
 
 
 def find(
@@ -131,7 +119,12 @@ def find(
     s: float | None,
 ) -> Moment:
     """Find the stored instant that :meth:`Record.at` selects; see there."""
-    _check_types(record, cycle, leg, s)
+    check_types("at", cycle=(cycle, Integral), leg=(leg, Integral, None), s=(s, Real, None))
+    if len(np.unique(record.edge)) > 1:
+        raise InputError(
+            "the record has several contact edges; ask one of them: record.by_edge()"
+            f"['{record.edge_names[0]}'].at(...)"
+        )
     points, samples = record.turning_points, record.samples
     last = int(points.cycle.max(initial=0))
     number = cycle + last + 1 if cycle < 0 else cycle
@@ -150,23 +143,28 @@ def find(
         return moment_of(record, points, int(ends[-1]))
     if load is not None and len(record.load_names) != 1:
         raise InputError("load: the record has several loads; ask by leg and s")
-    rows = [(points, int(k)) for k in ends]
-    rows += [(samples, int(k)) for k in _rows_of(samples, number, leg)]
-    scale = float(np.abs(points.load).max()) or 1.0
-    return moment_of(record, *_stored(rows, load, s, scale, where))
-
-
-def _check_types(record: RecordData, cycle: int, leg: int | None, s: float | None) -> None:
-    """Raise InputError for a record of several edges, or arguments of a wrong type."""
-    if len(np.unique(record.edge)) > 1:
+    at = _rows_of(samples, number, leg)
+    legs, places, loads = (
+        np.concatenate([getattr(points, key)[ends], getattr(samples, key)[at]])
+        for key in ("leg", "s", "load")
+    )
+    off = np.zeros(len(legs))
+    if load is not None:
+        off = np.abs(loads[:, 0] - load) / (np.abs(points.load).max() or 1.0)
+    if s is not None:
+        off = np.maximum(off, np.abs(places - s))
+    found, k = np.flatnonzero(off <= SAME_LOAD), int(np.argmin(off))
+    several = np.unique(legs[found]).tolist()
+    if len(several) > 1:
+        raise InputError(f"{where}: several instants answer; say which leg, {several}")
+    if not several:
         raise InputError(
-            "the record has several contact edges; ask one of them: record.by_edge()"
-            f"['{record.edge_names[0]}'].at(...)"
+            f"{where}: no such instant is stored; the nearest is leg {legs[k]}, "
+            f"s = {places[k]:.12g}, load {loads[k].tolist()} (raise [output] "
+            "samples_per_leg or name the cycle in [output] cycles, or replay it: replay.instant_of)"
         )
-    for name, value, kind in (("cycle", cycle, Integral), ("leg", leg, Integral), ("s", s, Real)):
-        if value is not None and not isinstance(value, kind):
-            expected = "whole number" if kind is Integral else "number from 0 to 1"
-            raise InputError(f"{name} = {value!r}: must be a {expected}")
+    k = int(found[0]) - len(ends)
+    return moment_of(record, *((points, int(ends[k])) if k < 0 else (samples, int(at[k]))))
 
 
 def _rows_of(table: States, cycle: int, leg: int | None) -> NDArray[np.intp]:
@@ -180,26 +178,3 @@ def extreme_row(points: States, rows: NDArray[np.intp], load: str) -> int:
     size = np.abs(points.load[rows] / np.where(largest > 0.0, largest, 1.0)).sum(axis=1)
     best = np.min(size) if load == "minimum" else np.max(size)
     return int(rows[np.flatnonzero(np.abs(size - best) <= SAME_LOAD * max(1.0, best))[-1]])
-
-
-def _stored(
-    rows: list[tuple[States, int]], load: float | None, s: float | None, scale: float, where: str
-) -> tuple[States, int]:
-    """Return the one row at a load factor or a position s; None stands for any."""
-    off = np.zeros(len(rows))
-    if load is not None:
-        off = np.array([abs(float(t.load[k, 0]) - load) for t, k in rows]) / scale
-    if s is not None:
-        off = np.maximum(off, [abs(float(t.s[k]) - s) for t, k in rows])
-    found = [rows[k] for k in np.flatnonzero(off <= SAME_LOAD)]
-    legs = {int(t.leg[k]) for t, k in found}
-    if len(legs) > 1:
-        raise InputError(f"{where}: several instants answer; say which leg, {sorted(legs)}")
-    if not found:
-        nearest, k = rows[int(np.argmin(off))]
-        raise InputError(
-            f"{where}: no such instant is stored; the nearest is leg {int(nearest.leg[k])}, "
-            f"s = {float(nearest.s[k]):.12g}, load {nearest.load[k].tolist()} (raise [output] "
-            "samples_per_leg or name the cycle in [output] cycles, or replay it: replay.instant_of)"
-        )
-    return found[0]

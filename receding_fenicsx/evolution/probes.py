@@ -20,8 +20,8 @@ if TYPE_CHECKING:
     import pandas as pd
 
 
-TURNING_POINT, SAMPLE, EVENT = range(3)
-"""Kinds of instants in a table of probes."""
+KINDS = np.array(["turning point", "sample", "event"])
+"""Kinds of instants, by their number in the record."""
 
 Places = tuple[Array, Array, Array]
 """Places (k,) on a leg, not decreasing, with displacements (k, 2N) and load factors there."""
@@ -79,20 +79,20 @@ def probes_table(
     if instants:
         v, w = np.array([i.v for i in instants]), np.array([i.state.w for i in instants])
         known["probed"] = _values(probes, v, w, known["load"])
-    every = np.concatenate([known, events])
-    counts = len(corners), len(sampled), len(events)
-    kind = np.repeat(np.array([TURNING_POINT, SAMPLE, EVENT], dtype=np.int8), counts)
-    cycle, leg, s = every["cycle"].astype(np.int64), every["leg"].astype(np.int64), every["s"]
-    rows = _in_order(kind, cycle, leg, s)
-    values = every["probed"][rows].reshape(len(rows), len(probes.points), 6)
+    every, counts = np.concatenate([known, events]), (len(corners), len(sampled), len(events))
+    # of equal places the first is returned
+    places = np.column_stack([every["cycle"], every["leg"], every["s"]])
+    _, rows = np.unique(places, axis=0, return_index=True)
+    every = every[rows]
+    values = every["probed"].reshape(len(rows), len(probes.points), 6)
     return Probes(
         names=probes.names,
         points=probes.points,
-        kind=kind[rows],
-        cycle=cycle[rows],
-        leg=leg[rows],
-        s=s[rows],
-        load=every["load"][rows],
+        kind=np.repeat(np.arange(len(KINDS), dtype=np.int8), counts)[rows],
+        cycle=every["cycle"].astype(np.int64),
+        leg=every["leg"].astype(np.int64),
+        s=every["s"].copy(),
+        load=every["load"].copy(),
         displacement=np.ascontiguousarray(values[..., :2]),
         stress=np.ascontiguousarray(values[..., 2:]),
     )
@@ -102,19 +102,6 @@ def _values(probes: ProbeMatrix, v: Array, w: Array, load: Array) -> Array:
     """Return the values (n, 6 m) at n instants."""
     rows = probes.rows.reshape(-1, probes.rows.shape[-1])
     return np.hstack([v, w, load]) @ rows.T
-
-
-def _in_order(kind: NDArray[np.int8], cycle: Ints, leg: Ints, s: Array) -> Ints:
-    """Return the rows in the order of the load path, the first kind at each place."""
-    order = np.lexsort((kind, s, leg, cycle))
-    places = np.column_stack([cycle[order], leg[order], s[order]])
-    new = np.ones(len(order), dtype=bool)
-    new[1:] = np.any(places[1:] != places[:-1], axis=1)
-    return order[new]
-
-
-KINDS = np.array(["turning point", "sample", "event"])
-"""Kinds of instants, by their number in the record."""
 
 
 @dataclass(frozen=True)

@@ -127,7 +127,7 @@ class Record(RecordData):
 
     def to_pandas(self, which: str = "turning_points") -> pd.DataFrame:
         """Return :meth:`to_table` as a DataFrame; needs pandas."""
-        return tables.frame(self, which)
+        return tables.optional("pandas").DataFrame(self.to_table(which))
 
     def to_xarray(self, which: str = "turning_points") -> xarray.Dataset:
         """Return "turning_points", "samples" or "cycles" as a Dataset over named dimensions.

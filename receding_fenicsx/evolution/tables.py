@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 from receding_fenicsx.errors import InputError
 
 if TYPE_CHECKING:
-    import pandas as pd
     import xarray
 
     from receding_fenicsx.evolution.record_data import RecordData
@@ -32,11 +31,6 @@ def columns(record: RecordData, which: str) -> Columns:
     found["node"] = np.tile(np.arange(n), rows)
     found["x"] = np.tile(record.x, rows)
     return found | {name: values.reshape(-1) for name, values in per_node.items()}
-
-
-def frame(record: RecordData, which: str) -> pd.DataFrame:
-    """Return a table for pandas; see :meth:`Record.to_pandas`."""
-    return optional("pandas").DataFrame(columns(record, which))
 
 
 def dataset(record: RecordData, which: str) -> xarray.Dataset:

@@ -28,18 +28,10 @@ Complexes = NDArray[np.complex128]
 def point_values(
     surface: Surface, material: HalfPlaneMaterial, points: Array, datum: float, tractions: Complexes
 ) -> Array:
-    """Return displacements and stresses at points under nodal tractions.
+    """Return (m, 6, k) values [u_x, u_y, s_xx, s_yy, s_zz, s_xy] at points (m, 2), y >= 0.
 
-    Args:
-        surface: nodes of the half-plane in its own axes.
-        material: elastic constants.
-        points: (m, 2) points in its own axes, y >= 0.
-        datum: depth of the point at which displacements by the resultant vanish.
-        tractions: (N, k) nodal tractions q + i p in its own axes.
-
-    Returns:
-        (m, 6, k) values [u_x, u_y, s_xx, s_yy, s_zz, s_xy] in its own axes; displacements are
-        relative to the datum.
+    Tractions (N, k) are nodal q + i p; all is in the half-plane's own axes. Displacements are
+    relative to the datum, the depth at which those by the resultant vanish.
     """
     shortest = float(np.diff(surface.x[surface.elements], axis=1).min())
     # at some depth, as the integrals have logarithms of the distance from the nodes

@@ -29,14 +29,9 @@ def log_integral(n: int, z: Array) -> Array:
 def surface_integrals(x: Array, elements: Ints) -> tuple[Array, Array]:
     """Return the integrals of both kernels over pairs of hat functions.
 
-    Args:
-        x: (N,) positions of the nodes, in units of about the length of all elements.
-        elements: (E, 2) nodes at the lower and the upper end of each element; elements may not
-            overlap.
-
-    Returns:
-        (N, N) integrals of phi_i(x) phi_j(s) ln|x - s| ds dx, symmetric, and those of
-        phi_i(x) phi_j(s) sgn(x - s) ds dx, antisymmetric; both to the last bit.
+    For nodes x (N,), in units of about the length of all elements, and the lower and upper ends of
+    elements (E, 2) that do not overlap, the (N, N) integrals of phi_i(x) phi_j(s) ln|x - s|,
+    symmetric to the last bit, and of phi_i(x) phi_j(s) sgn(x - s), antisymmetric.
     """
     a, b = x[elements].T
     log_matrix, sign_matrix = np.zeros((len(x), len(x))), np.zeros((len(x), len(x)))
@@ -62,14 +57,16 @@ def surface_integrals(x: Array, elements: Ints) -> tuple[Array, Array]:
     return 0.5 * (log_matrix + log_matrix.T), 0.5 * (sign_matrix - sign_matrix.T)
 
 
-def mixed_masses(x: Array, elements: Ints) -> Array:
-    """Return the (N, N) integrals of phi_i phi_j."""
-    mass = np.zeros((len(x), len(x)))
-    length = np.diff(x[elements], axis=1)[:, 0]
-    for i in range(2):
-        for j in range(2):
-            mass[elements[:, i], elements[:, j]] += length / (3.0 if i == j else 6.0)
-    return mass
+def _plus(matrix: Array, nodes: Ints, blocks: Array) -> Array:
+    """Return a matrix plus blocks (E, k, k) for the nodes (E, k) of elements.
+
+    A node has one place in one element at most: it is the lower end of one, the upper end of one.
+    """
+    found = matrix.copy()
+    for i, row in enumerate(nodes.T):
+        for j, column in enumerate(nodes.T):
+            found[row, column] += blocks[:, i, j]
+    return found
 
 
 def _far_pairs(a: Array, b: Array, c: Array, d: Array) -> tuple[Array, Array]:
@@ -87,35 +84,30 @@ def _far_pairs(a: Array, b: Array, c: Array, d: Array) -> tuple[Array, Array]:
 
 
 def _near_pairs(a: Array, b: Array, c: Array, d: Array) -> Array:
-    """Return (n, 2, 2) integrals of ln|x - s| over pairs of elements, relative to [a, b]."""
-    unit = b - a
-    found = _closed(0.0 * a, unit / unit, (c - a) / unit, (d - a) / unit)
-    mean = 0.25 * unit * (d - c) * np.log(unit)
-    return np.asarray(found * (unit**2)[:, None, None] + mean[:, None, None])
-
-
-def _closed(a: Array, b: Array, c: Array, d: Array) -> Array:
     """Return (n, 2, 2) integrals of N_i(x) N_j(s) ln|x - s| for x in [a, b], s in [c, d].
 
-    By parts, with the antiderivatives G1, G2, ... of ln and the linear shape functions N,
+    In units of b - a, by parts with the antiderivatives G1, G2, ... of ln and the linear shape
+    functions N,
 
         int_c^d N ln|x - s| ds = N(c) G1(x - c) - N(d) G1(x - d) + N' [G2(x - c) - G2(x - d)].
     """
+    unit = b - a
+    mean = 0.25 * unit * (d - c) * np.log(unit)
+    c, d = (c - a) / unit, (d - a) / unit
 
     def over_x(i: int, n: int, s: Array) -> Array:
         """Return the integral of N_i(x) Gn(x - s)."""
-        slope = (2 * i - 1) / (b - a)
-        end = log_integral(n + 1, b - s) if i else -log_integral(n + 1, a - s)
-        lower, upper = (log_integral(n + 2, edge - s) for edge in (a, b))
-        return np.asarray(end - slope * (upper - lower))
+        end = log_integral(n + 1, 1.0 - s) if i else -log_integral(n + 1, -s)
+        change = log_integral(n + 2, 1.0 - s) - log_integral(n + 2, -s)
+        return np.asarray(end - (2 * i - 1) * change)
 
-    found = np.empty((*a.shape, 2, 2))
+    found = np.empty((*unit.shape, 2, 2))
     for i in range(2):
         for j in range(2):
             slope = (2 * j - 1) / (d - c)
             end = -over_x(i, 1, d) if j else over_x(i, 1, c)
             found[..., i, j] = end + slope * (over_x(i, 2, c) - over_x(i, 2, d))
-    return found
+    return np.asarray(found * (unit**2)[:, None, None] + mean[:, None, None])
 
 
 @dataclass(frozen=True)
@@ -171,60 +163,38 @@ class Surface:
 
 
 def surface_of(x: Array, elements: Ints, order: int = 1) -> Surface:
-    """Return the surface of some nodes; see :class:`Surface`.
+    """Return the surface of nodes x (N,) along t and elements (E, 2), the lower node first.
 
-    Args:
-        x: (N,) positions along t.
-        elements: (E, 2) neighbouring nodes, the lower one first.
-        order: order of the elements that interpolate the displacements; of order 2, each has two
-            of ``elements``, in their order.
+    On elements of order 1, B is the integral of phi_i phi_j and (h^2 / 12) phi_i' phi_j' with the
+    shortest length h: the error of waves on equal elements is one of fourth order then. As h is the
+    same for all, this vanishes where displacements are linear, also where neighbours differ. Of
+    order 2, each has two of ``elements``, in their order.
     """
-    length = float(np.ptp(x))
+    length, none = float(np.ptp(x)), np.zeros((len(x), len(x)))
     scaled = (x - x.min()) / length
     logs, signs = surface_integrals(scaled, elements)
-    mass = mixed_masses(scaled, elements)
+    h = np.diff(scaled[elements], axis=1)[:, :, None]
+    mass = _plus(none, elements, h / np.array([[3.0, 6.0], [6.0, 3.0]]))
+    if order == 1:
+        size = float(h.min()) ** 2 / 12.0
+        B = _plus(mass, elements, size * np.array([[1.0, -1.0], [-1.0, 1.0]]) / h)
+    else:
+        # hats of the ends and the middle of [0, 1] with the shape functions (1 - s)(1 - 2 s),
+        # 4 s (1 - s), s (2 s - 1)
+        block = np.array([[7.0, 6.0, -1.0], [2.0, 20.0, 2.0], [-1.0, 6.0, 7.0]]) / 48.0
+        four = elements.reshape(-1, 4)
+        four = np.take_along_axis(four, scaled[four].argsort(axis=1), axis=1)
+        three, size = four[:, [0, 1, 3]], np.ptp(scaled[four], axis=1)[:, None, None]
+        B = _plus(none, three, size * block)
     weight = mass.sum(axis=1)
-    B = _shifted(mass, scaled, elements) if order == 1 else _quadratic_masses(scaled, elements)
     return Surface(x, elements, length * B, logs, signs, length * weight, length)
-
-
-def _shifted(mass: Array, x: Array, elements: Ints) -> Array:
-    """Return B for linear shape functions: their integrals and the shortest element's correction.
-
-    The form (h^2 / 12) int phi_i' phi_j' with the shortest length h makes the error of waves on
-    equal elements one of fourth order. As h is the same for all elements, it vanishes where
-    displacements are linear, also where neighbouring elements differ.
-    """
-    length = np.diff(x[elements], axis=1)[:, 0]
-    size = float(length.min()) ** 2 / 12.0
-    B = mass.copy()
-    for i in range(2):
-        for j in range(2):
-            B[elements[:, i], elements[:, j]] += (size if i == j else -size) / length
-    return B
-
-
-def _quadratic_masses(x: Array, elements: Ints) -> Array:
-    """Return the (N, N) integrals of a hat function and a quadratic shape function."""
-    B = np.zeros((len(x), len(x)))
-    # hats of the ends and the middle of [0, 1] with the shape functions (1 - s)(1 - 2 s),
-    # 4 s (1 - s), s (2 s - 1)
-    block = np.array([[7.0, 6.0, -1.0], [2.0, 20.0, 2.0], [-1.0, 6.0, 7.0]]) / 48.0
-    for low, high in zip(elements[0::2], elements[1::2], strict=True):
-        nodes = np.unique([*low, *high])
-        nodes = nodes[np.argsort(x[nodes])]
-        B[np.ix_(nodes, nodes)] += (x[nodes[2]] - x[nodes[0]]) * block
-    return B
 
 
 def compliance(surface: Surface, material: HalfPlaneMaterial, side: int, datum: float) -> Array:
     """Return D (2N, 2N) of Flamant's solution: work of unit nodal tractions on each other.
 
-    Args:
-        surface: the nodes.
-        material: elastic constants.
-        side: +1 where n points into the half-plane, -1 where it points out of it.
-        datum: depth of the point at which displacements by the resultant vanish.
+    ``side`` is +1 where n points into the half-plane, else -1; displacements by the resultant
+    vanish at the depth ``datum``.
     """
     weight = surface.weight / surface.length
     total = np.outer(weight, weight)
@@ -237,22 +207,15 @@ def compliance(surface: Surface, material: HalfPlaneMaterial, side: int, datum: 
 
 
 class SurfaceStiffness:
-    """Stiffness of the nodes of a surface, the far field at rest.
+    """Stiffness A = B^T D^-1 B (2N, 2N) of the nodes of a surface, the far field at rest.
 
-    Attributes:
-        A: (2N, 2N) stiffness B^T D^-1 B.
-        tractions: (2N, 2N) nodal tractions D^-1 B of unit displacements.
+    ``tractions`` are the nodal tractions D^-1 B (2N, 2N) of unit displacements.
     """
 
     def __init__(self, surface: Surface, D: Array) -> None:
-        """Factor D.
-
-        Raises:
-            SolveError: D is not positive definite: the datum is too near.
-        """
-        n = len(surface.x)
-        self.D, self.B = D, np.zeros((2 * n, 2 * n))
-        self.B[:n, :n] = self.B[n:, n:] = surface.B
+        """Factor D; SolveError: it is not positive definite, the datum is too near."""
+        zero = np.zeros_like(surface.B)
+        self.B = np.block([[surface.B, zero], [zero, surface.B]])
         try:
             factor = cho_factor(D, lower=True)
         except LinAlgError:
@@ -267,9 +230,6 @@ class SurfaceStiffness:
     def moved_by(self, D: Array) -> Array:
         """Return the displacements (2N, 2N) by a compliance D under the tractions of unit ones."""
         return np.asarray(np.linalg.solve(self.B, D @ self.tractions))
-
-
-# -- far field -------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True)
@@ -301,15 +261,10 @@ class CondensedHalfPlane:
 def condense_far_field(A: Array, modes: Array, far: FarField) -> CondensedHalfPlane:
     """Eliminate the free motions of the far field.
 
-    The motions R = ``modes`` have amplitudes a, of which d is given. From r = A (u - R a) and
-    the balance R_free^T r = -F,
+    The motions R = ``modes`` (2N, 4) have amplitudes a, of which d is given. From r = A (u - R a)
+    with A (2N, 2N), and the balance R_free^T r = -F,
 
         a_free = G [R_free^T A (u - R_given d) + F],   G = (R_free^T A R_free)^-1.
-
-    Args:
-        A: (2N, 2N) stiffness with the far field held.
-        modes: (2N, 4) displacements [v; w] of the nodes in the four motions.
-        far: what acts on the far field.
     """
     R = modes[:, far.free]
     AR = A @ R
