@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from receding_fenicsx.errors import InputError, MeshMisfit, NotConverged
-from receding_fenicsx.output.report.run import search_table
+from receding_fenicsx.output.report.run import tell_search
 from receding_fenicsx.scene.model import Scene
 from receding_fenicsx.scene.toml_file import read_scene
 from receding_fenicsx.studies.accuracy import study as module
@@ -88,7 +88,7 @@ def test_an_infinite_number_ends_the_search_on_its_second_mesh() -> None:
     found = search(scene_of(1e-3, "largest_pressure"), solve)
     assert not found.met and len(found.levels) == 2
     assert "largest_pressure does not converge: singular" in found.reason
-    row = search_table({"accuracy": found.shown()})[-1]
+    row = tell_search({"accuracy": found.shown()}).rows[-1]
     assert row[2:5] == ["largest_pressure", "singular", "does not converge in order"]
     # it does not hinder the search for other numbers
     assert search(scene_of(1e-1, "centre_pressure"), solve).met

@@ -74,7 +74,7 @@ def test_a_contact_off_the_middle_has_zones_and_no_half_width(tmp_path: Path) ->
         assert pushed[key] is pushed[key.removesuffix("_estimate")] is None
     write_summary(tmp_path / "summary.json", summary)
     assert '"stick_half_width": null' in (tmp_path / "summary.json").read_text()
-    assert SECTIONS["Turning points"].table(summary)[2][2:6] == [None] * 4
+    assert SECTIONS["Turning points"].tell(summary).rows[2][2:6] == [None] * 4
     assert report_html(summary).count("<td>\u2013</td>") >= 2
 
 

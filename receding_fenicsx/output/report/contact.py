@@ -18,7 +18,7 @@ from receding_fenicsx.measures import ends
 from receding_fenicsx.measures.ends import is_singular
 from receding_fenicsx.measures.limit_nodes import limit_nodes
 from receding_fenicsx.output.plots.labels import MOST_TOLD
-from receding_fenicsx.output.report.section import Rows, Summary, shown
+from receding_fenicsx.output.report.section import Rows, Summary, Told, shown
 from receding_fenicsx.scene.options import in_unit
 
 
@@ -79,8 +79,8 @@ def _loads(point: Summary, form: str, between: str) -> str:
     return between.join(form.format(name, value) for name, value in told.items())
 
 
-def point_table(summary: Summary) -> Rows:
-    """Return the heads of the columns, and a row for each turning point of the table."""
+def tell_points(summary: Summary) -> Told:
+    """Tell the turning points of the table."""
     form, points = length_format(summary), headline_points(summary)
     edges = any("edge" in p for p in points)
     head = ["cycle", "load", "contact half width", "fitted", "stick half width", "fitted"]
@@ -98,7 +98,7 @@ def point_table(summary: Summary) -> Rows:
         values = ["singular" if singular and value else value for value in extremes_of(p)]
         start = [*[p.get("edge")] * edges, p["cycle"], _loads(p, "{} = {:z.6g}", ", ")]
         rows.append([*start, *widths, *values, zones_shown(p, summary)])
-    return rows
+    return Told(rows)
 
 
 def console_table(summary: Summary, most: int) -> list[str]:
@@ -275,25 +275,10 @@ def uniqueness_rows(summary: Summary) -> Rows:
     return rows
 
 
-def _path_rows(summary: Summary) -> Rows:
-    """Return jumps, and what a run says of uniqueness."""
-    jumps, rows = summary.get("jumps") or {"count": 0}, uniqueness_rows(summary)
-    if jumps["count"]:
-        words = f"{jumps['count']}, energy released {jumps['energy_released']:.4g}"
-        rows.insert(0, ["jumps without a quasi-static path", words])
-    return rows
-
-
-def _corners(summary: Summary) -> list[Summary]:
-    """Return the corners at the turning points of the table."""
-    return [c for point in headline_points(summary) for c in point.get("corners") or []]
-
-
-def corner_rows(summary: Summary) -> Rows:
-    """Return a row for each different corner and state at the turning points of the table."""
+def corner_rows(corners: Sequence[Summary]) -> Rows:
+    """Return a row for each different corner and state."""
     rows = []
-    last = {(f"{corner['x']:z.4g}", corner["state"]): corner for corner in _corners(summary)}
-    for (x, state), corner in last.items():
+    for (x, state), corner in {(f"{c['x']:z.4g}", c["state"]): c for c in corners}.items():
         exact, fitted = (shown(corner[k], "{:z.4f}") for k in ("exponent", "fitted"))
         known = "no closed form here"
         if exact != "-":
@@ -303,40 +288,42 @@ def corner_rows(summary: Summary) -> Rows:
     return rows
 
 
-def check_rows(summary: Summary) -> Rows:
-    """Return residual, energy, steps, uniqueness, corners, and where the limit is reached."""
-    residual = "largest residual of contact and friction conditions, over the largest nodal force"
-    energy = "largest relative error of a leg's energy balance"
+def tell_checks(summary: Summary) -> Told:
+    """Tell residual, energy, steps, jumps, uniqueness, corners, and where the limit is reached."""
+    paths, jumps = uniqueness_rows(summary), summary.get("jumps") or {"count": 0}
+    if jumps["count"]:
+        words = f"{jumps['count']}, energy released {jumps['energy_released']:.4g}"
+        paths.insert(0, ["jumps without a quasi-static path", words])
+    corners = [c for point in headline_points(summary) for c in point.get("corners") or []]
+    rows = [
+        [
+            "largest residual of contact and friction conditions, over the largest nodal force",
+            f"{summary['residual_max']:.2e}",
+        ],
+        ["largest relative error of a leg's energy balance", f"{summary['energy_error_max']:.2e}"],
+        *([k, str(summary[k])] for k in ("events", "sweeps")),
+        *paths,
+        *corner_rows(corners),
+    ]
     ranges = ", ".join(
         " on ".join([f"{a:z.4g} to {b:z.4g}", *edge])
         for a, b, *edge in summary.get("limit_without_slip") or []
     )
-    limit = "friction limit reached without slip in the last cycle, x from"
-    return [
-        [residual, f"{summary['residual_max']:.2e}"],
-        [energy, f"{summary['energy_error_max']:.2e}"],
-        *([k, str(summary[k])] for k in ("events", "sweeps")),
-        *_path_rows(summary),
-        *corner_rows(summary),
-        *([[limit, ranges]] if ranges else []),
-    ]
-
-
-def check_lines(summary: Summary) -> list[str]:
-    """Return jumps, the certificate with its first doubt, singular corners, residual and steps."""
+    if ranges:
+        rows.append(["friction limit reached without slip in the last cycle, x from", ranges])
     lines = []
-    for head, words in _path_rows(summary):
+    for head, words in paths:
         # how far the proof goes, and the first loading, are in the report
         if head not in ("friction margin", "first loading"):
             first, symmetric, _ = words.partition(", among mirror-symmetric paths")
             head = head.replace("only path", "only symmetric path") if symmetric else head
             lines.append(f"{head}: {first}")
-    if places := sorted({corner["x"] for corner in _corners(summary) if is_singular(corner)}):
+    if places := sorted({corner["x"] for corner in corners if is_singular(corner)}):
         words = ", ".join(f"{x:z.4g}" for x in places)
         lines.append(f"infinite stresses at corners in contact: x = {words}")
     counted = "events" if summary["method"] == "events" else "sweeps"
     residual = f"largest residual {summary['residual_max']:.1e}, {counted} {summary[counted]}"
-    return [*lines, residual]
+    return Told(rows, [*lines, residual])
 
 
 # -- fatigue parameters: the worst point of each -------------------------------------------------
@@ -351,33 +338,23 @@ CRITERIA = {
 }
 
 
-def fatigue_note(summary: Summary) -> str:
-    """Return what the mesh decides by more than a tenth."""
+def tell_fatigue(summary: Summary) -> Told:
+    """Tell the largest of each parameter, and which ones the mesh decides by more than a tenth."""
+    found, lines = summary.get("fatigue", {}).get("parameters", {}), []
+    columns = "max", "x", "y", "probe", "angle", "estimate", "averaged", "life"
+    rows = [[CRITERIA[k], *map(row.get, columns)] for k, row in found.items()]
     large = ", ".join(
         CRITERIA[name]
-        for name, row in summary["fatigue"]["parameters"].items()
+        for name, row in found.items()
         if row["estimate"] is not None and row["estimate"] > 0.1 * abs(row["max"])
     )
-    return large and (
+    note = large and (
         f"The mesh decides {large} by more than 10%: refine the ends of the contact; at a singular "
         "corner take the mean over a length, [fatigue] average."
     )
-
-
-def fatigue_lines(summary: Summary) -> list[str]:
-    """Return the largest of Smith, Watson and Topper's parameter."""
-    row = summary.get("fatigue", {}).get("parameters", {}).get("swt")
-    if row is None:
-        return []
-    life = "" if row["life"] is None else f", {row['life']:.3g} cycles"
-    error = "" if row["estimate"] is None else f" +- {row['estimate']:.1g}"
-    place = f"x = {row['x']:.4g} of probe '{row['probe']}', plane at {row['angle']:.0f} degrees"
-    return [f"fatigue: Smith, Watson and Topper {row['max']:.4g}{error} at {place}{life}"]
-
-
-def fatigue_table(summary: Summary) -> Rows:
-    """Return the heads of the columns and a row for each parameter."""
-    columns = "max", "x", "y", "probe", "angle", "estimate", "averaged", "life"
-    found = summary.get("fatigue", {}).get("parameters", {})
-    rows = [[CRITERIA[k], *map(row.get, columns)] for k, row in found.items()]
-    return [["parameter", *columns], *rows]
+    if row := found.get("swt"):
+        life = "" if row["life"] is None else f", {row['life']:.3g} cycles"
+        error = "" if row["estimate"] is None else f" +- {row['estimate']:.1g}"
+        place = f"x = {row['x']:.4g} of probe '{row['probe']}', plane at {row['angle']:.0f} degrees"
+        lines = [f"fatigue: Smith, Watson and Topper {row['max']:.4g}{error} at {place}{life}"]
+    return Told([["parameter", *columns], *rows], lines, note)

@@ -46,11 +46,11 @@ def report_html(
         undefined=jinja2.StrictUndefined,
     )
     environment.globals["shown"] = shown
+    sections = [(section, section.tell(summary)) for section in SECTIONS.values()]
     return environment.get_template("template.html").render(
         summary=summary,
         cards=_cards(summary),
-        sections=[s for s in SECTIONS.values() if len(s.table(summary)) > s.headed],
-        before_pictures=SECTIONS["Turning points"],
+        sections=[(s, told) for s, told in sections if len(told.rows) > s.headed],
         pictures={
             "Figures": _figures(figures, edges),
             "Stresses in the body": [_snapshot(path) for path in snapshots],
@@ -67,7 +67,7 @@ def _cards(summary: Summary) -> list[tuple[str, str]]:
     spent = sum(value for name, value in times.items() if name != "pictures")
     return [
         *[("steady state", f"{steady['kind']}{when}")] * bool(summary["dissipation_per_cycle"]),
-        *[ratio for ratio in [ratio_words(summary)] if ratio],
+        *((head, ratio) for head, ratio in ratio_words(summary)),
         ("largest residual of the contact conditions", f"{summary['residual_max']:.1e}"),
         (counted, f"{summary[counted]:,}".replace(",", "\u202f")),
         *[("time without pictures, s", f"{spent:.2f}")] * bool(times),

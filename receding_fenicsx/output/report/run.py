@@ -10,7 +10,7 @@ import numpy as np
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.interface.measures.steady import RATCHETTING, limit_of_decay
 from receding_fenicsx.output.plots.labels import kind_of
-from receding_fenicsx.output.report.section import Rows, Summary, shown
+from receding_fenicsx.output.report.section import Rows, Summary, Told, shown
 from receding_fenicsx.scene.history import history_from_scene, is_straight
 from receding_fenicsx.scene.validate import scene_warnings
 
@@ -35,25 +35,23 @@ def model(record: Record) -> dict[str, Any]:
 # -- warnings ------------------------------------------------------------------------------------
 
 
-def cut_off_warnings(record: Record) -> list[str]:
-    """Return one line where pressure reaches an end of a half-plane's surface with an initial gap.
-
-    Beyond its ends the surface cannot touch: a rounded profile that is pressed further than that
-    gets the singular pressures of a punch there. Without an initial gap the end is that of a punch.
-    """
-    scene = record.scene
-    if scene is None or not scene.find_edge(scene.contacts[0].edge)[0].is_half_plane:
-        return []
-    ends = [0, -1]
-    touch = np.any(record.turning_points.P[:, ends] > 0.0, axis=0) & (record.g0[ends] > 0.0)
-    places = " and ".join(f"{record.x[end]:g}" for end in np.array(ends)[touch])
-    if not places:
-        return []
-    keys = "width" if scene.contacts[0].span is None else "span"
-    return [
-        f"the contact reaches the end of the half-plane's surface at x = {places}, beyond which "
-        f"nothing can touch; where the profile goes on there, enlarge {keys}"
-    ]
+def warnings(record: Record) -> dict[str, Any]:
+    """Return the warnings on the scene and on the record."""
+    scene, found, ends = record.scene, [], np.array([0, -1])
+    if scene is not None:
+        found += scene_warnings(scene)
+        first, table = scene.contacts[0], record.turning_points
+        # beyond its ends a half-plane's surface cannot touch: a rounded profile that is pressed
+        # further gets the singular pressures of a punch there
+        touch = np.any(table.P[:, ends] > 0.0, axis=0) & (record.g0[ends] > 0.0)
+        if scene.find_edge(first.edge)[0].is_half_plane and touch.any():
+            places = " and ".join(f"{x:g}" for x in record.x[ends][touch])
+            found.append(
+                f"the contact reaches the end of the half-plane's surface at x = {places}, beyond "
+                "which nothing can touch; where the profile goes on there, enlarge "
+                f"{'width' if first.span is None else 'span'}"
+            )
+    return {"warnings": [*found, *slip_warnings(record), *loose_warnings(record)]}
 
 
 def loose_warnings(record: Record) -> list[str]:
@@ -85,10 +83,10 @@ def slip_warnings(record: Record) -> list[str]:
     return lines
 
 
-def warnings(record: Record) -> dict[str, Any]:
-    """Return the warnings on the scene and on the record."""
-    found = [*(scene_warnings(record.scene) if record.scene else []), *cut_off_warnings(record)]
-    return {"warnings": [*found, *slip_warnings(record), *loose_warnings(record)]}
+def tell_warnings(summary: Summary) -> Told:
+    """Tell each warning in a line."""
+    found = summary.get("warnings") or []
+    return Told([[text] for text in found], [f"warning: {text}" for text in found])
 
 
 # -- forces of bolts and of prescribed displacements ---------------------------------------------
@@ -103,33 +101,27 @@ def _bolts(record: Record) -> dict[str, list[float]]:
 
 def forces(record: Record) -> dict[str, Any]:
     """Return the keys "bolts" and "forces": each one's force at the turning points."""
-    names = record.scene.driven_names if record.scene else ()
-    kinds = {name: kind_of(record.scene, name, record.axisymmetric) for name in names}
-    conjugate = record.turning_points.load_displacement
-    of_displacements = {
-        name: (conjugate[:, record.load_names.index(name)] / kind.size).tolist()
-        for name, kind in kinds.items()
-        if kind.symbol == "F"
-    }
+    of_displacements = {}
+    for name in record.scene.driven_names if record.scene else ():
+        kind = kind_of(record.scene, name, record.axisymmetric)
+        if kind.symbol == "F":
+            force = record.turning_points.load_displacement[:, record.load_names.index(name)]
+            of_displacements[name] = (force / kind.size).tolist()
     found = {"bolts": _bolts(record), "forces": of_displacements}
     return {key: part for key, part in found.items() if part}
 
 
-def force_table(summary: Summary) -> Rows:
-    """Return smallest, largest and last force of each bolt and prescribed displacement."""
+def tell_forces(summary: Summary) -> Told:
+    """Tell smallest, largest and last force of each bolt and prescribed displacement."""
     rows = [
         [f"{what} {name}", min(force), max(force), force[-1]]
         for what, key in (("bolt", "bolts"), ("displacement", "forces"))
         for name, force in summary.get(key, {}).items()
         if force
     ]
-    return [["", "smallest", "largest", "last"], *rows]
-
-
-def force_lines(summary: Summary) -> list[str]:
-    """Return smallest and largest forces on one line."""
-    found = [f"{who} {low:.4g} to {high:.4g}" for who, low, high, _ in force_table(summary)[1:]]
-    return [f"smallest and largest force: {', '.join(found)}"] if found else []
+    found = ", ".join(f"{who} {low:.4g} to {high:.4g}" for who, low, high, _ in rows)
+    lines = [f"smallest and largest force: {found}"] if rows else []
+    return Told([["", "smallest", "largest", "last"], *rows], lines)
 
 
 # -- space errors, and the search for a mesh that meets a tolerance ------------------------------
@@ -142,46 +134,39 @@ def _error(found: Summary, empty: str) -> str:
     return shown(found["error"], "{:.1e}", empty)
 
 
-def _doubts(summary: Summary) -> Rows:
-    """Return what is wrong with the estimates, a head and words."""
+def tell_errors(summary: Summary) -> Told:
+    """Tell the headline numbers with their space errors (lines: the largest), and doubts."""
     heads = {"errors_warning": "space errors", "errors_failure": "space errors are not known"}
-    return [[head, summary[key]] for key, head in heads.items() if key in summary]
-
-
-def error_rows(summary: Summary) -> Rows:
-    """Return the headline numbers with their estimated space errors, and warnings about these."""
-    rows = []
-    for name, found in (summary.get("errors") or {}).items():
+    doubts = [[head, summary[key]] for key, head in heads.items() if key in summary]
+    rows, lines = [], [f"{head}: {words}" for head, words in doubts]
+    errors = summary.get("errors") or {}
+    for name, found in errors.items():
         order = found.get("order")
         seen = "" if order is None else f" (observed order {order:.1f})"
         value = shown(found["value"], "{:.6g}", "singular")
         words = f"{name.replace('_', ' ')} {value}, estimated space error"
         rows.append([words, _error(found, "unknown") + seen])
-    return [*rows, *_doubts(summary)]
-
-
-def error_lines(summary: Summary) -> list[str]:
-    """Return doubts about the estimates, and the largest relative errors on one line."""
-    errors = (summary.get("errors") or {}).items()
-    lines = [f"{head}: {words}" for head, words in _doubts(summary)]
     meshes = (summary.get("accuracy") or {}).get("way")
-    asked = meshes[-1]["numbers"] if meshes else dict(errors)
-    named = {n: n if n in asked else f"{n} (not in the tolerance)" for n, _ in errors}
-    wrong = [named[name] for name, found in errors if found.get("converges") is False]
+    asked = meshes[-1]["numbers"] if meshes else errors
+    named = {n: n if n in asked else f"{n} (not in the tolerance)" for n in errors}
+    wrong = [named[name] for name, found in errors.items() if found.get("converges") is False]
     if wrong:
         more = ", ..." * (len(wrong) > 3)
         lines.append(f"{', '.join(wrong[:3])}{more}: does not converge in order")
-    known = sorted(((e["relative"], name) for name, e in errors if e.get("relative")), reverse=True)
+    known = [(e["relative"], name) for name, e in errors.items() if e.get("relative")]
     if known:
-        listed = ", ".join(f"{named[name]} {relative:.1e}" for relative, name in known[:2])
+        largest = sorted(known, reverse=True)[:2]
+        listed = ", ".join(f"{named[name]} {relative:.1e}" for relative, name in largest)
         lines.append(f"largest estimated relative space errors: {listed}")
-    return lines
+    return Told([*rows, *doubts], lines)
 
 
-def search_table(summary: Summary) -> Rows:
-    """Return the table of a search: a row for each mesh and number, then meshes without answer."""
+def tell_search(summary: Summary) -> Told:
+    """Tell each mesh and number of a search, then meshes without answer; how it ended."""
     rows: Rows = ["elements nodes number value estimate relative seconds".split()]
-    search = summary.get("accuracy") or {"way": [], "failures": []}
+    search = summary.get("accuracy")
+    if search is None:
+        return Told(rows)
     for level in search["way"]:
         mesh = [str(level["elements"]), str(level["nodes"])]
         seconds = f"{level['seconds']:.2f}"
@@ -191,7 +176,16 @@ def search_table(summary: Summary) -> Rows:
             both = _error(found, "-"), shown(relative, "{:.1e}")
             rows.append([*mesh, name, value, *both, seconds])
             mesh, seconds = ["", ""], ""
-    return [*rows, *([str(n), "", "no answer", why, "", "", ""] for n, why in search["failures"])]
+    rows += [[str(n), "", "no answer", why, "", "", ""] for n, why in search["failures"]]
+    meshes = len(search["way"])
+    kind = "graded mesh" if search.get("graded") else "mesh"
+    count = len(search["way"][-1]["numbers"]) if meshes else 0
+    ended = f"met by {count} number{'s' * (count != 1)}: twice each estimate is below it"
+    if not search["met"]:
+        ended = f"NOT met: {search['reason']}"
+    spent = f"{search['seconds']:.3g} s on {meshes} {kind}{'es' * (meshes != 1)}"
+    verdict = f"tolerance {search['tolerance']:g} {ended}; {spent}"
+    return Told(rows, [verdict], f"{verdict}.")
 
 
 def unmet(summary: Summary) -> str:
@@ -202,57 +196,18 @@ def unmet(summary: Summary) -> str:
     return f"[accuracy] tolerance: {search['tolerance']:g} is not met: {search['reason']}"
 
 
-def verdict(summary: Summary) -> str:
-    """Return how a search ended, in a line."""
-    search = summary["accuracy"]
-    kind = "graded meshes" if search.get("graded") else "meshes"
-    count = len(search["way"][-1]["numbers"]) if search["way"] else 0
-    ended = f"met by {count} number{'s' * (count != 1)}: twice each estimate is below it"
-    if not search["met"]:
-        ended = f"NOT met: {search['reason']}"
-    spent = f"{search['seconds']:.3g} s on {len(search['way'])} {kind}"
-    return f"tolerance {search['tolerance']:g} {ended}; {spent}"
-
-
-# -- time, memory and versions -------------------------------------------------------------------
-
-
-def cost_rows(summary: Summary) -> Rows:
-    """Return times and memory."""
+def tell_costs(summary: Summary) -> Told:
+    """Tell times and memory."""
     if "timings" not in summary:
-        return []
-    rows: Rows = [[f"{name}, s", f"{value:.3f}"] for name, value in summary["timings"].items()]
-    memory = ["peak memory, MB", f"{summary['peak_memory_MB']:.0f}"]
-    return [*rows, memory, ["MPI ranks", summary["ranks"]]]
-
-
-def cost_lines(summary: Summary) -> list[str]:
-    """Return time and memory on one line."""
-    if "timings" not in summary:
-        return []
-    times = summary["timings"]
+        return Told([])
+    times, memory = summary["timings"], f"{summary['peak_memory_MB']:.0f}"
+    rows: Rows = [[f"{name}, s", f"{value:.3f}"] for name, value in times.items()]
+    rows += [["peak memory, MB", memory], ["MPI ranks", summary["ranks"]]]
     drawn = f" (pictures {times['pictures']:.1f} s)" if times.get("pictures") else ""
-    return [f"{sum(times.values()):.1f} s{drawn}, {summary['peak_memory_MB']:.0f} MB"]
+    return Told(rows, [f"{sum(times.values()):.1f} s{drawn}, {memory} MB"])
 
 
 # -- cycles ----------------------------------------------------------------------------------------
-
-
-def cycle_table(summary: Summary) -> Rows:
-    """Return the heads of the columns, the first 20 cycles and the last one."""
-    D, slip = summary["dissipation_per_cycle"], summary["slip_per_cycle_max"]
-    first = D[0] if D and summary.get("dissipates", True) else 0.0
-    numbers = sorted({*range(min(20, len(D))), len(D) - 1}) if D else []
-    rows = [[k + 1, D[k], D[k] / first if first else None, slip[k]] for k in numbers]
-    return [["cycle N", "dissipation D", "over cycle 1", "largest slip increment"], *rows]
-
-
-def ratio_words(summary: Summary) -> tuple[str, str] | None:
-    """Return what the ratio of the last to the first dissipation is, and the ratio in figures."""
-    D = summary["dissipation_per_cycle"]
-    if not D or not D[0] or not summary.get("dissipates", True):
-        return None
-    return f"dissipation of cycle {len(D)} over cycle 1", f"{D[-1] / D[0]:.5f}"
 
 
 def cycles(record: Record) -> dict[str, Any]:
@@ -265,6 +220,25 @@ def cycles(record: Record) -> dict[str, Any]:
         # of nodes in contact at the cycle's start and end
         "slip_per_cycle_max": slip.tolist(),
     }
+
+
+def tell_cycles(summary: Summary) -> Told:
+    """Tell the first 20 cycles and the last one."""
+    D, slip = summary["dissipation_per_cycle"], summary["slip_per_cycle_max"]
+    first = D[0] if D and summary.get("dissipates", True) else 0.0
+    numbers = sorted({*range(min(20, len(D))), len(D) - 1}) if D else []
+    rows = [[k + 1, D[k], D[k] / first if first else None, slip[k]] for k in numbers]
+    start = f"Dissipation of the first loading: {shown(summary['dissipation_first_loading'])}."
+    head = ["cycle N", "dissipation D", "over cycle 1", "largest slip increment"]
+    return Told([head, *rows], note=f"{start} All cycles are in summary.json.")
+
+
+def ratio_words(summary: Summary) -> list[list[str]]:
+    """Return what the ratio of the last to the first dissipation is, with the ratio, if any."""
+    D = summary["dissipation_per_cycle"]
+    if not D or not D[0] or not summary.get("dissipates", True):
+        return []
+    return [[f"dissipation of cycle {len(D)} over cycle 1", f"{D[-1] / D[0]:.5f}"]]
 
 
 # -- steady state --------------------------------------------------------------------------------
@@ -327,21 +301,6 @@ def limit_summary(record: Record) -> dict[str, Any]:
     }
 
 
-def _first_rows(summary: Summary) -> Rows:
-    """Return the steady state, the ratio of dissipations, its limit by extrapolation."""
-    D, steady = summary["dissipation_per_cycle"], summary["steady"]
-    if not D:
-        return []
-    start = f", from cycle {steady['cycle']}, period {steady['period']}"
-    rows: Rows = [["steady state", steady["kind"] + start * steady["reached"]]]
-    if ratio := ratio_words(summary):
-        rows.append([*ratio])
-    if steady.get("dissipation_limit"):
-        law = f"{steady['trend']} law, {steady['trend_value']:.3g}"
-        rows.append(["extrapolated", f"{steady['dissipation_limit'] / D[0]:.4f} ({law})"])
-    return rows
-
-
 def limit_rows(summary: Summary) -> Rows:
     """Return rows on the limit of infinitely many cycles, if it was asked for."""
     limit = summary.get("limit")
@@ -371,9 +330,17 @@ def limit_rows(summary: Summary) -> Rows:
     return rows
 
 
-def steady_rows(summary: Summary) -> Rows:
-    """Return steady state, limit, and the polygon that stands for a harmonic history."""
-    rows, polygon = [*_first_rows(summary), *limit_rows(summary)], summary.get("harmonic")
+def tell_steady(summary: Summary) -> Told:
+    """Tell the steady state with the ratio of dissipations, the limit, a harmonic's polygon."""
+    D, steady, first = summary["dissipation_per_cycle"], summary["steady"], []
+    if D:
+        start = f", from cycle {steady['cycle']}, period {steady['period']}"
+        first = [["steady state", steady["kind"] + start * steady["reached"]]]
+        first += ratio_words(summary)
+        if steady.get("dissipation_limit"):
+            law = f"{steady['trend']} law, {steady['trend_value']:.3g}"
+            first.append(["extrapolated", f"{steady['dissipation_limit'] / D[0]:.4f} ({law})"])
+    rest, polygon = limit_rows(summary), summary.get("harmonic")
     if polygon is not None:
         error, ended = polygon["error_estimate"], "tolerance" in polygon
         if error is not None and np.isfinite(error):
@@ -381,18 +348,10 @@ def steady_rows(summary: Summary) -> Rows:
         else:
             words = "unknown, the history ended early" if ended else "not estimated, fixed corners"
         head = f"harmonic history, polygon of {polygon['corners']} corners"
-        rows.append([head, f"error of the dissipation per cycle {words}"])
-    return rows
-
-
-def steady_lines(summary: Summary) -> list[str]:
-    """Return the steady state with the ratio of dissipations, and the limit, on a line each."""
-    # the law of an extrapolation, and how a limit was found, are in the report
-    first = _first_rows(summary)
-    together = "; ".join(f"{head}: {words}".partition(" (")[0] for head, words in first)
-    rest = [
-        f"{head}: {words.partition(', found by a')[0]}"
-        for head, words in steady_rows(summary)[len(first) :]
-        if head != "reason"
-    ]
-    return [together, *rest]
+        rest.append([head, f"error of the dissipation per cycle {words}"])
+    # the law of an extrapolation, and how a limit was found, are in the report alone
+    lines = ["; ".join(f"{head}: {words}".partition(" (")[0] for head, words in first)]
+    for head, words in rest:
+        if head != "reason":
+            lines.append(f"{head}: {words.partition(', found by a')[0]}")
+    return Told([*first, *rest], lines)

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, NamedTuple
 
 from receding_fenicsx.evolution.record import Record
 
@@ -20,18 +19,22 @@ def shown(cell: object, form: str = "{:z.5g}", dash: str = "-") -> str:
     return form.format(cell) if isinstance(cell, float) else str(cell)
 
 
-@dataclass(frozen=True)
-class Section:
-    """A section; its table and lines are made of the summary, which is also read from a file."""
+class Told(NamedTuple):
+    """What a section tells of a summary."""
+
+    # the table, whose first row has the heads of the columns if the section is headed; without
+    # further rows the report omits the section
+    rows: Rows
+    lines: Sequence[str] = ()  # what the console shows, most important first
+    note: str = ""  # a paragraph before the table
+
+
+class Section(NamedTuple):
+    """A section; what it tells is made of the summary, which is also read from a file."""
 
     name: str  # heading; "" for a section without one
+    tell: Callable[[Summary], Told] = lambda _: Told([])
     # returns the keys of the summary from a record
     summary: Callable[[Record], dict[str, Any]] = lambda _: {}
-    # returns the rows of the table from the summary, the first one with the heads of the columns if
-    # it is ``headed``; without further rows the report omits the section
-    table: Callable[[Summary], Rows] = lambda _: []
-    # returns what the console shows, most important first
-    lines: Callable[[Summary], list[str]] = lambda _: []
-    note: Callable[[Summary], str] = lambda _: ""  # returns a paragraph before the table
     headed: bool = False
     form: str = "{:z.5g}"  # format of floating-point numbers in the table

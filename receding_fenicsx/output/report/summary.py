@@ -10,53 +10,23 @@ from receding_fenicsx.arrays import aligned
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.measures.fatigue import fatigue_summary
 from receding_fenicsx.output.report import contact, run
-from receding_fenicsx.output.report.section import Section, Summary, shown
+from receding_fenicsx.output.report.section import Section, Summary, Told, shown
 
 SECTIONS = {
     section.name: section
     for section in (
-        Section("", run.model),
-        Section(
-            "Warnings",
-            run.warnings,
-            table=lambda summary: [[text] for text in summary.get("warnings") or []],
-            lines=lambda summary: [f"warning: {text}" for text in summary.get("warnings") or []],
-        ),
-        Section("Turning points", contact.turning_points, contact.point_table, headed=True),
-        Section("Steady state and limit", run.steady_state, run.steady_rows, run.steady_lines),
-        Section(
-            "Cycles",
-            run.cycles,
-            run.cycle_table,
-            note=lambda summary: (
-                "Dissipation of the first loading: "
-                f"{shown(summary['dissipation_first_loading'])}. All cycles are in summary.json."
-            ),
-            headed=True,
-            form="{:z.8g}",
-        ),
-        Section(
-            "Forces", run.forces, run.force_table, run.force_lines, headed=True, form="{:z.6g}"
-        ),
-        Section(
-            "Fatigue parameters",
-            fatigue_summary,
-            contact.fatigue_table,
-            contact.fatigue_lines,
-            contact.fatigue_note,
-            headed=True,
-        ),
-        Section("Checks", contact.checks, contact.check_rows, contact.check_lines),
-        Section("Space errors", table=run.error_rows, lines=run.error_lines),
-        Section(
-            "Search for the tolerance",
-            table=run.search_table,
-            lines=lambda summary: [run.verdict(summary)] if "accuracy" in summary else [],
-            note=lambda summary: f"{run.verdict(summary)}.",
-            headed=True,
-        ),
-        Section("Time and memory", table=run.cost_rows, lines=run.cost_lines),
-        Section("Versions", table=lambda summary: list(summary.get("versions", {}).items())),
+        Section("", summary=run.model),
+        Section("Warnings", run.tell_warnings, run.warnings),
+        Section("Turning points", contact.tell_points, contact.turning_points, headed=True),
+        Section("Steady state and limit", run.tell_steady, run.steady_state),
+        Section("Cycles", run.tell_cycles, run.cycles, headed=True, form="{:z.8g}"),
+        Section("Forces", run.tell_forces, run.forces, headed=True, form="{:z.6g}"),
+        Section("Fatigue parameters", contact.tell_fatigue, fatigue_summary, headed=True),
+        Section("Checks", contact.tell_checks, contact.checks),
+        Section("Space errors", run.tell_errors),
+        Section("Search for the tolerance", run.tell_search, headed=True),
+        Section("Time and memory", run.tell_costs),
+        Section("Versions", lambda summary: Told(list(summary.get("versions", {}).items()))),
     )
 }
 """Sections in the order of ``report.html``; pictures stand behind the turning points."""
@@ -76,27 +46,25 @@ def run_table(summary: Summary, everything: bool = False) -> str:
     They tell turning points of the last cycle and of the first loading, warnings, steady state,
     uniqueness, residual, time; with ``everything`` all sections of the report instead.
     """
-    head = _wrapped(
-        [
-            f"{summary['title'] or 'untitled'}: {summary['nodes']} contact nodes, "
-            f"{summary['modelled_nodes']} modelled, method {summary['method']}"
-        ]
+    told = {name: section.tell(summary) for name, section in SECTIONS.items()}
+    title = (
+        f"{summary['title'] or 'untitled'}: {summary['nodes']} contact nodes, "
+        f"{summary['modelled_nodes']} modelled, method {summary['method']}"
     )
+    head = _wrapped([title])
     if everything:
-        for section in SECTIONS.values():
-            rows = [[shown(cell, section.form) for cell in row] for row in section.table(summary)]
+        for name, (rows, _, note) in told.items():
+            section = SECTIONS[name]
             if len(rows) > section.headed:
-                note = section.note(summary)
-                head += ["", section.name, *([note] if note else []), *aligned(rows)]
+                cells = [[shown(cell, section.form) for cell in row] for row in rows]
+                head += ["", name, *([note] if note else []), *aligned(cells)]
         return "\n".join(head)
     # most important first
     names = "Warnings", "Search for the tolerance", "Steady state and limit", "Fatigue parameters"
     lines = [
-        line
-        for name in (*names, "Space errors", "Forces", "Checks")
-        for line in SECTIONS[name].lines(summary)
+        line for name in (*names, "Space errors", "Forces", "Checks") for line in told[name].lines
     ]
-    lines[-1] = "; ".join([lines[-1], *run.cost_lines(summary)])
+    lines[-1] = "; ".join([lines[-1], *told["Time and memory"].lines])
     body = _wrapped(lines)
     # the command line adds where the files are, as the tenth line
     left = 9 - len(head)
