@@ -14,9 +14,8 @@ from numpy.typing import NDArray
 import receding_fenicsx as rf
 from receding_fenicsx.bulk import _dolfinx, stack
 from receding_fenicsx.bulk.body import Bulk, back_substitute, gather_contact
-from receding_fenicsx.bulk.elasticity import build
 from receding_fenicsx.bulk.mesh.meshing import BodyMesh, make_meshes
-from receding_fenicsx.bulk.stack import Body, Stack
+from receding_fenicsx.bulk.stack import Body, Stack, build
 from receding_fenicsx.studies import run as study
 
 Array = NDArray[np.float64]

@@ -18,7 +18,7 @@ $$r = \sum_k \lambda_k r^*_k + K u_C, \qquad
 The steps, of which `from_scene.condensed` and `from_scene.bulk_of` do the first four and two:
 
 1. `mesh.meshing.make_meshes` meshes the bodies, and distributes the meshes.
-2. `stack.build_all` assembles each body by `elasticity.build`: $A$ (`stiffness_form`), the
+2. `stack.build_all` assembles each body (`stack.build`): $A$ (`elasticity.stiffness_matrix`), the
    forces $f_k$ (`loads.nodal_forces`), the contact nodes with $t$, $n$ and weights
    $m_i = \int N_i \, dA$ (`contact_nodes.find_contact`), and the constraints $u = P u' + d$ of
    supports, platens and prescribed displacements (`constraints.find_constraints`).

@@ -88,17 +88,15 @@ def scalar_space(mesh: dmesh.Mesh, family: str, degree: int) -> fem.FunctionSpac
 
 
 def cell_tensor(mesh: dmesh.Mesh, values: Array) -> fem.Function:
-    """Return the function that is a tensor (a, b) in each cell, the same or one for each owned."""
-    shape = values.shape[-2:]
+    """Return the function that is a tensor in each cell, given for each owned one (cells, a, b)."""
+    shape = values.shape[1:]
     with _quiet():
         if VERSION < (0, 7):  # 0.7 put the shape into the element
             space = fem.TensorFunctionSpace(mesh, ("DG", 0), shape=shape)
         else:
             space = fem.functionspace(mesh, ("DG", 0, shape))
     function = fem.Function(space)
-    owned = cell_dofs(space)[: mesh.topology.index_map(2).size_local, 0]
-    flat = np.broadcast_to(values, (len(owned), *shape)).reshape(len(owned), shape[0] * shape[1])
-    function.x.array.reshape(-1, flat.shape[1])[owned] = flat
+    function.x.array.reshape(-1, *shape)[cell_dofs(space)[: len(values), 0]] = values
     function.x.scatter_forward()
     return function
 

@@ -1,4 +1,4 @@
-"""Assembly of the elastic stiffness matrix and the nodal forces of the loads.
+"""Elastic constants of the plane and axisymmetric problems; assembly of the stiffness matrix.
 
 The matrix A is assembled for Young's modulus 1 (it then depends on the mesh's shape and on
 Poisson's ratio only) and without boundary conditions: E A u are the nodal forces that hold the
@@ -16,127 +16,85 @@ import numpy as np
 import ufl
 from dolfinx import fem
 
+from receding_fenicsx.arrays import Array
 from receding_fenicsx.bulk import _dolfinx
-from receding_fenicsx.bulk.body import Bulk, times
-from receding_fenicsx.bulk.closures import add_springs
-from receding_fenicsx.bulk.contact_nodes import find_contact
-from receding_fenicsx.bulk.loads import nodal_forces
-from receding_fenicsx.bulk.material import lame_constants, stiffness_in
 from receding_fenicsx.bulk.mesh.meshing import BodyMesh
-from receding_fenicsx.scene.model import Scene
+from receding_fenicsx.scene.model import Material, Scene
 
 
-def build(scene: Scene, body: BodyMesh, names: tuple[str, ...] | None = None) -> Bulk:
-    """Assemble the body's stiffness and loads, and find its contact nodes and supports; collective.
+def stiffness_of(material: Material) -> Array:
+    """Return C (4, 4) in [sxx, syy, szz, sxy] = C [exx, eyy, ezz, 2 exy].
 
-    ``scene`` is that of this body alone, ``names`` those of the loads on all bodies. A half body is
-    held at u_x = 0 on x = 0.
+    In plane stress szz and ezz are left out, and Lame's lambda / E, nu / ((1 + nu)(1 - 2 nu)), is
+    nu / (1 - nu^2). An orthotropic material has along its directions 1 and 2 the compliances
+    1 / E_1, 1 / E_2, -nu_12 / E_1 and 1 / G_12.
     """
-    names = scene.load_names if names is None else names
-    space = _dolfinx.vector_space(body.mesh, scene.mesh.degree)
-    if body.materials is None and scene.material.young_2 is None:
-        form = stiffness_form(space, *lame_constants(scene.material), scene.axisymmetric)
-    else:
-        C = stiffness_in(scene, body) / scene.material.young
-        form = general_form(space, _dolfinx.cell_tensor(body.mesh, C), scene.axisymmetric)
-    stiffness = _dolfinx.assemble_matrix(form)
-    resisted = add_springs(stiffness, space, body, scene)
-    stiffness.assemble()
-    contact, constraints = find_contact(scene, space, body, resisted)
-    P = constraints.matrix(stiffness)
-    start, end = stiffness.getOwnershipRange()
-    loads, moved = np.zeros((2, end - start, len(names)))
-    total = stiffness.createVecLeft()
-    for name, column in zip(names, loads.T, strict=True):
-        total.set(0.0)
-        for load in scene.applied:
-            # the forces of a mode are known once the contact is
-            if load.name == name and load.displacement is None and load.mode is None:
-                nodes, forces = nodal_forces(space, body, scene, load)
-                rows = (2 * nodes[:, :, None] + np.arange(2)).astype(PETSc.IntType)
-                total.setValues(rows.ravel(), forces.ravel(), addv=PETSc.InsertMode.ADD_VALUES)
-                total.assemble()
-        column[:] = total.getArray(readonly=True)
-    total.destroy()
-    if P is not None:
-        untied, stiffness = stiffness, stiffness.PtAP(P)
-        untied.destroy()
-        loads = times(P, loads, transposed=True)
-    driven = np.zeros((len(names), 2 * len(contact.node)))
-    own = (constraints.given >= start) & (constraints.given < end)
-    _, at, on = np.intersect1d(constraints.given, contact.dofs, return_indices=True)
-    for name, values in constraints.prescribed.items():
-        k = names.index(name)
-        moved[constraints.given[own] - start, k] = values[own]
-        driven[k, on] = values[at]
-    pushed = [names.index(name) for name in constraints.prescribed]
-    if pushed:
-        loads[:, pushed] = -scene.material.young * times(stiffness, moved[:, pushed])
-    acting = [load.name for load in scene.applied]
-    off = np.union1d(np.setdiff1d(constraints.given, contact.dofs), constraints.slaves)
-    return Bulk(
-        scene,
-        body,
-        space,
-        names,
-        stiffness=stiffness,
-        loads=loads,
-        moved=moved,
-        sign=np.where(np.isin(np.arange(len(names)), pushed), 1.0, -1.0 * np.isin(names, acting)),
-        fixed=off[(off >= start) & (off < end)],
-        contact=contact,
-        driven=contact.to_local(driven.T).T,
-        ties=P,
+    plane, nu = material.kinematics == "plane stress", material.poisson
+    C = np.zeros((4, 4))
+    if material.young_2 is None or material.shear is None:
+        mu = 0.5 / (1.0 + nu)
+        lam = nu / (1.0 - nu**2) if plane else nu / ((1.0 + nu) * (1.0 - 2.0 * nu))
+        C[:3, :3] = lam + 2.0 * mu * np.eye(3)
+        C[3, 3] = mu
+        C *= material.young
+        if plane:
+            C[2], C[:, 2] = 0.0, 0.0
+        return C
+    across = -nu / material.young
+    soft = np.array([[1.0 / material.young, across], [across, 1.0 / material.young_2]])
+    Q = np.zeros((3, 3))
+    Q[:2, :2], Q[2, 2] = np.linalg.inv(soft), material.shear
+    c, s = np.cos(np.radians(material.angle)), np.sin(np.radians(material.angle))
+    # strains [11, 22, 2 12] from [xx, yy, 2 xy]
+    turn = np.array(
+        [[c * c, s * s, c * s], [s * s, c * c, -c * s], [-2 * c * s, 2 * c * s, c * c - s * s]]
     )
+    C[np.ix_([0, 1, 3], [0, 1, 3])] = turn.T @ Q @ turn
+    return C
 
 
-def warm_up() -> None:
-    """Compile the form of linear triangles, or load it: a test of an installation."""
-    corners = _dolfinx.reference_corners("triangle")
-    mesh = _dolfinx.create_mesh(MPI.COMM_SELF, "triangle", np.arange(3)[None], corners)
-    stiffness_form(_dolfinx.vector_space(mesh, 1), 1.0, 1.0)
+def stiffness_in(scene: Scene, body: BodyMesh) -> Array:
+    """Return C (4, 4) of a body of one material, (owned cells, 4, 4) of one with several."""
+    if body.materials is None:
+        return stiffness_of(scene.material)
+    return np.array([stiffness_of(material) for material in scene.materials])[body.materials]
 
 
-def stiffness_form(
-    space: fem.FunctionSpace, lam: float, mu: float, axisymmetric: bool = False
-) -> Any:
-    """Compile a(u, v) = integral of σ(u) : ε(v), axisymmetric with the hoop strain u_r/r, times r.
+def linear_stresses(C: Array, strain: Array) -> Array:
+    """Return (..., [sxx, syy, szz, sxy]) from strains (..., [exx, eyy, ezz, 2 exy]).
 
-    The hoop strain has no polynomial; quadrature that is exact for the polynomial parts leaves the
+    C is (4, 4), or (cells, 4, 4) for strains (cells, ..., 4).
+    """
+    if C.ndim == 2:
+        return strain @ C.T
+    return np.asarray(np.einsum("cij,c...j->c...i", C, strain))
+
+
+def free_strain(material: Material) -> Array:
+    """Return [exx, eyy, ezz, 2 exy] of a unit thermal strain.
+
+    In plane stress the strain along z is free and does not enter. In plane strain and axisymmetric
+    it does: in plane strain the stress then has the factor 1 + nu of its free strain in the plane.
+    """
+    return np.array([1.0, 1.0, float(material.kinematics != "plane stress"), 0.0])
+
+
+def stiffness_matrix(space: fem.FunctionSpace, C: Array, axisymmetric: bool) -> PETSc.Mat:
+    """Assemble a(u, v) = integral of C e(u) . e(v), axisymmetric times r; collective.
+
+    The strains are e = [exx, eyy, ezz, 2 exy], C is (4, 4), or (owned cells, 4, 4). The hoop strain
+    ezz = u_r / r has no polynomial; quadrature that is exact for the polynomial parts leaves the
     patch test exact, and its points lie off the axis.
     """
     u, v = ufl.TrialFunction(space), ufl.TestFunction(space)
-    λ, μ = fem.Constant(space.mesh, lam), fem.Constant(space.mesh, mu)
-
-    def ε(u: Any) -> Any:
-        """Return the strain ε of a displacement field."""
-        return ufl.sym(ufl.grad(u))
-
-    def σ(u: Any) -> Any:
-        """Return the stress σ of a displacement field."""
-        return λ * ufl.div(u) * ufl.Identity(2) + 2 * μ * ε(u)
-
-    if not axisymmetric:
-        return _dolfinx.compile_form(ufl.inner(σ(u), ε(v)) * ufl.dx)
-
     r = ufl.SpatialCoordinate(space.mesh)[0]
-    degree = len(space.dofmap.dof_layout.entity_closure_dofs(1, 0)) - 1
-    dx = ufl.dx(metadata={"quadrature_degree": 2 * degree + 2})
-    hoop_u, hoop_v = u[0] / r, v[0] / r
-    dilation_u, dilation_v = ufl.div(u) + hoop_u, ufl.div(v) + hoop_v
-    shear = 2 * μ * (ufl.inner(ε(u), ε(v)) + hoop_u * hoop_v)
-    return _dolfinx.compile_form((λ * dilation_u * dilation_v + shear) * r * dx)
-
-
-def general_form(space: fem.FunctionSpace, C: fem.Function, axisymmetric: bool) -> Any:
-    """Compile a(u, v) = integral of C e(u) . e(v), e = [exx, eyy, ezz, 2 exy], times r if round.
-
-    C is (4, 4) in each cell; an axisymmetric body has the hoop strain ezz = u_r / r.
-    """
-    u, v = ufl.TrialFunction(space), ufl.TestFunction(space)
-    r = ufl.SpatialCoordinate(space.mesh)[0]
-    degree = len(space.dofmap.dof_layout.entity_closure_dofs(1, 0)) - 1
-    dx = ufl.dx(metadata={"quadrature_degree": 2 * degree + 2} if axisymmetric else {})
+    if C.ndim == 2:
+        # compiled without the products that vanish, unless shear is coupled
+        c, coupled, n = fem.Constant(space.mesh, C), np.any(C[:3, 3]), range(4)
+        used = [[c[i, j] if coupled or (i < 3) == (j < 3) else 0.0 for j in n] for i in n]
+        stiffness = ufl.as_matrix(used)
+    else:
+        stiffness = _dolfinx.cell_tensor(space.mesh, C)
 
     def e(u: Any) -> Any:
         """Return the strains of a displacement field."""
@@ -144,5 +102,16 @@ def general_form(space: fem.FunctionSpace, C: fem.Function, axisymmetric: bool) 
         hoop = u[0] / r if axisymmetric else 0.0 * u[0]
         return ufl.as_vector([grad[0, 0], grad[1, 1], hoop, grad[0, 1] + grad[1, 0]])
 
-    density = ufl.inner(ufl.dot(C, e(u)), e(v))
-    return _dolfinx.compile_form((r * density if axisymmetric else density) * dx)
+    density = ufl.inner(ufl.dot(stiffness, e(u)), e(v))
+    degree = len(space.dofmap.dof_layout.entity_closure_dofs(1, 0)) - 1
+    dx = ufl.dx(metadata={"quadrature_degree": 2 * degree + 2} if axisymmetric else {})
+    form = _dolfinx.compile_form((r * density if axisymmetric else density) * dx)
+    return _dolfinx.assemble_matrix(form)
+
+
+def warm_up() -> None:
+    """Assemble the stiffness of a triangle, compile its form: a test of an installation."""
+    corners = _dolfinx.reference_corners("triangle")
+    mesh = _dolfinx.create_mesh(MPI.COMM_SELF, "triangle", np.arange(3)[None], corners)
+    C = stiffness_of(Material())
+    stiffness_matrix(_dolfinx.vector_space(mesh, 1), C, axisymmetric=False).destroy()

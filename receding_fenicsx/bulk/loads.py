@@ -30,7 +30,7 @@ from receding_fenicsx.bulk.edges import (
     integrate_arcs,
     measure,
 )
-from receding_fenicsx.bulk.material import free_strain, stiffness_in
+from receding_fenicsx.bulk.elasticity import free_strain, stiffness_in
 from receding_fenicsx.bulk.mesh.curved_edges import Arcs
 from receding_fenicsx.bulk.mesh.meshing import BodyMesh
 from receding_fenicsx.errors import InputError

@@ -11,23 +11,27 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from mpi4py import MPI
+from petsc4py import PETSc
 
 import numpy as np
 from scipy.linalg import block_diag
 
 from receding_fenicsx.arrays import Array
-from receding_fenicsx.bulk import _dolfinx, elasticity
-from receding_fenicsx.bulk.body import Bulk
+from receding_fenicsx.bulk import _dolfinx
+from receding_fenicsx.bulk.body import Bulk, times
 from receding_fenicsx.bulk.closures import (
     add_links,
+    add_springs,
     bolt_compliance,
     closed,
     with_gaps,
 )
 from receding_fenicsx.bulk.contact_nodes import find_contact
 from receding_fenicsx.bulk.contact_operator import ContactPoints, Relative, relative_of
+from receding_fenicsx.bulk.elasticity import stiffness_in, stiffness_matrix
 from receding_fenicsx.bulk.half_planes import HalfPlane, half_plane_of, join_half_planes, own_nodes
 from receding_fenicsx.bulk.join_bodies import CondensedBody, JoinedBodies, join
+from receding_fenicsx.bulk.loads import nodal_forces
 from receding_fenicsx.bulk.mesh.meshing import BodyMesh, make_meshes
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.interface.system import ContactSystem
@@ -131,11 +135,71 @@ class Stack:
             part.destroy()
 
 
+def build(scene: Scene, body: BodyMesh, names: tuple[str, ...] | None = None) -> Bulk:
+    """Assemble the body's stiffness and loads, and find its contact nodes and supports; collective.
+
+    ``scene`` is that of this body alone, ``names`` those of the loads on all bodies. A half body is
+    held at u_x = 0 on x = 0.
+    """
+    names = scene.load_names if names is None else names
+    space = _dolfinx.vector_space(body.mesh, scene.mesh.degree)
+    C = stiffness_in(scene, body) / scene.material.young
+    stiffness = stiffness_matrix(space, C, scene.axisymmetric)
+    resisted = add_springs(stiffness, space, body, scene)
+    stiffness.assemble()
+    contact, constraints = find_contact(scene, space, body, resisted)
+    P = constraints.matrix(stiffness)
+    start, end = stiffness.getOwnershipRange()
+    loads, moved = np.zeros((2, end - start, len(names)))
+    total = stiffness.createVecLeft()
+    for name, column in zip(names, loads.T, strict=True):
+        total.set(0.0)
+        for load in scene.applied:
+            # the forces of a mode are known once the contact is
+            if load.name == name and load.displacement is None and load.mode is None:
+                nodes, forces = nodal_forces(space, body, scene, load)
+                rows = (2 * nodes[:, :, None] + np.arange(2)).astype(PETSc.IntType)
+                total.setValues(rows.ravel(), forces.ravel(), addv=PETSc.InsertMode.ADD_VALUES)
+                total.assemble()
+        column[:] = total.getArray(readonly=True)
+    total.destroy()
+    if P is not None:
+        untied, stiffness = stiffness, stiffness.PtAP(P)
+        untied.destroy()
+        loads = times(P, loads, transposed=True)
+    driven = np.zeros((len(names), 2 * len(contact.node)))
+    own = (constraints.given >= start) & (constraints.given < end)
+    _, at, on = np.intersect1d(constraints.given, contact.dofs, return_indices=True)
+    for name, values in constraints.prescribed.items():
+        k = names.index(name)
+        moved[constraints.given[own] - start, k] = values[own]
+        driven[k, on] = values[at]
+    pushed = [names.index(name) for name in constraints.prescribed]
+    if pushed:
+        loads[:, pushed] = -scene.material.young * times(stiffness, moved[:, pushed])
+    acting = [load.name for load in scene.applied]
+    off = np.union1d(np.setdiff1d(constraints.given, contact.dofs), constraints.slaves)
+    return Bulk(
+        scene,
+        body,
+        space,
+        names,
+        stiffness=stiffness,
+        loads=loads,
+        moved=moved,
+        sign=np.where(np.isin(np.arange(len(names)), pushed), 1.0, -1.0 * np.isin(names, acting)),
+        fixed=off[(off >= start) & (off < end)],
+        contact=contact,
+        driven=contact.to_local(driven.T).T,
+        ties=P,
+    )
+
+
 def build_all(scene: Scene, bodies: tuple[BodyMesh, ...], comm: MPI.Comm | None = None) -> Stack:
     """Assemble all bodies, given the meshes of those that have one."""
     meshes = iter(bodies)
     built = {
-        body.name: elasticity.build(part_of(scene, body), next(meshes), scene.load_names)
+        body.name: build(part_of(scene, body), next(meshes), scene.load_names)
         for body in scene.bodies
         if not body.is_half_plane
     }

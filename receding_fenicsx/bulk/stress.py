@@ -14,8 +14,8 @@ from scipy import sparse
 
 from receding_fenicsx.arrays import Array, Ints
 from receding_fenicsx.bulk import _dolfinx
+from receding_fenicsx.bulk.elasticity import free_strain, linear_stresses, stiffness_in
 from receding_fenicsx.bulk.loads import thermal_strain
-from receding_fenicsx.bulk.material import free_strain, linear_stresses, stiffness_in
 from receding_fenicsx.bulk.mesh.meshing import BodyMesh
 from receding_fenicsx.bulk.mesh.rectangle import POSITION_TOLERANCE
 from receding_fenicsx.errors import MeshMisfit

@@ -13,9 +13,8 @@ from small import named_loads
 import receding_fenicsx as rf
 from receding_fenicsx.bulk import _dolfinx
 from receding_fenicsx.bulk.body import Bulk, back_substitute, gather_contact
-from receding_fenicsx.bulk.elasticity import build
 from receding_fenicsx.bulk.mesh.meshing import make_meshes
-from receding_fenicsx.bulk.stack import build_all
+from receding_fenicsx.bulk.stack import build, build_all
 from receding_fenicsx.studies.run import condense as condense_scene
 
 comm = MPI.COMM_WORLD

@@ -13,7 +13,7 @@ from geo import TWO_LAYERS
 
 import receding_fenicsx as rf
 from receding_fenicsx.bulk.closures import _across
-from receding_fenicsx.bulk.material import stiffness_of
+from receding_fenicsx.bulk.elasticity import stiffness_of
 from receding_fenicsx.mpi import on_root
 from receding_fenicsx.scene.symmetry import is_half_meshed
 
