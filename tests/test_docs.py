@@ -1,13 +1,16 @@
 """The pages of the documentation: keys of scenes, API, gallery; formulas survive Markdown."""
 
 import ast
+import doctest
 import re
+from importlib import import_module
 from pathlib import Path
 
 import api_pages
 import gallery_pages
 import pytest
 import site_source
+from test_imports import MODULES
 
 import receding_fenicsx
 
@@ -19,7 +22,7 @@ ROOT = Path(__file__).parent.parent
 def test_formulas_in_docstrings_survive_markdown() -> None:
     r"""Markdown takes a backslash away from ``\\`` and ``\{``, and formulas must end."""
     found = 0
-    for path in sorted(Path(receding_fenicsx.__file__).parent.rglob("*.py")):
+    for path in MODULES.values():
         text = path.read_text(encoding="utf-8")
         for doc in re.findall(r'r"""(.*?)"""', text, re.S):
             assert doc.count("$") % 2 == 0, f"{path}: a formula does not end"
@@ -29,9 +32,16 @@ def test_formulas_in_docstrings_survive_markdown() -> None:
     assert found > 20
 
 
+def test_examples_of_docstrings_hold() -> None:
+    shown = [name for name, path in MODULES.items() if ">>> " in path.read_text(encoding="utf-8")]
+    assert len(shown) > 2
+    for name in shown:
+        failed, tried = doctest.testmod(import_module(f"receding_fenicsx.{name}"))
+        assert tried > 0 and failed == 0, name
+
+
 def test_docstrings_name_modules_functions_and_classes_that_exist() -> None:
-    package = Path(receding_fenicsx.__file__).parent
-    trees = {p: ast.parse(p.read_text(encoding="utf-8")) for p in package.rglob("*.py")}
+    trees = {path: ast.parse(path.read_text(encoding="utf-8")) for path in MODULES.values()}
     known = set()  # module.name and Class.method, as docstrings write them
     for path, tree in trees.items():
         module = path.parent.name if path.stem == "__init__" else path.stem
@@ -54,8 +64,7 @@ def test_docstrings_name_modules_functions_and_classes_that_exist() -> None:
 def test_api_describes_every_module_and_public_name(tmp_path: Path) -> None:
     package = Path(receding_fenicsx.__file__).parent
     modules = api_pages.write_pages(package, tmp_path / "api")
-    files = [path.relative_to(package) for path in package.rglob("*.py")]
-    assert len(modules) == len([path for path in files if path.name != "__main__.py"])
+    assert len(modules) == len(MODULES) - 1  # without __main__
     pages = "\n".join(path.read_text(encoding="utf-8") for path in (tmp_path / "api").iterdir())
     for module in modules:
         assert f"{{py:module}} {module}\n" in pages
@@ -83,13 +92,14 @@ def test_every_demo_has_a_picture_and_every_picture_is_shown() -> None:
 
 
 def test_links_to_files_lead_to_pages() -> None:
-    text = "[a](../CHANGELOG.md) [b](docs/scene.md#mesh) ![c](../demos/pictures/c.png) [d](https://x.y)"
-    assert site_source.relinked(text) == (
-        "[a](changelog.md) [b](scene.md#mesh) ![c](pictures/c.png) [d](https://x.y)"
-    )
-    text = "[a](../demos/block.py) [b](../receding_fenicsx/bulk/mesh/__init__.py) [c](../demos)"
-    assert (
-        site_source.relinked(text) == "[a](gallery/block.md) [b](api/bulk.mesh.md) [c](gallery.md)"
-    )
-    text = "[d](../receding_fenicsx/bulk/mesh/edges.py)"
-    assert site_source.relinked(text) == "[d](api/bulk.mesh.md#edges)"
+    for link, page in {
+        "../CHANGELOG.md": "changelog.md",
+        "docs/scene.md#mesh": "scene.md#mesh",
+        "../demos/pictures/c.png": "pictures/c.png",
+        "../demos/block.py": "gallery/block.md",
+        "../demos": "gallery.md",
+        "../receding_fenicsx/bulk/mesh/__init__.py": "api/bulk.mesh.md",
+        "../receding_fenicsx/bulk/mesh/edges.py": "api/bulk.mesh.md#edges",
+        "https://x.y": "https://x.y",
+    }.items():
+        assert site_source.relinked(f"[a]({link}) b") == f"[a]({page}) b"

@@ -11,58 +11,17 @@ pytestmark = pytest.mark.one_rank
 PACKAGE = "receding_fenicsx"
 ROOT = Path(__file__).parents[1] / PACKAGE
 
-FLOORS = (
-    ("errors",),
-    ("arrays",),
-    ("atomic", "environment", "mpi", "timing"),
-    ("workers",),
-    ("scene", "interface", "half_plane"),
-    ("bulk", "evolution"),
-    ("modal", "store"),
-    ("reference",),
-    ("measures",),
-    ("output",),
-    ("pictures",),
-    ("studies", "exchange"),
-    ("__init__",),
-    ("terminal",),
-    ("cli",),
-    ("__main__",),
-)
-"""Rooms of the package from the ground up. A room imports from floors below its own only."""
-
-INTERFACE = (
-    ("tolerances",),
-    ("law", "rigid_motions", "changes"),
-    ("system",),
-    (
-        "solver",
-        "system_checks",
-        "residual",
-        "mirror",
-        "equilibrium",
-        "lcp",
-        "measures",
-    ),
-    ("gauss_seidel",),
-    ("exact",),
-    ("uniqueness", "load_steps", "shakedown"),
-    ("branches", "shear_branches"),
-)
-"""Rooms of the interface: modules of its own folder, then its folders."""
-
-OUTPUT = (("plots",), ("snapshots", "report"))
-"""Rooms of the output."""
-
-STUDIES = (
-    ("runner",),
-    ("accuracy", "starts"),
-    ("run",),
-    ("wear",),
-    ("sweep", "shakedown"),
-    ("joint",),
-)
-"""Rooms of the studies."""
+ROOMS = {
+    "": "errors < arrays < atomic environment mpi timing < workers < scene interface half_plane"
+    " < bulk evolution < modal store < reference < measures < output < pictures"
+    " < studies exchange < __init__ < terminal < cli < __main__",
+    "interface.": "tolerances < law < system"
+    " < system_checks residual mirror equilibrium lcp measures < gauss_seidel < exact"
+    " < uniqueness load_steps shakedown < branches shear_branches",
+    "output.": "plots < snapshots report",
+    "studies.": "runner < accuracy starts < run < wear < sweep shakedown < joint",
+}
+"""Rooms of the package and of its folders from the ground up; imports lead to lower ones only."""
 
 FEM = ("dolfinx", "petsc4py", "mpi4py", "gmsh", "ufl", "basix")
 """Libraries that the interface and the evolution do without."""
@@ -112,26 +71,21 @@ def modules_of(name: str) -> set[str]:
 ARROWS = [(name, other) for name in MODULES for other in modules_of(name)]
 
 
-def floor_of(name: str, floors: tuple[tuple[str, ...], ...], depth: int) -> int:
-    """Return the number of the floor that a module stands on."""
-    parts = name.split(".") if name else ["__init__"]
-    room = parts[min(depth, len(parts) - 1)]
-    return next(k for k, rooms in enumerate(floors) if room in rooms)
+@pytest.mark.parametrize("inside", ROOMS)
+def test_imports_lead_downwards(inside: str) -> None:
+    floors = [part.split() for part in ROOMS[inside].split("<")]
+    floor = {room: k for k, rooms in enumerate(floors) for room in rooms}
 
+    def room_of(name: str) -> str:
+        """Return the room of a module, of its folder where it is the folder's own."""
+        parts = [*(name or "__init__").split("."), ""]
+        return parts[inside.count(".")] or parts[0]
 
-@pytest.mark.parametrize(
-    ("inside", "floors"),
-    [("", FLOORS), ("interface.", INTERFACE), ("output.", OUTPUT), ("studies.", STUDIES)],
-)
-def test_imports_lead_downwards(inside: str, floors: tuple[tuple[str, ...], ...]) -> None:
-    depth = inside.count(".")
     wrong = []
     for name, other in ARROWS:
-        if not (name.startswith(inside) and other.startswith(inside)):
-            continue
-        rooms = [[*part.split("."), ""][depth] for part in (name or "__init__", other)]
-        above, below = (floor_of(part, floors, depth) for part in (name, other))
-        if rooms[0] != rooms[1] and below >= above:
+        above, below = room_of(name), room_of(other)
+        within = name.startswith(inside) and other.startswith(inside)
+        if within and above != below and floor[below] >= floor[above]:
             wrong.append(f"{name} imports {other}")
     assert wrong == []
 
@@ -144,16 +98,16 @@ def test_no_imports_in_a_circle() -> None:
         pytest.fail(" -> ".join(error.args[1]))
 
 
-@pytest.mark.parametrize("room", ["interface", "evolution", "scene", "half_plane"])
-def test_rooms_do_without_finite_elements(room: str) -> None:
-    found = {
-        (name, other.split(".")[0])
+def test_rooms_of_arrays_and_scenes_do_without_finite_elements() -> None:
+    rooms = ("interface.", "evolution.", "scene.", "half_plane.")
+    found = [
+        f"{name} imports {other}"
         for name in MODULES
-        if name.split(".")[0] == room
+        if f"{name}.".startswith(rooms)
         for other in IMPORTS[name]
         if other.split(".")[0] in FEM
-    }
-    assert found == set()
+    ]
+    assert found == []
 
 
 def test_output_neither_condenses_nor_computes_mechanics() -> None:

@@ -1,59 +1,174 @@
-from pathlib import Path
+"""Histories of scenes: paths and loops, harmonic ones as polygons, names of legs, instants."""
 
 import numpy as np
 import pytest
 from small import small_system
 
 import receding_fenicsx as rf
-from receding_fenicsx.errors import InputError
 from receding_fenicsx.scene.history import History, evenly_spaced, history_from_scene, leg_number
-from receding_fenicsx.scene.toml_file import from_toml
+from receding_fenicsx.scene.toml_file import from_toml, to_toml
 
 pytestmark = pytest.mark.one_rank
 
-BLOCK = (Path(__file__).parents[2] / "demos" / "block.toml").read_text()
-BODY = BLOCK[: BLOCK.index("[history]")]
-SHEAR = '[[load]]\nname = "shear"\nedge = "top"\ntraction = [1.0, 0.0]\n'
+ONE = '[[load]]\nname = "P"\nedge = "top"\npressure = 1.0\n'
+BODY = ONE + '[[load]]\nname = "Q 1"\nedge = "top"\ntraction = [1.0, 0.0]\n'
+OUT_OF_PHASE = """
+kind = "harmonic"
+cycles = 3
+[history.harmonic.P]
+mean = 1.0
+amplitude = 0.5
+phase = 20
+[history.harmonic."Q 1"]
+amplitude = 0.25
+phase = 110
+"""
+CYCLIC, TABLE = 'kind = "cyclic"\n', 'kind = "table"\n'
+IN_PHASE = [[1.5, 0.25], [0.5, -0.25], [1.5, 0.25]]
+OPPOSITE = [[1.5, -0.25], [0.5, 0.25], [1.5, -0.25]]
 
 
-def made(history: str, extra: str = "") -> History:
-    return history_from_scene(from_toml(f"{BODY}{extra}[history]\n{history}"))
+def made(history: str, *changes: str, body: str = BODY) -> History:
+    scene = from_toml(f"{body}[history]\n{history}", changes)
+    assert from_toml(to_toml(scene)) == scene
+    found = history_from_scene(scene)
+    assert found.load_names == tuple(load.name for load in scene.loads)
+    assert found.cycles == (scene.history.cycles if len(found.loop) else 0)
+    until = scene.history.until
+    assert (found.until_steady, found.until_limit) == (until == "steady", until == "limit")
+    return found
 
 
-def test_cyclic_history_runs_maximum_minimum_maximum() -> None:
-    history = made('kind = "cyclic"\nmaximum = 2.0\nminimum = -0.5\ncycles = 7')
-    assert history.load_names == ("p0",)
-    np.testing.assert_array_equal(history.path, [[0.0], [2.0]])
-    np.testing.assert_array_equal(history.loop, [[2.0], [-0.5], [2.0]])
-    assert (history.cycles, history.until_steady) == (7, False)
+@pytest.mark.parametrize(
+    ("history", "path", "loop"),
+    [
+        (f"{CYCLIC}maximum = 2\nminimum = -0.5\ncycles = 7", [[0], [2]], [[2], [-0.5], [2]]),
+        (f'{CYCLIC}until = "steady"', [[0], [1]], [[1], [1 / 3], [1]]),
+        ('kind = "monotonic"\nmaximum = 3.0', [[0], [3]], []),
+        # a table may begin at zero and repeat the start of the cycle
+        (
+            f'{TABLE}columns = ["P"]\nrows = [[0.0], [1.0]]\nuntil = "limit"\ncycles = 9\n'
+            "cycle_rows = [[1.0], [0.5], [0.75], [1.0]]",
+            [[0], [1]],
+            [[1], [0.5], [0.75], [1]],
+        ),
+        # columns are put in the order of the loads
+        (
+            f'{TABLE}columns = ["Q 1", "P"]\nrows = [[0.0, 1.0], [0.2, 1.0]]\n'
+            "cycle_rows = [[-0.2, 1.0], [0.2, 1.0]]\ncycles = 3",
+            [[0, 0], [1, 0], [1, 0.2]],
+            [[1, 0.2], [1, -0.2], [1, 0.2]],
+        ),
+        # constant loads are applied first and kept
+        (
+            f"{CYCLIC}minimum = -1\nconstant = {{P = 2}}",
+            [[0, 0], [2, 0], [2, 1]],
+            [[2, 1], [2, -1], [2, 1]],
+        ),
+        ('kind = "monotonic"\nconstant = {"Q 1" = -1}', [[0, 0], [0, -1], [1, -1]], []),
+        (f"{CYCLIC}constant = {{P = 0}}", [[0, 0], [0, 1]], [[0, 1], [0, 1 / 3], [0, 1]]),
+    ],
+)
+def test_paths_and_loops_of_histories(
+    history: str, path: list[list[float]], loop: list[list[float]]
+) -> None:
+    found = made(history, body=ONE if len(path[0]) == 1 else BODY)
+    assert np.array_equal(found.path, path)
+    assert np.array_equal(found.loop, np.reshape(loop, (-1, len(path[0]))))
 
 
-def test_monotonic_history_has_no_cycles() -> None:
-    history = made('kind = "monotonic"\nmaximum = 3.0')
-    np.testing.assert_array_equal(history.path, [[0.0], [3.0]])
-    assert history.loop.shape == (0, 1)
-    assert history.cycles == 0
+# -- harmonic loads ------------------------------------------------------------------------------
 
 
-def test_table_columns_are_put_in_the_order_of_the_loads() -> None:
-    history = made(
-        'kind = "table"\ncolumns = ["shear", "p0"]\nrows = [[0.0, 1.0], [0.2, 1.0]]\n'
-        "cycle_rows = [[-0.2, 1.0], [0.2, 1.0]]\ncycles = 3",
-        SHEAR,
-    )
-    assert history.load_names == ("p0", "shear")
-    np.testing.assert_array_equal(history.path, [[0.0, 0.0], [1.0, 0.0], [1.0, 0.2]])
-    np.testing.assert_array_equal(history.loop, [[1.0, 0.2], [1.0, -0.2], [1.0, 0.2]])
-    assert history.cycles == 3
+def test_corners_lie_on_the_ellipse_and_hold_the_extremes_of_each_load() -> None:
+    for corners in (4, 7, 16, 100):
+        history = made(OUT_OF_PHASE, f"history.corners={corners}")
+        assert history.loop.shape == (corners + 1, 2)
+        P, Q = history.loop.T
+        np.testing.assert_allclose(((P - 1.0) / 0.5) ** 2 + (Q / 0.25) ** 2, 1.0, atol=1e-14)
+        assert (P.min(), P.max(), Q.min(), Q.max()) == (0.5, 1.5, -0.25, 0.25)
+        # once around: the angle from corner to corner has one sign and adds up to a turn
+        way = np.diff(np.unwrap(np.arctan2(Q / 0.25, (P - 1.0) / 0.5)))
+        assert np.all(way > 0.0)
+        np.testing.assert_allclose(way.sum(), 2.0 * np.pi, rtol=1e-14)
+        np.testing.assert_array_equal(history.loop[0], history.loop[-1])
 
 
-def test_table_may_begin_at_zero_and_repeat_the_start_of_the_cycle() -> None:
-    history = made(
-        'kind = "table"\ncolumns = ["p0"]\nrows = [[0.0], [1.0]]\n'
-        "cycle_rows = [[1.0], [0.5], [0.75], [1.0]]\ncycles = 1"
-    )
-    np.testing.assert_array_equal(history.path, [[0.0], [1.0]])
-    np.testing.assert_array_equal(history.loop, [[1.0], [0.5], [0.75], [1.0]])
+@pytest.mark.parametrize(
+    ("changes", "path"),
+    [
+        ([], [[0, 0], [1, 0], [1.5, 0]]),
+        (["history.harmonic.P={mean=1.0}"], [[0, 0], [1, 0], [1, 0.25]]),
+        (
+            ["history.harmonic={P={amplitude=0.5}}", "history.constant.Q 1=2"],
+            [[0, 0], [0, 2], [0.5, 2]],
+        ),
+    ],
+)
+def test_path_leads_over_the_means_to_the_maximum_of_the_first_load(
+    changes: list[str], path: list[list[float]]
+) -> None:
+    assert made(OUT_OF_PHASE, *changes).path.tolist() == path
+
+
+@pytest.mark.parametrize(
+    ("phase", "loop"), [(20, IN_PHASE), (200, OPPOSITE), (380, IN_PHASE), (-160, OPPOSITE)]
+)
+def test_loads_in_phase_or_opposite_need_two_corners(phase: float, loop: list[list[float]]) -> None:
+    changes = f"history.harmonic.Q 1.phase={phase}", "history.corners=64"
+    assert made(OUT_OF_PHASE, *changes).loop.tolist() == loop
+
+
+@pytest.mark.parametrize("phase", [22, 50, 110, 199])
+def test_arcs_between_extremes_are_divided_evenly_and_doubled_corners_divide_every_piece(
+    phase: float,
+) -> None:
+    # else the dissipation does not change where an arc between close extremes keeps its piece,
+    # and the error estimate is too small
+    change = f"history.harmonic.Q 1.phase={phase}"
+    for corners in (8, 9, 24, 32):
+        coarse, fine = (
+            made(OUT_OF_PHASE, change, f"history.corners={n}").loop for n in (corners, 2 * corners)
+        )
+        np.testing.assert_allclose(fine[::2], coarse, atol=1e-14)
+    if phase == 50:
+        loop = made(OUT_OF_PHASE, change, "history.corners=24").loop
+        angles = np.degrees(np.arccos(np.clip((loop[:13, 0] - 1.0) / 0.5, -1.0, 1.0)))
+        np.testing.assert_allclose(angles, 15.0 * np.arange(13), atol=1e-6)
+
+
+# -- legs and instants ---------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("corners", "asked"),
+    [
+        (
+            [1.0, 0.5, 1.0],
+            [
+                *(("loading", 0, 0), ("unloading", 1, 0), ("loading", 2, 1), ("1", 1, 1)),
+                *(("unloading", 0, "0 unloading legs"), ("2", 1, "legs 0 to 1")),
+                *(("-1", 1, "legs 0 to 1"), ("reloading", 1, "legs 0 to 1")),
+                *(("loading", 3, "cycles 0 to 2"), ("loading", -1, "cycles 0 to 2")),
+            ],
+        ),
+        # by the size of loads, which may be negative: it falls, then grows
+        ([1.0, -0.25, -2.0, 1.0], [("loading", 1, 1)]),
+        ([-1.0, -0.5, -1.0], [("unloading", 1, 0), ("loading", 1, 1)]),
+        ([1.0, 0.5, 0.8, 0.2, 1.0], [("unloading", 1, "2 unloading legs"), ("3", 1, 3)]),
+    ],
+)
+def test_legs_have_names_that_must_mean_one_and_numbers(
+    corners: list[float], asked: list[tuple[str, int, int | str]]
+) -> None:
+    loop = np.array(corners)[:, None]
+    history = History(("P",), np.array([[0.0], [corners[0]]]), loop, 2)
+    for name, cycle, answer in asked:
+        if isinstance(answer, int):
+            assert leg_number(history, name, cycle) == answer
+        else:
+            with pytest.raises(rf.InputError, match=answer):
+                leg_number(history, name, cycle)
 
 
 def test_history_takes_lists_and_refuses_rows_of_unequal_length_and_text() -> None:
@@ -66,59 +181,8 @@ def test_history_takes_lists_and_refuses_rows_of_unequal_length_and_text() -> No
     assert repr(lists) == repr(arrays)
     assert History(("P", "Q"), path, []).loop.shape == (0, 2)  # type: ignore[arg-type]
     for wrong in ([[0, 0], [1]], [[0, 0], ["a", 1]], [[0, 0], [None, {}]]):
-        with pytest.raises(InputError, match="history's path: has to be numbers"):
+        with pytest.raises(rf.InputError, match="history's path: has to be numbers"):
             History(("P", "Q"), wrong, loop)  # type: ignore[arg-type]
-
-
-def test_legs_have_names_and_numbers() -> None:
-    history = made('kind = "cyclic"\ncycles = 2')
-    assert leg_number(history, "loading", cycle=0) == 0
-    assert leg_number(history, "unloading", cycle=1) == 0
-    assert leg_number(history, "loading", cycle=2) == 1
-    assert leg_number(history, "1", cycle=1) == 1
-    for name, cycle, word in [
-        ("unloading", 0, "0 unloading legs"),
-        ("2", 1, "legs 0 to 1"),
-        ("-1", 1, "legs 0 to 1"),
-        ("reloading", 1, "legs 0 to 1"),
-        ("loading", 3, "cycles 0 to 2"),
-        ("loading", -1, "cycles 0 to 2"),
-    ]:
-        with pytest.raises(InputError, match=word):
-            leg_number(history, name, cycle)
-
-
-@pytest.mark.parametrize("until", [False, True])
-def test_every_kind_of_cycles_may_end_when_steady(until: bool) -> None:
-    words = '\nuntil = "steady"' if until else ""
-    table = 'kind = "table"\ncolumns = ["p0"]\nrows = [[1.0]]\ncycle_rows = [[0.5], [1.0]]'
-    assert made('kind = "cyclic"\ncycles = 2' + words).until_steady == until
-    assert made(f"{table}\ncycles = 2{words}").until_steady == until
-
-
-def test_legs_are_named_by_the_size_of_their_loads() -> None:
-    """A load may be negative: from 1 through -0.25 to -2 it falls, then grows."""
-    history = made(
-        'kind = "table"\ncolumns = ["p0"]\nrows = [[1.0]]\n'
-        "cycle_rows = [[-0.25], [-2.0], [1.0]]\ncycles = 1"
-    )
-    assert leg_number(history, "loading", cycle=1) == 1
-    history = made(
-        'kind = "table"\ncolumns = ["p0"]\nrows = [[-1.0]]\n'
-        "cycle_rows = [[-0.5], [-1.0]]\ncycles = 1"
-    )
-    assert leg_number(history, "unloading", cycle=1) == 0
-    assert leg_number(history, "loading", cycle=1) == 1
-
-
-def test_leg_name_must_mean_one_leg() -> None:
-    history = made(
-        'kind = "table"\ncolumns = ["p0"]\nrows = [[1.0]]\n'
-        "cycle_rows = [[0.5], [0.8], [0.2], [1.0]]\ncycles = 1"
-    )
-    with pytest.raises(InputError, match="2 unloading legs"):
-        leg_number(history, "unloading", 1)
-    assert leg_number(history, "3", 1) == 3
 
 
 def test_instants_spread_over_a_cycle_go_evenly_and_meet_every_turning_point() -> None:
