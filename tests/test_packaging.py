@@ -18,8 +18,6 @@ pytestmark = pytest.mark.one_rank
 
 ROOT = Path(__file__).parents[1]
 PYPROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())
-SETUPTOOLS = PYPROJECT["tool"]["setuptools"]
-
 
 BROUGHT_BY_DOLFINX = {"basix", "cffi", "dolfinx", "dolfinx_solver", "mpi4py", "petsc4py", "ufl"}
 """Modules of Debian's python3-dolfinx-real, and of PyPI's dolfinx-solver-real."""
@@ -37,21 +35,6 @@ def test_imports_of_the_package_are_its_declared_dependencies() -> None:
     names -= sys.stdlib_module_names | BROUGHT_BY_DOLFINX
     imported = {DISTRIBUTIONS.get(name, name) for name in names - {"receding_fenicsx"}}
     assert imported == declared - set(NOT_IMPORTED)
-
-
-@pytest.mark.skipif(
-    os.path.basename(sys.prefix) != ".venv-pypi", reason="Debian's packages are no distributions"
-)
-def test_pypi_dolfinx_brings_the_modules_that_are_not_declared() -> None:
-    todo, found = ["dolfinx-solver-real"], set()
-    while todo:
-        name = re.split(r"[<>=~!;\[ (]", todo.pop())[0].lower()
-        if name not in found:
-            found.add(name)
-            todo += [text for text in metadata.requires(name) or () if "extra ==" not in text]
-    providers = metadata.packages_distributions()
-    for module in BROUGHT_BY_DOLFINX:
-        assert {name.lower() for name in providers[module]} & found, module
 
 
 BUILD = "from setuptools import build_meta as b; print(b.build_{kind}({folder!r}))"

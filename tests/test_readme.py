@@ -6,7 +6,6 @@ import re
 import shlex
 import subprocess
 import sys
-import tomllib
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -340,26 +339,6 @@ def test_no_line_for_the_shell_is_left_untried() -> None:
     }
     for name in named - {"NAME"}:
         assert any((ROOT / "demos").rglob(f"{name}.py")), name
-
-
-def test_extras_that_the_documents_name_keep_the_numpy_of_the_stack() -> None:
-    project = tomllib.loads(text_of("pyproject.toml"))["project"]
-    extras = project["optional-dependencies"]
-    named = {
-        name for d in DOCUMENTS for name in re.findall(r"pip install .*\.\[(\w+)\]", text_of(d))
-    }
-    assert named == {"tables"} <= set(extras)
-    # pip looks at these together with the extra's own
-    assert any("numpy" in d and "<2; python_version < '3.12'" in d for d in project["dependencies"])
-    for requirement in extras["tables"]:
-        assert f"to_{re.split('[<>=]', requirement)[0]}()" in text_of("docs/install.md")
-
-
-def test_install_says_what_each_dependency_is_for() -> None:
-    project = tomllib.loads(text_of("pyproject.toml"))["project"]
-    named = set(re.findall(r"`([\w-]+)`", text_of("docs/install.md").partition("What is each")[2]))
-    needed = {re.split("[<>=]", text)[0] for text in project["dependencies"]}
-    assert named == needed | {"petsc4py", "mpi4py"} | set(project["optional-dependencies"])
 
 
 def test_links_and_pictures_of_the_documents_exist() -> None:

@@ -59,16 +59,6 @@ def test_the_version_is_the_same_everywhere_and_the_address_in_one_place() -> No
     assert named == ["pyproject.toml"]
 
 
-def test_fragments_of_the_next_release_go_below_the_preamble_of_the_changelog() -> None:
-    settings = tomllib.loads(text_of("pyproject.toml"))["tool"]["towncrier"]
-    head, _, releases = text_of(settings["filename"]).partition(settings["start_string"])
-    assert head.startswith("# Changelog\n") and "\n## " not in head
-    assert releases.lstrip().startswith(f"## [{PROJECT['version']}]")
-    kinds = {kind["directory"] for kind in settings["type"]}
-    for path in (ROOT / settings["directory"]).iterdir():
-        assert path.name == "README.md" or path.suffixes in [[f".{k}", ".md"] for k in kinds]
-
-
 def commands(workflow: Any) -> Iterator[str]:
     """Yield the lines that a workflow's steps run."""
     for job in workflow["jobs"].values():
@@ -110,17 +100,6 @@ def test_links_of_the_readme_that_pypi_shows_are_addresses(tmp_path: Path) -> No
         )
 
 
-def test_workflows_run_what_ci_runs() -> None:
-    tests = list(commands(loaded(ROOT / ".github/workflows/tests.yml")))
-    assert "bash .ci/run" in tests
-    for script in re.findall(r"bash (\S+)", " ".join(tests)):
-        assert script == ".ci/run" or script in text_of(".ci/run")
-    # on images, as tests/run.sh runs them: on one rank and on two
-    for line in (line for line in tests if "pytest" in line):
-        words = line.replace("python3", '"$python"').replace("mpirun", '"$mpirun"')
-        assert words in text_of("tests/run.sh")
-
-
 def test_commands_of_the_site_and_the_hooks_are_those_of_the_project() -> None:
     check_commands(loaded(ROOT / ".readthedocs.yaml")["build"]["commands"])
     hooks = [h for repo in loaded(ROOT / ".pre-commit-config.yaml")["repos"] for h in repo["hooks"]]
@@ -129,18 +108,6 @@ def test_commands_of_the_site_and_the_hooks_are_those_of_the_project() -> None:
         assert set(hook.get("additional_dependencies", [])) <= set(EXTRAS["dev"])
         command = hook["entry"].removeprefix(".venv/bin/").removesuffix(" --force-exclude")
         assert f".venv/bin/{command}" in text_of(".ci/run")
-
-
-def test_containers_build_on_an_image_that_is_tested() -> None:
-    device = json.loads(text_of(".devcontainer/devcontainer.json"))
-    docker = text_of(f".devcontainer/{device['build']['dockerfile']}")
-    (image,) = re.findall(r"^FROM dolfinx/dolfinx:(.+)$", docker, re.M)
-    matrix = loaded(ROOT / ".github/workflows/tests.yml")["jobs"]["dolfinx"]["strategy"]["matrix"]
-    assert image in matrix["image"]
-    check_commands([device["postCreateCommand"], docker])
-    (libraries,) = re.findall(r'^graphics="(.+)"$', text_of("demos/setup.sh"), re.M)
-    assert libraries in docker
-    assert loaded(ROOT / ".github/workflows/tests.yml")["env"]["GRAPHICS"] == libraries
 
 
 def test_conda_recipe_asks_for_the_dependencies_of_the_project() -> None:

@@ -264,3 +264,18 @@ def test_a_bolt_that_pushes_has_its_warning_and_a_tight_one_none() -> None:
     )
     (line,) = loose_warnings(found)
     assert line.startswith("bolt 'loose': its force falls to -1, a push")
+
+
+@pytest.mark.parametrize(("backward", "dissipates"), [(0.3, True), (0.0, False)])
+def test_no_ratio_is_told_of_a_dissipation_that_is_round_off(
+    backward: float, dissipates: bool
+) -> None:
+    """Without friction in one direction nothing resists a free body: Q = 0 at all nodes."""
+    system = models.block_system(24, 6, half=False)
+    f_backward = np.full(system.n, backward)
+    record = rf.evolve(dataclasses.replace(system, f_backward=f_backward), cyclic(3))
+    summary = rf.summarise(record)
+    assert record.dissipates == summary["dissipates"] == dissipates
+    assert ("of cycle 3 over cycle 1" in rf.run_table(summary)) == dissipates
+    assert ("dissipation_ratio" in rf.headline(record)) == dissipates
+    assert (record.cycles.dissipation[0] > 1e-3) == dissipates

@@ -3,8 +3,7 @@
 import math
 from collections.abc import Callable
 from pathlib import Path
-
-from mpi4py import MPI
+from typing import Any
 
 import numpy as np
 import pytest
@@ -30,19 +29,22 @@ GAP = '[[load]]\nname = "g"\nedge = "bottom"\ngap = 0.1\n[history.constant]\ng =
     ],
 )
 @pytest.mark.parametrize(
-    "key", ["contact.initial_gap", "contact.friction", "history.initial_slip", "load.g.gap"]
+    ("key", "found"),
+    [
+        ("contact.initial_gap", lambda scene: scene.contacts[0].initial_gap),
+        ("contact.friction", lambda scene: scene.contacts[0].friction),
+        ("contact.friction.backward", lambda scene: scene.contacts[0].friction["backward"]),
+        ("history.initial_slip", lambda scene: scene.history.initial_slip),
+        ("load.g.gap", lambda scene: scene.loads[-1].gap),
+    ],
 )
 def test_a_profile_is_read_from_a_file_beside_the_scene(
-    text: str, key: str, shared_tmp_path: Path
+    text: str, key: str, found: Any, tmp_path: Path
 ) -> None:
-    folder = shared_tmp_path / str(MPI.COMM_WORLD.rank)
-    folder.mkdir()
-    (folder / "scene.toml").write_text(BLOCK + GAP)
-    (folder / "profile.csv").write_text(text)
-    scene = read_scene(folder / "scene.toml", [f'{key}={{file = "profile.csv"}}'])
-    owner = {"contact": scene.contacts[0], "history": scene.history, "load": scene.loads[-1]}
-    table, *_, name = key.split(".")
-    profile = getattr(owner[table], name)
+    (tmp_path / "scene.toml").write_text(BLOCK + GAP)
+    (tmp_path / "profile.csv").write_text(text)
+    scene = read_scene(tmp_path / "scene.toml", [f'{key}={{file = "profile.csv"}}'])
+    profile = found(scene)
     assert np.allclose(evaluate(profile, np.array([-2.0, -1.0, 0.0, 2.0])), [0.0, 0.05, 0.1, 0.0])
     # the scene stands by itself from then on
     assert from_toml(to_toml(scene)) == scene
@@ -52,13 +54,6 @@ def test_a_file_that_is_no_text_is_refused(tmp_path: Path) -> None:
     (tmp_path / "gap.csv").write_bytes(b"\xff\xfe\x00")
     with pytest.raises(InputError, match=r'contact initial_gap file "gap.csv": is not a text file'):
         from_toml(BLOCK, ['contact.initial_gap={file = "gap.csv"}'], tmp_path)
-
-
-def test_a_table_beside_the_contact_is_refused_unless_it_is_constant() -> None:
-    beside = "contact.initial_gap={{x = [1000.0, 2000.0], value = [0.0, {}]}}"
-    with pytest.raises(InputError, match=r"from x = 1000 to 2000, beside the edge.* unit"):
-        from_toml(BLOCK, [beside.format(0.1)])
-    from_toml(BLOCK, [beside.format(0.0)])
 
 
 def test_table_is_linear_inside_and_constant_outside() -> None:
