@@ -1,6 +1,5 @@
 import errno
 import json
-import os
 import re
 import subprocess
 import sys
@@ -334,13 +333,3 @@ def test_importing_the_package_loads_no_library_and_sets_threads_before_them() -
         timeout=300,
     )
     assert done.stdout.split("\n")[:3] == ["set()", "1 3", "set()"]
-
-
-def test_a_child_process_does_not_join_the_mpi_job_of_its_parent(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    names = ["OMPI_COMM_WORLD_RANK", "PMIX_RANK", "PMI_SIZE", "HYDI_CONTROL_FD", "MPI_LOCALRANKID"]
-    for name in names:
-        monkeypatch.setenv(name, "1")
-    child = environment.child_environment()
-    assert not set(names) & set(child) and child["PATH"] == os.environ["PATH"]

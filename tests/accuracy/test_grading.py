@@ -1,4 +1,4 @@
-"""Searches on meshes graded towards sharp corners, and numbers that are singular there."""
+"""Meshes graded towards sharp corners and by a coarser run: where they are fine, what they gain."""
 
 import json
 from dataclasses import replace
@@ -43,6 +43,7 @@ def test_scenes_on_finer_and_coarser_meshes_are_valid(file: Path) -> None:
         rf.validate(rf.scaled_mesh(scene, int(factor * scene.mesh.contact_elements)))
 
 
+@pytest.mark.one_rank
 def test_sizes_of_a_graded_family_are_in_proportion() -> None:
     scene = sheared()
     (size,) = contact_of(scene)[1]
@@ -56,3 +57,64 @@ def test_sizes_of_a_graded_family_are_in_proportion() -> None:
     inclined = rf.read_scene(DEMOS / "dovetail.toml")
     sizes = contact_of(inclined)[1]
     assert len(sizes) == len(inclined.contacts) and np.all(np.array(sizes) > 0.0)
+
+
+# -- meshes graded by a coarser run ---------------------------------------------------------------
+
+BARE = rf.OutputOptions(samples_per_leg=1, cycles=())
+
+
+def played(scene: rf.Scene) -> rf.Record:
+    """Play a scene on this rank alone."""
+    system = rf.given(rf.condense(scene, MPI.COMM_SELF))
+    return rf.evolve(system, replace(scene, output=BARE))
+
+
+@pytest.mark.one_rank
+def test_graded_corners_need_less_than_half_the_nodes() -> None:
+    scene, fine, finest = (sheared_block(0.8, f"mesh.contact_elements={n}") for n in (24, 160, 100))
+    graded, equal = played(rf.refined_at_zone_ends(scene, played(scene))), played(fine)
+    # graded by the zone ends of a graded run
+    once = played(rf.refined_at_zone_ends(finest, played(finest)))
+    limit = played(rf.refined_at_zone_ends(finest, once, 8.0))
+    exact, of_equal, of_graded = (r.cycles.dissipation[0] for r in (limit, equal, graded))
+    assert len(graded.x) <= 0.5 * len(equal.x)
+    assert abs(of_graded - exact) < abs(of_equal - exact)
+
+
+@pytest.mark.one_rank
+def test_places_lie_at_zone_ends_and_at_corners_that_touch() -> None:
+    scene = rf.read_scene(DEMOS / "block.toml", ["history.cycles=1", "mesh.contact_elements=80"])
+    record = played(scene)
+    graded = rf.refined_at_zone_ends(scene, record, ratio=4.0)
+    size = 4.0 / 80 / 4.0
+    # the block's ends lift off
+    assert [place.size for place in graded.mesh.places] == pytest.approx(
+        [size] * len(graded.mesh.places)
+    )
+    first = rf.summarise(record)["turning_points"][0]
+    for end in first["zone_ends"]:
+        inside = (
+            place.span[0] - 2 * size <= abs(end["value"]) <= place.span[1] + 2 * size
+            for place in graded.mesh.places
+        )
+        assert any(inside)
+    corner = sheared_block(0.8, "mesh.contact_elements=16")
+    places = rf.refined_at_zone_ends(corner, played(corner), corner_ratio=50.0).mesh.places
+    ends = [place.at for place in places if place.size == pytest.approx(2.0 / 16 / 50.0)]
+    assert np.allclose(np.sort(np.array(ends, dtype=float)), [-1.0, 1.0])
+    with pytest.raises(rf.InputError, match="must be positive"):
+        rf.refined_at_zone_ends(scene, record, ratio=0.0)
+    # what was refined before stays
+    kept = replace(scene, mesh=replace(scene.mesh, refine=(rf.Refinement(0.01, 0.5),)))
+    assert rf.refined_at_zone_ends(kept, record).mesh.places[0] == rf.Refinement(0.01, 0.5)
+
+
+@pytest.mark.one_rank
+def test_every_edge_of_a_scene_gets_its_own_places() -> None:
+    overrides = ["mesh.contact_elements=12", "mesh.growth=1.6", "history.cycles=1"]
+    scene = rf.read_scene(DEMOS / "dovetail.toml", overrides)
+    graded = rf.refined_at_zone_ends(scene, played(scene), corner_ratio=20.0)
+    assert {place.edge for place in graded.mesh.places} == {"blade.right", "blade.left"}
+    better = played(graded)
+    assert len(better.x) > 2 * 25 and better.residual_max < 1e-10

@@ -1,6 +1,5 @@
 """The search for a mesh on made-up numbers whose errors are known."""
 
-import math
 import re
 from collections.abc import Callable
 from dataclasses import replace
@@ -9,7 +8,6 @@ from pathlib import Path
 import pytest
 
 from receding_fenicsx.errors import InputError, MeshMisfit, NotConverged
-from receding_fenicsx.output.report.run import tell_search
 from receding_fenicsx.scene.model import Scene
 from receding_fenicsx.scene.toml_file import read_scene
 from receding_fenicsx.studies.accuracy import study as module
@@ -39,12 +37,6 @@ def made_up(
         return Level(elements, 2 * elements + 1, seconds * elements**2, numbers)
 
     return solve
-
-
-def given_levels(levels: tuple[Level, ...]) -> Callable[[Scene, int], Level]:
-    """Return a solver that answers with given meshes, one after the other."""
-    left = iter(levels)
-    return lambda *_: next(left)
 
 
 def sizes(found: Search) -> list[int]:
@@ -83,26 +75,6 @@ def test_the_worst_of_the_asked_numbers_decides() -> None:
     assert sizes(one)[-1] < sizes(both)[-1]
 
 
-def test_an_infinite_number_ends_the_search_on_its_second_mesh() -> None:
-    solve = made_up(largest_pressure=lambda _: math.inf, centre_pressure=lambda n: 1.0 / n)
-    found = search(scene_of(1e-3, "largest_pressure"), solve)
-    assert not found.met and len(found.levels) == 2
-    assert "largest_pressure does not converge: singular" in found.reason
-    row = tell_search({"accuracy": found.shown()}).rows[-1]
-    assert row[2:5] == ["largest_pressure", "singular", "does not converge in order"]
-    # it does not hinder the search for other numbers
-    assert search(scene_of(1e-1, "centre_pressure"), solve).met
-
-
-def test_the_seconds_of_all_meshes_count_in_the_budget() -> None:
-    """The next mesh alone would take some seconds, but most of the budget is spent."""
-    numbers = {"centre_pressure": Number(1.01)}, {"centre_pressure": Number(1.005)}
-    levels = Level(32, 65, 2.6, numbers[0]), Level(64, 129, 2.6, numbers[1])
-    found = search(scene_of(1e-4, budget=20.0), given_levels(levels))
-    assert "the budget of 20 s ends first: 5.2 s are spent" in found.reason
-    assert found.levels == list(levels)
-
-
 @pytest.mark.parametrize(("first", "power"), [(2.0, 1.0), (0.5, 3.0), (0.01, 3.0), (4.2, 2.0)])
 def test_the_next_mesh_is_expected_to_cost_what_the_meshes_before_show(
     first: float, power: float
@@ -110,9 +82,12 @@ def test_the_next_mesh_is_expected_to_cost_what_the_meshes_before_show(
     """4 s after ``first``: with the power seen, 3 at most, 2 where the finer mesh was no slower."""
     numbers = {"centre_pressure": Number(1.01)}, {"centre_pressure": Number(1.005)}
     levels = Level(32, 65, first, numbers[0]), Level(64, 129, 4.0, numbers[1])
-    found = search(scene_of(1e-4, budget=first + 3.9 + 4.0 * 2.5**power), given_levels(levels))
+    left, budget = iter(levels), first + 3.9 + 4.0 * 2.5**power
+    found = search(scene_of(1e-4, budget=budget), lambda *_: next(left))
     told = re.search(r"a mesh of (\d+) elements needs about (\S+) s", found.reason)
-    assert told is not None, found.reason
+    assert told is not None and found.levels == list(levels), found.reason
+    # the seconds of all meshes count
+    assert f"the budget of {budget:g} s ends first: {first + 4.0:.3g} s are spent" in found.reason
     assert float(told[2]) == pytest.approx(4.0 * (int(told[1]) / 64) ** power, rel=0.05)
 
 

@@ -113,16 +113,6 @@ def test_a_change_between_stick_and_slip_that_is_undone_at_once_is_no_zone() -> 
         assert [i for i, line in enumerate(lines) if len(line.state) > 1] == alone
 
 
-def test_colours_of_the_states_differ_in_lightness_too() -> None:
-    """So they do in print, and for every colour vision: by 8 of L* at least (CIE, white D65)."""
-    found = []
-    for colour in rf.style.STATE_COLOURS.values():
-        c = np.array(to_rgb(colour))
-        light = np.where(c <= 0.04045, c / 12.92, ((c + 0.055) / 1.055) ** 2.4)
-        found.append(116.0 * np.cbrt(light @ [0.2126, 0.7152, 0.0722]) - 16.0)
-    assert np.diff(np.sort(found)).min() > 8.0
-
-
 def moves_of(found: rf.Record, s: float) -> dict[str, np.ndarray]:
     """Nodes by what they do halfway between two samples of cycle 1's unloading, from v, w, p."""
     table = found.samples

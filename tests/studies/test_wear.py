@@ -259,21 +259,6 @@ def test_all_scenes_wear_off_what_the_limit_cycle_of_a_run_dissipates(
     assert study.volume[-1] == pytest.approx(2e-9 * record.cycles.dissipation[-1], rel=1e-8)
 
 
-def test_a_long_tail_of_cycles_is_left_where_little_of_it_is_to_come(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    cycles = ["history.cycles=60", 'history.until="limit"', "mesh.contact_elements=96"]
-    scene = rf.read_scene(ROOT / "demos" / "lap_joint.toml", cycles)
-    pairs, searched = pairs_of(scene), rf.evolve(rf.given(rf.condense(scene)), scene)
-    assert searched.limit is not None and searched.limit.reached
-    later = "receding_fenicsx.evolution.limit.search.LimitSearch._later_tail"
-    monkeypatch.setattr(later, lambda *_: pytest.fail("the exact limit is searched for"))
-    E = pairs.begin()["energy"]
-    known = searched.cycles.dissipation_density[-1] * searched.weight
-    assert E.sum() == pytest.approx(searched.cycles.dissipation[-1], rel=1e-5)
-    assert E == pytest.approx(known, abs=1e-5 * known.max())
-
-
 def test_a_sweep_has_the_wear_life_of_its_cases() -> None:
     table = rf.sweep(
         cylinders(40, "wear.cycles=1000000", "wear.depth=6e-4"),
