@@ -1,7 +1,7 @@
 """Journal of a run: the finished cycles, in memory and in a folder from which a run is resumed.
 
 At a checkpoint the new cycles are written as one NumPy file ``N.npz``, N being the number of its
-first cycle: tables of cycles, of instants (ends of legs, then samples, of each cycle) and events.
+first cycle: arrays of cycles, of instants (ends of legs, then samples, of each cycle) and events.
 Files are never rewritten, so that the cost of a checkpoint does not grow with the history.
 """
 
@@ -9,8 +9,11 @@ from __future__ import annotations
 
 import dataclasses
 import io
+import json
 import time
+from itertools import islice
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,9 +38,8 @@ systems, some are left out."""
 JOURNAL = "journal"
 """Name of the folder in a run's folder."""
 
-UNIQUENESS = np.dtype(
-    [(k, np.asarray(v).dtype, np.shape(v)) for k, v in dataclasses.asdict(Uniqueness()).items()]
-)
+PLACE, STATE = ("cycle", "leg", "s", "load", "v"), ("u", "r", "state")
+"""Arrays of the instants in a file, and of their contact states."""
 
 
 class Journal:
@@ -123,53 +125,30 @@ def checkpoints(run: Path) -> int:
     return len(list((run / JOURNAL).glob("*.npz")))
 
 
-def _layout(system: ContactSystem) -> dict[str, np.dtype[np.void]]:
-    """Return the rows of the tables of a system."""
-    n, loads = system.n, len(system.load_names)
-    cycle = [
-        ("dissipation", "<f8", (n,)),
-        ("slip", "<f8", (n,)),
-        ("totals", [(k, np.asarray(v).dtype) for k, v in Totals._field_defaults.items()]),
-        ("uniqueness", UNIQUENESS),
-        ("kept", "i1"),
-        ("corners", "<i4"),
-        ("samples", "<i4"),
-        ("events", "<i4"),
-    ]
-    instant = [
-        ("cycle", "<i4"),
-        ("leg", "<i4"),
-        ("s", "<f8"),
-        ("load", "<f8", (loads,)),
-        ("v", "<f8", (n,)),
-        ("u", "<f8", (2 * n,)),
-        ("r", "<f8", (2 * n,)),
-        ("state", "i1", (n,)),
-    ]
-    rows = {"cycles": np.dtype(cycle), "instants": np.dtype(instant)}
-    return rows | {"events": event_rows(system).dtype}
-
-
-def packed(cycles: list[FinishedCycle], system: ContactSystem) -> dict[str, NDArray[np.void]]:
-    """Return the tables of some cycles."""
-    layout = _layout(system)
-    rows = np.zeros(len(cycles), layout["cycles"])
-    instants: list[Instant] = []
+def packed(cycles: list[FinishedCycle], system: ContactSystem) -> dict[str, NDArray[Any]]:
+    """Return some cycles as arrays over them, over their instants and over their events."""
     sampled = [cycle.samples or Samples() for cycle in cycles]
-    for row, cycle, samples in zip(rows, cycles, sampled, strict=True):
-        instants += cycle.corners + samples.instants
-        row["dissipation"], row["slip"] = cycle.dissipation, cycle.slip
-        row["totals"] = tuple(cycle.totals)
-        row["uniqueness"] = dataclasses.astuple(cycle.uniqueness)
-        row["kept"] = cycle.samples is not None
-        row["corners"], row["samples"] = len(cycle.corners), len(samples.instants)
-        row["events"] = sum(map(len, samples.events))
-    points = np.zeros(len(instants), layout["instants"])
-    for key in ("cycle", "leg", "s", "load", "v"):
-        points[key] = [getattr(i, key) for i in instants]
-    for key in ("u", "r", "state"):
-        points[key] = [getattr(i.state, key) for i in instants]
-    return {"cycles": rows, "instants": points, "events": events_of(system, sampled)}
+    instants = [
+        i for cycle, own in zip(cycles, sampled, strict=True) for i in cycle.corners + own.instants
+    ]
+    about = [
+        {
+            "corners": len(cycle.corners),
+            "samples": None if cycle.samples is None else len(own.instants),
+            "events": sum(map(len, own.events)),
+            "totals": cycle.totals._asdict(),
+            "uniqueness": dataclasses.asdict(cycle.uniqueness),
+        }
+        for cycle, own in zip(cycles, sampled, strict=True)
+    ]
+    text = json.dumps(about, default=lambda number: number.item())
+    return {
+        "about": np.array(text),
+        **{key: np.array([getattr(c, key) for c in cycles]) for key in ("dissipation", "slip")},
+        **{key: np.array([getattr(i, key) for i in instants]) for key in PLACE},
+        **{key: np.array([getattr(i.state, key) for i in instants]) for key in STATE},
+        "events": events_of(system, sampled),
+    }
 
 
 def unpacked(path: Path, system: ContactSystem) -> list[FinishedCycle]:
@@ -178,7 +157,6 @@ def unpacked(path: Path, system: ContactSystem) -> list[FinishedCycle]:
     Raises:
         InputError: it is damaged, cannot be read, or is of another system or program.
     """
-    layout = _layout(system)
     try:
         data = io.BytesIO(path.read_bytes())
     except OSError as error:
@@ -187,43 +165,36 @@ def unpacked(path: Path, system: ContactSystem) -> list[FinishedCycle]:
         ) from None
     try:
         with np.load(data, allow_pickle=False) as file:
-            tables = {name: file[name] for name in layout}
+            tables = {name: file[name] for name in file}
+        about = json.loads(str(tables["about"]))
+        shapes = {"load": len(system.load_names), "v": system.n, "u": 2 * system.n}
+        fits = all(tables[key].shape[1:] == (size,) for key, size in shapes.items())
+        if not fits or tables["events"].dtype != event_rows(system).dtype:
+            raise ValueError("of another system")
+        columns = [tables[key].tolist() for key in ("cycle", "leg", "s")]
+        columns += [[row.copy() for row in tables[key]] for key in ("load", "v", *STATE)]
+        rows = zip(*columns, strict=True)
+        instants = iter([Instant(*row[:5], ContactState(*row[5:])) for row in rows])
+        cycles, events = [], tables["events"]
+        for k, row in enumerate(about):
+            corners = list(islice(instants, row["corners"]))
+            count, unique = row["events"], row["uniqueness"]
+            samples = Samples(list(islice(instants, row["samples"] or 0)), [events[:count]])
+            cycles.append(
+                FinishedCycle(
+                    corners,
+                    *(tables[key][k].copy() for key in ("dissipation", "slip")),
+                    Totals(**row["totals"]),
+                    None if row["samples"] is None else samples,
+                    Uniqueness(**unique | {"nodes": tuple(unique["nodes"])}),
+                )
+            )
+            events = events[count:]
     except MemoryError:
         raise
     except Exception as error:  # of many kinds: whatever damaged bytes make of themselves
         raise InputError(
-            f"{path}: is damaged ({error}); remove it to resume from the checkpoint before"
+            f"{path}: is damaged, or of another system or version of this program ({error}); "
+            "remove it to resume from the checkpoint before, or start the run anew"
         ) from None
-    if any(tables[name].dtype != rows for name, rows in layout.items()):
-        raise InputError(
-            f"{path}: belongs to another system or version of this program; start the run anew"
-        )
-    instants = [
-        Instant(
-            int(i["cycle"]),
-            int(i["leg"]),
-            float(i["s"]),
-            i["load"].copy(),
-            i["v"].copy(),
-            ContactState(*(i[key].copy() for key in ("u", "r", "state"))),
-        )
-        for i in tables["instants"]
-    ]
-    cycles, events = [], tables["events"]
-    for row in tables["cycles"]:
-        corners, sampled, count = (int(row[key]) for key in ("corners", "samples", "events"))
-        samples = Samples(instants[corners : corners + sampled], [events[:count]])
-        unique = {key: row["uniqueness"][key].tolist() for key in UNIQUENESS.names or ()}
-        cycles.append(
-            FinishedCycle(
-                instants[:corners],
-                row["dissipation"].copy(),
-                row["slip"].copy(),
-                Totals(**{key: row["totals"][key].item() for key in Totals._fields}),
-                samples if row["kept"] else None,
-                Uniqueness(**{**unique, "nodes": tuple(unique["nodes"])}),
-            )
-        )
-        events = events[count:]
-        del instants[: corners + sampled]
     return cycles

@@ -69,13 +69,11 @@ def fatigue_at(stress: Array, material: Material, options: FatigueOptions) -> di
     """
     if material.young_2 is not None:
         raise InputError("fatigue_at: strains are those of an isotropic material; give one")
-    young, nu = material.young, material.poisson
+    young, nu, m = material.young, material.poisson, stress.shape[1]
     trace = stress[..., :3].sum(axis=-1)
 
     def normal(theta: Array) -> Array:
-        c, s = np.cos(theta), np.sin(theta)
-        s_xx, s_yy, _, s_xy = np.moveaxis(stress[..., None], 2, 0)
-        return np.asarray(s_xx * c**2 + s_yy * s**2 + 2.0 * s_xy * s * c)
+        return _normal(stress[..., None, :], np.cos(theta), np.sin(theta))
 
     def swt(theta: Array) -> Array:
         s_n = normal(theta)
@@ -88,7 +86,7 @@ def fatigue_at(stress: Array, material: Material, options: FatigueOptions) -> di
         strain = np.ptp(shear, axis=0) * (1.0 + nu) / young
         return np.asarray(strain * (1.0 + options.fatemi_socie * opening))
 
-    m, pressure = stress.shape[1], trace / 3.0
+    pressure = trace / 3.0
     found = {"swt": _critical_plane(swt, m)}
     if options.yield_stress is not None:
         found["fatemi_socie"] = _critical_plane(fatemi_socie, m)
@@ -105,6 +103,12 @@ def fatigue_at(stress: Array, material: Material, options: FatigueOptions) -> di
         "crossland": j2 + options.crossland * pressure.max(axis=0),
     }
     return found | {name: Parameter(value, np.full(m, np.nan)) for name, value in values.items()}
+
+
+def _normal(stress: Array, c: Array | float, s: Array | float) -> Array:
+    """Return the stresses normal to planes, of normals (c, s), from stresses (..., 4)."""
+    s_xx, s_yy, _, s_xy = np.moveaxis(stress, -1, 0)
+    return np.asarray(s_xx * c**2 + s_yy * s**2 + 2.0 * s_xy * s * c)
 
 
 def _critical_plane(of_planes: Any, m: int) -> Parameter:
@@ -194,7 +198,7 @@ def edge_crack(stress: Array, points: Array, options: FatigueOptions) -> EdgeCra
         raise InputError("edge_crack: the points are not on a straight line")
     (s, c), weights = t * [1.0, -1.0], _weights(depth)
     s_xx, s_yy, _, s_xy = np.moveaxis(stress, -1, 0)
-    k_i = (s_xx * c**2 + s_yy * s**2 + 2.0 * s_xy * s * c) @ weights.T
+    k_i = _normal(stress, c, s) @ weights.T
     k_ii = ((s_xx - s_yy) * c * t[0] + s_xy * (c * t[1] + s * t[0])) @ weights.T
     found = EdgeCrack(depth, k_i, k_ii, np.nan, np.full(len(depth), np.nan))
     if options.threshold is None or options.fatigue_limit is None:
@@ -320,12 +324,10 @@ def _ruiz(record: Record, probe: ProbeHistory, cycle: int) -> dict[str, Paramete
     q = np.abs(both("q")[:, node])[same]
     along = np.gradient(probe.points, axis=0) if len(probe.points) > 1 else np.array([[1.0, 0.0]])
     c, s = (along / np.linalg.norm(along, axis=1)[:, None]).T
-    s_xx, s_yy, _, s_xy = np.moveaxis(probe.stress[at], -1, 0)
-    tension = np.maximum(s_xx * c**2 + s_yy * s**2 + 2.0 * s_xy * s * c, 0.0)
+    tension = np.maximum(_normal(probe.stress[at], c, s), 0.0)
     none = np.full(len(node), np.nan)
-    first = tension.max(axis=0) * q.max(axis=0) * slip
-    second = (tension * q).max(axis=0) * slip
-    return {"ruiz_f1": Parameter(first, none), "ruiz_f2": Parameter(second, none)}
+    values = tension.max(axis=0) * q.max(axis=0), (tension * q).max(axis=0)
+    return {f"ruiz_f{k}": Parameter(value * slip, none) for k, value in enumerate(values, 1)}
 
 
 def averaged(value: Array, points: Array, length: float) -> Array:
@@ -387,15 +389,15 @@ def fatigue_summary(record: Record, coarse: Record | None = None) -> dict[str, A
             young = _material_of(scene, probe).young
             row["life"] = life(row.get("averaged", row["max"]), young, options)
         found[name] = row
-    summary = {"parameters": found}
-    if options.threshold is not None:
-        summary["cracks"] = {
-            name: {
-                "arrest": crack.arrest,
-                "depth": crack.depth.tolist(),
-                "delta_k_i": crack.delta_k.tolist(),
-                "delta_k_ii": np.ptp(crack.k_ii, axis=0).tolist(),
-            }
-            for name, crack in short_cracks(record).items()
+    if options.threshold is None:
+        return {"fatigue": {"parameters": found}}
+    cracks = {
+        name: {
+            "arrest": crack.arrest,
+            "depth": crack.depth.tolist(),
+            "delta_k_i": crack.delta_k.tolist(),
+            "delta_k_ii": np.ptp(crack.k_ii, axis=0).tolist(),
         }
-    return {"fatigue": summary}
+        for name, crack in short_cracks(record).items()
+    }
+    return {"fatigue": {"parameters": found, "cracks": cracks}}

@@ -10,11 +10,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.polynomial.legendre import leggauss
 from numpy.typing import ArrayLike
 from scipy.integrate import quad
 
 from receding_fenicsx.arrays import Array
+from receding_fenicsx.reference.layer import wave_numbers
 
 
 @dataclass(frozen=True)
@@ -89,16 +89,10 @@ def bilateral_pressure(x: ArrayLike, load: float = 0.0) -> Array:
 
     Source: L.N.G. Filon, Philosophical Transactions of the Royal Society A 201 (1903) 63-155.
     """
-    # Gauss's rule on panels; at u = 40 the integrand has fallen to 1e-16 of its first value
-    points, weights = leggauss(10)
-    panels = np.linspace(0.0, 40.0, 201)
-    u = (panels[:-1, None] + 0.1 * (points + 1.0)).ravel()
-    # numerator and denominator both over exp(2 u)
-    e = np.exp(-u)
-    top = 0.5 * e * (1.0 - e**2 + u * (1.0 + e**2))
-    below = 0.5 * (1.0 - e**4) + 2.0 * u * e**2
-    spectrum = np.tile(0.1 * weights, len(panels) - 1) * top / below * np.sinc(u * load / np.pi)
-    return 2.0 / np.pi * np.cos(np.multiply.outer(np.asarray(x, dtype=float), u)) @ spectrum
+    u, du = wave_numbers(1.0)
+    kernel = (np.sinh(u) + u * np.cosh(u)) / (np.sinh(2.0 * u) + 2.0 * u)
+    waves = np.cos(np.multiply.outer(np.asarray(x, dtype=float), u))
+    return 2.0 / np.pi * waves @ (du * kernel * np.sinc(u * load / np.pi))
 
 
 @dataclass(frozen=True)
@@ -185,35 +179,34 @@ class CattaneoMindlin:
         Raises:
             ValueError: the stick zone reaches the end of the contact.
         """
-        reversal = {"loading": 0.0, "unloading": self.largest, "reloading": -self.largest}[leg]
-        part = abs(Q - reversal) / self.largest * (1.0 if leg == "loading" else 0.5)
-        e = part * self.tension * self.hertz.a / (4.0 * self.f * self.hertz.p0)
+        e = self._since(Q, leg) / self.largest * self.tension
+        e *= self.hertz.a / (4.0 * self.f * self.hertz.p0)
         if abs(e) + self.stick_half_width(Q, leg) > self.hertz.a and e != 0.0:
             raise ValueError("the tension is so large that one side of the contact does not slip")
         return e
 
-    def _part(self, Q: float) -> float:
-        """Half width that sticks when Q is reached from rest: a sqrt(1 - Q / (f P))."""
-        return self.hertz.a * float(np.sqrt(max(1.0 - Q / (self.f * self.hertz.force), 0.0)))
+    def _since(self, Q: float, leg: str) -> float:
+        """Force from rest that slips as far as Q does on a leg: half of it after a reversal."""
+        if leg == "loading":
+            return abs(Q)
+        return 0.5 * abs(Q - (self.largest if leg == "unloading" else -self.largest))
 
     def stick_half_width(self, Q: float, leg: str) -> float:
         """Half width of the stick zone on "loading", "unloading" or "reloading".
 
         c = a sqrt(1 - Q / (f P)); after a reversal a sqrt(1 - |Q - Q_reversal| / (2 f P)).
         """
-        if leg == "loading":
-            return self._part(Q)
-        reversal = self.largest if leg == "unloading" else -self.largest
-        return self._part(0.5 * abs(Q - reversal))
+        part = 1.0 - self._since(Q, leg) / (self.f * self.hertz.force)
+        return self.hertz.a * float(np.sqrt(max(part, 0.0)))
 
     def traction(self, x: ArrayLike, Q: float, leg: str) -> Array:
         """Return q at x: arcs over a, the present stick zone and that of the reversal."""
         if leg == "reloading":
             return -self.traction(x, -Q, "unloading")
-        a, c = self.hertz.a, self._part(self.largest if leg == "unloading" else Q)
-        scale = self.f * self.hertz.p0
-        x = np.asarray(x, dtype=float)
-        e = self.middle(self.largest if leg == "unloading" else Q, "loading")
+        # the traction at the start of the leg
+        a, peak = self.hertz.a, self.largest if leg == "unloading" else Q
+        c, e = self.stick_half_width(peak, "loading"), self.middle(peak, "loading")
+        scale, x = self.f * self.hertz.p0, np.asarray(x, dtype=float)
         first = arc(x, a) - c / a * arc(x - e, c)
         if leg == "loading":
             return scale * first

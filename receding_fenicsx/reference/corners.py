@@ -37,23 +37,12 @@ from numpy.typing import NDArray
 
 from receding_fenicsx.errors import InputError, SolveError
 
-LARGEST, SMALLEST = 2.0, 1e-3
-"""Range of the real part of lambda that is searched."""
-STARTS = (40, 9)
-"""Starts of Newton's method along the real and the imaginary axis of lambda."""
-STEP = 1e-5
-"""Step of the difference quotient in lambda."""
-
 
 def characteristic(lam: NDArray[Any], angle: float, kappa: float, slip: float | None) -> Any:
-    """Return the determinant that vanishes at the exponents.
+    """Return the determinant that vanishes at the exponents, of complex lambda.
 
-    Args:
-        lam: lambda, complex.
-        angle: alpha, in radians.
-        kappa: Kolosov's constant.
-        slip: s f: coefficient of friction in outward slip, its negative in inward slip; None where
-            the contact sticks.
+    The angle is alpha in radians, ``slip`` is s f: the coefficient of friction in outward slip, its
+    negative in inward slip, None where the contact sticks.
     """
     if slip is None:
         return (
@@ -89,23 +78,20 @@ def corner_exponent(angle: float, kappa: float, slip: float | None = None) -> co
     """
     if not 0.0 < angle <= 180.0 or not 1.0 < kappa <= 7.0:
         raise InputError(f"no corner of {angle:g} degrees with kappa = {kappa:g} can be analysed")
-    alpha = math.radians(angle)
-    real, imaginary = np.meshgrid(
-        np.linspace(0.02, LARGEST, STARTS[0]), np.linspace(0.0, 2.0, STARTS[1])
-    )
+    alpha, step, largest, least = math.radians(angle), 1e-5, 2.0, 1e-3  # of lambda
+    # starts of Newton's method
+    real, imaginary = np.meshgrid(np.linspace(0.02, largest, 40), np.linspace(0.0, 2.0, 9))
     lam = (real + 1j * imaginary).ravel()
     with np.errstate(all="ignore"):
         for _ in range(25):
             value = characteristic(lam, alpha, kappa, slip)
-            up, down = (characteristic(lam + d, alpha, kappa, slip) for d in (STEP, -STEP))
-            lam = lam - 2.0 * STEP * value / (up - down)
+            up, down = (characteristic(lam + d, alpha, kappa, slip) for d in (step, -step))
+            lam = lam - 2.0 * step * value / (up - down)
         size = np.abs(characteristic(lam, alpha, kappa, slip))
-    # lambda = 0 is a rigid motion
-    # largest determinant that counts as zero; its terms are of order one
-    good = lam[(size < 1e-8) & (lam.real > SMALLEST) & (lam.real < LARGEST)]
+    # a determinant below 1e-8 counts as zero, its terms are of order one; lambda = 0 is rigid
+    good = lam[(size < 1e-8) & (lam.real > least) & (lam.real < largest)]
     if not len(good):
-        raise SolveError(f"a corner of {angle:g} degrees has no exponent below {LARGEST - 1.0:g}")
-    smallest = good[np.argmin(good.real)]
-    return complex(
-        smallest.real - 1.0, abs(smallest.imag) if abs(smallest.imag) > SMALLEST else 0.0
-    )
+        raise SolveError(f"a corner of {angle:g} degrees has no exponent below {largest - 1.0:g}")
+    found = good[np.argmin(good.real)]
+    imag = abs(found.imag)
+    return complex(found.real - 1.0, imag if imag > least else 0.0)

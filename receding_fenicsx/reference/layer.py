@@ -85,7 +85,7 @@ def _zero(singular: Callable[[float], float]) -> float:
 
 def _pressures(widths: Array, load: float, modulus_ratio: float, second: float = 1.0) -> Array:
     """Return (1 or 2, TERMS + 1) coefficients of sqrt(1 - s^2) U_2n(s) and of 1 / sqrt(1 - s^2)."""
-    k, dk = _wave_numbers(min(1.0, second))
+    k, dk = wave_numbers(min(1.0, second))
     (R, G), (R_2, G_2) = _kernels(k), _kernels(k * second)
     r = modulus_ratio
     kernels, diagonal = [[R]], [1.0 + r]
@@ -129,9 +129,9 @@ def _transforms(k: Array, c: float) -> tuple[Array, Array]:
     return np.cos(np.multiply.outer(k, c * np.cos(angle))) @ terms, terms.sum(axis=0)
 
 
-def _wave_numbers(height: float) -> tuple[Array, Array]:
+def wave_numbers(height: float) -> tuple[Array, Array]:
+    """Return Gauss's points and weights on 0 < k < 40 / h, where R and G have fallen to 1e-16."""
     points, weights = leggauss(8)
-    # Gauss panels over 0 < k < 40 / h, where R and G have fallen to 1e-16
     ends = 40.0 / height * np.linspace(0.0, 1.0, 101) ** 1.5
     width = np.diff(ends)
     k = (ends[:-1, None] + 0.5 * width[:, None] * (points + 1.0)).ravel()
