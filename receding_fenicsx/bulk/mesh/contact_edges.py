@@ -268,6 +268,6 @@ def _check_apart(
         for key in _keys(facets):
             if (place, *key) in taken:
                 raise InputError(
-                    f"{where}: '{edge}' lies on the contact edge '{taken[place, *key]}' where the "
-                    "contact is; use another group, or a span beside the contact's"
+                    f"{where}: '{edge}' overlaps {taken[place, *key]}; use another group, or a "
+                    "span beside its span"
                 )
