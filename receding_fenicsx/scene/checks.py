@@ -5,7 +5,7 @@ from __future__ import annotations
 import difflib
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal, get_args, get_origin
 
 import numpy as np
 from annotated_types import Ge, Le, Lt
@@ -37,6 +37,43 @@ class OneOf:
     def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> Any:
         """Return Pydantic's schema of the choices."""
         return handler.generate_schema(Literal.__getitem__(self.choices))
+
+
+WORDS = {
+    "float": "a number",
+    "int": "a whole number",
+    "bool": "true or false",
+    **dict.fromkeys(("str", "string"), "a string in quotes"),
+    **dict.fromkeys(("tuple", "list"), "a list in brackets"),
+    **dict.fromkeys(("dict", "dataclass"), "a table"),
+    "directions": "a table of both directions",
+}
+"""Types of values in messages, by their names in Python and in Pydantic's errors."""
+
+
+class ByType:
+    """Annotation of alternatives, of which the type of a value decides; errors are those of one.
+
+    Of two tables, the second one has the keys ``forward`` and ``backward``.
+    """
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> Any:
+        """Return Pydantic's schema of the alternatives, tagged by their ``WORDS``."""
+        from pydantic_core.core_schema import tagged_union_schema
+
+        choices: dict[str, Any] = {}
+        for part in get_args(source):
+            inner = get_args(part)[0] if get_origin(part) is Annotated else part
+            word = WORDS[(get_origin(inner) or inner).__name__]
+            choices[WORDS["directions"] if word in choices else word] = handler(part)
+
+        def word_of(value: Any) -> str:
+            directed = isinstance(value, dict) and {*value} & {"forward", "backward"}
+            names = ["directions"] if directed else []
+            names += ["int", "float"] if type(value) is int else [type(value).__name__]
+            return next((WORDS[name] for name in names if WORDS.get(name) in choices), "")
+
+        return tagged_union_schema(choices, discriminator=word_of)
 
 
 class Table:

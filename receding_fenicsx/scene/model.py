@@ -14,6 +14,7 @@ from annotated_types import Ge, Gt, Le, Lt
 from receding_fenicsx.arrays import call_of, described
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.scene.checks import (
+    ByType,
     NotNegative,
     Number,
     OneOf,
@@ -165,7 +166,7 @@ class Refinement(Table):
     """
 
     size: Positive
-    at: Number | Pair | Annotated[str, OneOf("ends", "corners")] = "ends"
+    at: Annotated[Number | Pair | Annotated[str, OneOf("ends", "corners")], ByType()] = "ends"
     growth: Annotated[float, Ge(1.01), Le(3.0)] | None = None
     edge: str | None = None
 

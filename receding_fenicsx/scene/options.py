@@ -11,6 +11,7 @@ from typing import Annotated
 from annotated_types import Ge, Gt, Le, Lt, MaxLen
 
 from receding_fenicsx.scene.checks import (
+    ByType,
     Count,
     Million,
     NotNegative,
@@ -183,7 +184,7 @@ class Support(Table):
 
     fix: Annotated[str, OneOf("x", "y", "xy", "yx")]
     edge: str | None = None
-    point: Pair | str | None = None
+    point: Annotated[Pair | str, ByType()] | None = None
     body: str | None = None
 
 
@@ -210,7 +211,7 @@ class Spring(Table):
     normal: NotNegative = 0.0
     tangential: NotNegative = 0.0
     against: str | None = None
-    point: Pair | str | None = None
+    point: Annotated[Pair | str, ByType()] | None = None
     body: str | None = None
     x: NotNegative = 0.0
     y: NotNegative = 0.0
@@ -414,7 +415,10 @@ class SolverOptions(Table):
     max_sweeps: Count = 20000
     steady_tolerance: Tolerance | None = None
     on_jump: Annotated[str, OneOf("stop", "static")] = "stop"
-    branch: Branch | Thousand = "first"
+    branch: Annotated[Branch | Thousand, ByType()] = "first"
+
+
+Cycles = Annotated[tuple[Annotated[int, Ge(0)], ...] | Annotated[str, OneOf("all")], ByType()]
 
 
 @dataclass(frozen=True, repr=False)
@@ -431,7 +435,7 @@ class OutputOptions(Table):
     """
 
     samples_per_leg: Million | None = None
-    cycles: tuple[Annotated[int, Ge(0)], ...] | Annotated[str, OneOf("all")] | None = None
+    cycles: Cycles | None = None
     checkpoint_cycles: Count = 10
 
     def samples_on(self, legs: int) -> int:

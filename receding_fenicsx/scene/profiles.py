@@ -16,15 +16,18 @@ from numpy.typing import ArrayLike, NDArray
 
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.errors import InputError
-from receding_fenicsx.scene.checks import LARGEST, Number, OneOf, check_known, suggestion
+from receding_fenicsx.scene.checks import LARGEST, ByType, Number, OneOf, check_known, suggestion
 
-Profile = Number | str | dict[Annotated[str, OneOf("x", "value")], list[Number]]
+TableProfile = dict[Annotated[str, OneOf("x", "value")], list[Number]]
+Profile = Annotated[Number | str | TableProfile, ByType()]
 """A number, an expression in x (and y), or a table {"x": [...], "value": [...]}."""
 
 DIRECTIONS = ("forward", "backward")
 """Directions of slip, keys of a friction that differs between them."""
 
-FrictionProfile = Profile | dict[Annotated[str, OneOf(*DIRECTIONS)], Profile]
+FrictionProfile = Annotated[
+    Number | str | TableProfile | dict[Annotated[str, OneOf(*DIRECTIONS)], Profile], ByType()
+]
 """A profile, or one for each of the ``DIRECTIONS``."""
 
 

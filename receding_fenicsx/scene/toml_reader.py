@@ -13,7 +13,7 @@ from typing import Any, get_args, get_type_hints
 
 from receding_fenicsx.arrays import shortened
 from receding_fenicsx.errors import InputError, InputErrors
-from receding_fenicsx.scene.checks import LARGEST, SMALLEST, Table, is_given, suggestion
+from receding_fenicsx.scene.checks import LARGEST, SMALLEST, WORDS, Table, is_given, suggestion
 from receding_fenicsx.scene.model import RECTANGLE_KEYS, TABLE_OF, Material, Scene
 
 Place = tuple[str | int, ...]
@@ -159,71 +159,17 @@ def convert(kind: type, raw: Any, label: Callable[[Place], tuple[str, Place]]) -
         return type_adapter(kind).validate_json(text)
     except ValidationError as error:
         errors: list[Any] = error.errors(include_url=False)
-    raw = json.loads(text)
-    wrong = _resolved([(_steps(raw, item), item) for item in errors])
-    lines = [*dict.fromkeys(_message(kind, place, item, label) for place, item in wrong)]
+    lines = [*dict.fromkeys(_message(kind, item, label) for item in errors)]
     more = [f"{_where(label, ())}: {len(lines) - 20} more errors"] if len(lines) > 20 else []
     raise InputErrors(*lines[:20], *more)
 
 
-def _steps(raw: Any, item: dict[str, Any]) -> list[tuple[str | int, bool]]:
-    """Return the parts of an error's location, each with whether it is a branch of a union."""
-    found: list[tuple[str | int, bool]] = []
-    for part in item["loc"]:
-        inside = isinstance(raw, dict) and part in raw
-        inside |= isinstance(raw, list) and isinstance(part, int) and part < len(raw)
-        raw = raw[part] if inside else raw
-        missing = item["type"] == "missing" and len(found) == len(item["loc"]) - 1
-        found.append((part, not inside and not missing))
-    if found and found[-1][0] == "[key]":
-        found.pop()
-        item["type"] = "key"
-    return found
-
-
-def _resolved(errors: list[Any]) -> list[tuple[Place, dict[str, Any]]]:
-    """Return the errors with their places: of a union those of the branch that fits best."""
-    found: list[tuple[Place, dict[str, Any]]] = []
-    unions: dict[Place, dict[str | int, list[Any]]] = {}
-    for steps, item in errors:
-        first = next((k for k, (_, branch) in enumerate(steps) if branch), len(steps))
-        place = tuple(part for part, _ in steps[:first])
-        if first == len(steps):
-            found.append((place, item))
-        else:
-            branches = unions.setdefault(place, {})
-            branches.setdefault(steps[first][0], []).append((steps[first + 1 :], item))
-    for place, branches in unions.items():
-        own = [item for inner in branches.values() for steps, item in inner if not steps]
-        literal = [item for item in own if item["type"] == "literal_error"]
-        wrong = [*literal, *filter(_wanted, own)]
-        fitting = [b for b in branches.values() if not any(item in wrong for _, item in b)]
-        if fitting:
-            best = min(fitting, key=lambda inner: sum(item["type"] == "key" for _, item in inner))
-            found += [(place + inner, item) for inner, item in _resolved(best)]
-        else:
-            choices = re.findall("'[^']*'", literal[0]["ctx"]["expected"]) if literal else []
-            types = [*filter(None, map(_wanted, own))]
-            text = isinstance(own[0]["input"], str)
-            wanted = dict.fromkeys([*choices, *types] if text else [*types, *choices])
-            found.append((place, {**own[0], "type": "union", "wanted": [*wanted]}))
-    return found
-
-
-def _wanted(item: dict[str, Any]) -> str:
-    """Return what a value should be, for an error of a wrong type; "" for others."""
-    kind, _, reason = item["type"].partition("_")
-    names = {"float": "a number", "int": "a whole number", "string": "a string in quotes"}
-    names |= {"bool": "true or false", "dict": "a table", "dataclass": "a table"}
-    names |= dict.fromkeys(("tuple", "list"), "a list in brackets")
-    return names.get(kind, "") if reason in ("type", "from_float") else ""
-
-
-def _message(
-    kind: type, place: Place, item: dict[str, Any], label: Callable[[Place], tuple[str, Place]]
-) -> str:
+def _message(kind: type, item: dict[str, Any], label: Callable[[Place], tuple[str, Place]]) -> str:
     """Return one line for an error: where it is, what is wrong, what to do."""
     error, value, bounds = item["type"], item["input"], item.get("ctx", {})
+    place = tuple(part for part in item["loc"] if part not in WORDS.values())
+    if place[-1:] == ("[key]",):
+        place, error = place[:-1], "key"
     pair = error == "too_long" or (error == "missing" and isinstance(place[-1], int))
     keyed = error in ("missing", "unexpected_keyword_argument", "key") and not pair
     inside = place[:-1] if error == "missing" or keyed else place
@@ -241,22 +187,26 @@ def _message(
     if error == "string_too_long":
         most = bounds["max_length"]
         return f"{where}: must have at most {most} characters, not {len(value)}"
-    words = "a finite number" if error == "finite_number" else _wanted(item) or item["msg"]
-    wanted = ["a pair [a, b]"] if pair else item.get("wanted", [words])
+    wanted = "a finite number" if error == "finite_number" else item["msg"]
+    if pair:
+        wanted = "a pair [a, b]"
+    elif error == "union_tag_invalid":
+        *others, last = re.findall("'([^']*)'", bounds["expected_tags"])
+        wanted = f"{', '.join(others)} or {last}"
+    elif error.endswith(("_type", "_from_float")):
+        wanted = WORDS[error.partition("_")[0]]
     for key, words in (("gt", "above"), ("ge", "at least"), ("lt", "below"), ("le", "at most")):
         if key in bounds and not pair:
             bound = bounds[key]
             if abs(bound) in (LARGEST, SMALLEST) and value > 0.0:
                 beyond = f"{'below' if bound == SMALLEST else 'beyond'} {bound:g}"
                 return f"{where}: {shown} is {beyond}; choose units in which it is nearer to 1"
-            limit = f"{words} {bound if isinstance(bound, int) else f'{bound:g}'}"
-            positive = bound == SMALLEST or (key == "gt" and bound == 0)
-            wanted = ["positive" if positive else "0 or more" if limit == "at least 0" else limit]
-    choices = " or ".join([*([", ".join(wanted[:-1])] if wanted[1:] else []), wanted[-1]])
-    choices = choices.replace("'", '"')
-    if isinstance(value, str) and "'" in wanted[0]:
-        return f"{where}: {shown} is unknown; use {choices}"
-    return f"{where}: must be {choices}, not {shown}"
+            wanted = f"{words} {bound if isinstance(bound, int) else f'{bound:g}'}"
+            if bound == SMALLEST or (key == "gt" and bound == 0):
+                wanted = "positive"
+            elif wanted == "at least 0":
+                wanted = "0 or more"
+    return f"{where}: must be {wanted}, not {shown}"
 
 
 def _where(label: Callable[[Place], tuple[str, Place]], place: Place) -> str:
@@ -341,8 +291,12 @@ def _cleaned(schema: Any) -> Any:
     if found.get("minimum") == SMALLEST:
         found["exclusiveMinimum"] = 0
         del found["minimum"]
-    if "anyOf" in found:
-        options = [item for item in found.pop("anyOf") if item != {"type": "null"}]
+    if "anyOf" in found or "oneOf" in found:
+        options = [
+            item
+            for item in found.pop("anyOf", None) or found.pop("oneOf")
+            if item != {"type": "null"}
+        ]
         if any(item.get("propertyNames", {}).get("enum") == ["x", "value"] for item in options):
             options.append({"$ref": "#/$defs/File"})
         found |= options[0] if len(options) == 1 else {"anyOf": options}
