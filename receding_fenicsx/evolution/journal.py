@@ -171,10 +171,14 @@ def unpacked(path: Path, system: ContactSystem) -> list[FinishedCycle]:
         fits = all(tables[key].shape[1:] == (size,) for key, size in shapes.items())
         if not fits or tables["events"].dtype != event_rows(system).dtype:
             raise ValueError("of another system")
-        columns = [tables[key].tolist() for key in ("cycle", "leg", "s")]
-        columns += [[row.copy() for row in tables[key]] for key in ("load", "v", *STATE)]
-        rows = zip(*columns, strict=True)
-        instants = iter([Instant(*row[:5], ContactState(*row[5:])) for row in rows])
+        places = zip(*(tables[key].tolist() for key in ("cycle", "leg", "s")), strict=True)
+        arrays = zip(*(map(np.copy, tables[key]) for key in ("load", "v", *STATE)), strict=True)
+        instants = iter(
+            [
+                Instant(cycle, leg, s, load, v, ContactState(*state))
+                for (cycle, leg, s), (load, v, *state) in zip(places, arrays, strict=True)
+            ]
+        )
         cycles, events = [], tables["events"]
         for k, row in enumerate(about):
             corners = list(islice(instants, row["corners"]))
@@ -183,7 +187,8 @@ def unpacked(path: Path, system: ContactSystem) -> list[FinishedCycle]:
             cycles.append(
                 FinishedCycle(
                     corners,
-                    *(tables[key][k].copy() for key in ("dissipation", "slip")),
+                    tables["dissipation"][k].copy(),
+                    tables["slip"][k].copy(),
                     Totals(**row["totals"]),
                     None if row["samples"] is None else samples,
                     Uniqueness(**unique | {"nodes": tuple(unique["nodes"])}),
