@@ -15,9 +15,7 @@ from receding_fenicsx.bulk.mesh.raw_mesh import (
     Line,
     RawMesh,
     cells_behind,
-    check_span,
     curve_of,
-    line_of,
     nearest_facet,
 )
 from receding_fenicsx.errors import InputError, MeshMisfit
@@ -62,7 +60,7 @@ def find_interfaces(
         place, tie = scene.bodies.index(body), k >= len(scene.contacts)
         mesh = meshes[place]
         line = curve_of(mesh, edge, f"{where} edge")
-        facets = _facets_in(mesh, edge, line, joint.span, None if half else f"{where} span")
+        facets = _facets_in(mesh, edge, joint.span, f"{where} span", half)
         if joint.against is None:
             found.append(ContactFacets(k, place, edge, facets, line, (line, 1.0), True, tie))
             continue
@@ -79,21 +77,29 @@ def find_interfaces(
     return tuple(found)
 
 
-def middle_of(meshes: Sequence[RawMesh], interfaces: Sequence[ContactFacets]) -> Array:
-    """Return the middle (2,) of the box around all contacts."""
-    points = np.vstack([side.points(meshes).reshape(-1, 2) for side in interfaces if not side.tie])
-    return np.asarray(0.5 * (points.min(axis=0) + points.max(axis=0)))
-
-
 def _facets_in(
-    mesh: RawMesh, edge: str, line: Along, span: tuple[float, float] | None, where: str | None
+    mesh: RawMesh, edge: str, span: tuple[float, float] | None, where: str, half: bool
 ) -> Ints:
-    """Return the numbers of the facets of an edge in a span, which is checked unless half."""
+    """Return the numbers of the facets of an edge in a span, whose ends are vertices."""
     facets = mesh.edges[edge]
     if span is None:
         return np.arange(len(facets))
-    if where is not None:
-        check_span(mesh, facets, line, span, where)
+    line = curve_of(mesh, edge, where)
+    along, near = line.along(mesh.points[np.unique(facets)]), STRAIGHT_TOLERANCE * line.length
+    if not half and not span[1] - span[0] > near:
+        raise InputError(f"{where}: [{span[0]:g}, {span[1]:g}] is empty; write [lower, upper end]")
+    for end in () if half else span:
+        if not along.min() - near <= end <= along.max() + near:
+            raise InputError(
+                f"{where}: {end:g} lies beyond the edge, which runs from {along.min():g} to "
+                f"{along.max():g}; shorten the span"
+            )
+        closest = along[np.argmin(np.abs(along - end))]
+        if abs(closest - end) > near:
+            raise MeshMisfit(
+                f"{where}: no vertex of the mesh lies at {end:g}, the nearest at {closest:g}; put "
+                "a point of the geometry there, or move the end"
+            )
     middle = line.along(mesh.points[facets].mean(axis=1))
     return np.flatnonzero((middle > span[0]) & (middle < span[1]))
 
@@ -131,7 +137,7 @@ def _check_groups(scene: Scene, name: str, mesh: RawMesh, half: bool) -> None:
                 f"{where}: the group '{group}' lies {place} at ({x:g}, {y:g}); use curves of its "
                 "boundary"
             )
-        own = _keys(facets)
+        own = list(map(tuple, np.sort(facets, axis=1).tolist()))
         shared = [key for key in own if key in group_of]
         if shared:
             x, y = mesh.points[list(shared[0])].mean(axis=0)
@@ -141,11 +147,6 @@ def _check_groups(scene: Scene, name: str, mesh: RawMesh, half: bool) -> None:
                 "scene uses"
             )
         group_of |= dict.fromkeys(own, group)
-
-
-def _keys(facets: Ints) -> list[tuple[int, ...]]:
-    """Return the points of each facet, alike in both orientations."""
-    return list(map(tuple, np.sort(facets, axis=1).tolist()))
 
 
 class _Side:
@@ -239,35 +240,32 @@ def _check_apart(
     scene: Scene, meshes: Sequence[RawMesh], found: Sequence[ContactFacets], half: bool
 ) -> None:
     """Check that contacts and ties share no facet with each other, loads and supports."""
-    # the contact or tie of each facet of each body
-    taken: dict[tuple[int, ...], str] = {}
+    every = []
     for side in found:
-        joint, label = scene.joints[side.joint], scene.joint_labels[side.joint]
-        first = scene.find_edge(joint.edge) == (scene.bodies[side.body], side.edge)
-        name = joint.edge if first else str(joint.against)
-        for key in _keys(meshes[side.body].edges[side.edge][side.facets]):
-            if (side.body, *key) in taken:
-                x, y = meshes[side.body].points[list(key)].mean(axis=0)
-                raise InputError(
-                    f"{label}: '{name}' overlaps {taken[side.body, *key]} at ({x:g}, {y:g}); keep "
-                    "them apart by their spans or groups"
-                )
-            taken[side.body, *key] = label
+        joint, body = scene.joints[side.joint], scene.bodies[side.body]
+        first = scene.find_edge(joint.edge) == (body, side.edge)
+        name = joint.edge if first else joint.against
+        every.append((scene.joint_labels[side.joint], name, side.body, side.edge, side.facets))
     uses = [(part.edge, part.label, part.span) for part in scene.edge_parts]
     uses += [(s.edge, "[[support]] edge", None) for s in scene.supports if s.edge is not None]
-    for edge, where, span in uses:
-        body, name = scene.find_edge(edge)
-        if body.mesh is None and not scene.others:
-            # checked by the scene
-            continue
-        place = scene.bodies.index(body)
-        facets = meshes[place].edges[name]
-        if span is not None and not half:
-            line = line_of(meshes[place], name, f"{where} span")
-            facets = facets[_facets_in(meshes[place], name, line, span, f"{where} span")]
-        for key in _keys(facets):
-            if (place, *key) in taken:
-                raise InputError(
-                    f"{where}: '{edge}' overlaps {taken[place, *key]}; use another group, or a "
-                    "span beside its span"
-                )
+    for name, where, span in uses:
+        body, edge = scene.find_edge(name)
+        # of one rectangle checked by the scene
+        if body.mesh is not None or scene.others:
+            place = scene.bodies.index(body)
+            facets = _facets_in(meshes[place], edge, span, f"{where} span", half)
+            every.append((where, name, place, edge, facets))
+    # the contact or tie of each facet of each edge; groups do not overlap
+    taken: dict[tuple[int, str], Ints] = {}
+    for k, (where, name, place, edge, facets) in enumerate(every):
+        ends = meshes[place].edges[edge]
+        joints = taken.setdefault((place, edge), np.full(len(ends), -1))
+        shared = facets[joints[facets] >= 0]
+        if len(shared):
+            x, y = meshes[place].points[ends[shared[0]]].mean(axis=0)
+            raise InputError(
+                f"{where}: '{name}' overlaps {scene.joint_labels[joints[shared[0]]]} at ({x:g}, "
+                f"{y:g}); keep them apart by their spans or groups"
+            )
+        if k < len(found):
+            joints[facets] = found[k].joint

@@ -15,19 +15,9 @@ from numpy.typing import NDArray
 
 from receding_fenicsx.arrays import Array, Ints
 from receding_fenicsx.bulk import _dolfinx
-from receding_fenicsx.bulk.mesh.contact_edges import (
-    ContactFacets,
-    edges_of,
-    find_interfaces,
-    middle_of,
-)
+from receding_fenicsx.bulk.mesh.contact_edges import ContactFacets, edges_of, find_interfaces
 from receding_fenicsx.bulk.mesh.curved_edges import Arcs
-from receding_fenicsx.bulk.mesh.raw_mesh import (
-    Line,
-    RawMesh,
-    line_of,
-    with_radii,
-)
+from receding_fenicsx.bulk.mesh.raw_mesh import Line, RawMesh, line_of, with_radii
 from receding_fenicsx.bulk.mesh.rectangle import rectangle_mesh
 from receding_fenicsx.bulk.mesh.user_mesh import read_user_meshes
 from receding_fenicsx.errors import InputError
@@ -85,11 +75,10 @@ def make_meshes(comm: MPI.Comm, scene: Scene, half: bool) -> tuple[BodyMesh, ...
     def tagged() -> list[tuple[dict[str, Any], tuple[NDArray[Any], ...]]]:
         meshes = raw_meshes(scene, half)
         interfaces = find_interfaces(scene, meshes, half and not scene.axisymmetric)
-        shared = {
-            "size": max(mesh.size for mesh in meshes),
-            "pivot": middle_of(meshes, interfaces),
-            "half": half,
-        }
+        contacts = [side.points(meshes).reshape(-1, 2) for side in interfaces if not side.tie]
+        low, high = np.min(np.vstack(contacts), axis=0), np.max(np.vstack(contacts), axis=0)
+        size = max(mesh.size for mesh in meshes)
+        shared = {"size": size, "pivot": 0.5 * (low + high), "half": half}
         return [
             (found | shared, arrays)
             for body, mesh in zip(scene.bodies, meshes, strict=True)

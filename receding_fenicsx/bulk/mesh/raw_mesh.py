@@ -101,10 +101,6 @@ class Line:
         return np.tile(0.0 - self.outward, (len(points), 1))
 
 
-class NotStraight(InputError):
-    """An edge that has to be straight is not."""
-
-
 def sides(cells: Ints) -> tuple[Ints, Ints]:
     """Return the sides of all cells (n, 2), the smaller point first, and the cell of each."""
     pairs = np.stack([cells, np.roll(cells, -1, axis=1)], axis=2).reshape(-1, 2)
@@ -120,72 +116,6 @@ def cells_behind(mesh: RawMesh, facets: Ints) -> tuple[Ints, Ints]:
     count = np.searchsorted(keys, wanted, side="right") - first
     found = owner[np.minimum(first, len(owner) - 1)]
     return count, np.where(count > 0, found, -1)
-
-
-def line_of(mesh: RawMesh, edge: str, where: str) -> Line:
-    """Return the line of an edge in one piece; NotStraight where it is none."""
-    facets = mesh.facets(edge, where)
-    points = mesh.points[np.unique(facets)]
-    # the two ends: farthest from any point, and farthest from that one
-    end = points[np.argmax(np.hypot(*(points - points[0]).T))]
-    other = points[np.argmax(np.hypot(*(points - end).T))]
-    length = float(np.hypot(*(other - end)))
-    direction = (other - end) / length
-    # the larger component is positive
-    direction = direction * np.sign(direction[np.argmax(np.abs(direction))]) + 0.0
-    middle = mesh.middles.get(edge, 0.5 * (end + other))
-    offset = float((0.5 * (end + other) - middle) @ direction)
-    if abs(abs(offset) - 0.5 * length) <= STRAIGHT_TOLERANCE * length:
-        # measured from one of its ends, away from that
-        direction = direction * np.sign(offset)
-    normal = np.array([direction[1], -direction[0]])
-    off = float(np.abs((points - end) @ normal).max())
-    if off > STRAIGHT_TOLERANCE * length:
-        raise NotStraight(
-            f"{where}: '{edge}' is not straight, it is {off:.3g} off the line between its "
-            "ends; split it into straight groups, each with a table of its own"
-        )
-    centres = mesh.points[mesh.cells[cells_behind(mesh, facets)[1]]].mean(axis=1)
-    side = np.sign((centres - end) @ normal)
-    if np.ptp(side) > 0.0:
-        raise InputError(
-            f"{where}: the body lies on both sides of '{edge}'; give each side a group of its own"
-        )
-    if not mesh.upright:
-        # the normal lies to the right of the direction
-        direction = -side[0] * direction + 0.0
-    ends = np.sort((mesh.points[facets] - middle) @ direction, axis=1)
-    ends = ends[np.argsort(ends[:, 0])]
-    gaps = np.abs(ends[1:, 0] - ends[:-1, 1])
-    if np.any(gaps > STRAIGHT_TOLERANCE * length):
-        i = int(np.argmax(gaps))
-        raise InputError(
-            f"{where}: '{edge}' is in pieces, with nothing from {ends[i, 1]:g} to "
-            f"{ends[i + 1, 0]:g} along it; give each piece a group and a table of its own"
-        )
-    return Line(middle, direction, -side[0] * normal + 0.0, length)
-
-
-def check_span(
-    mesh: RawMesh, facets: Ints, line: Along, span: tuple[float, float], where: str
-) -> None:
-    """Check that a span is part of its edge and ends at vertices; ``where`` begins messages."""
-    along = line.along(mesh.points[np.unique(facets)])
-    near = STRAIGHT_TOLERANCE * line.length
-    if not span[1] - span[0] > near:
-        raise InputError(f"{where}: [{span[0]:g}, {span[1]:g}] is empty; write [lower, upper end]")
-    for end in span:
-        if not along.min() - near <= end <= along.max() + near:
-            raise InputError(
-                f"{where}: {end:g} lies beyond the edge, which runs from {along.min():g} to "
-                f"{along.max():g}; shorten the span"
-            )
-        if np.abs(along - end).min() > near:
-            closest = along[np.argmin(np.abs(along - end))]
-            raise MeshMisfit(
-                f"{where}: no vertex of the mesh lies at {end:g}, the nearest at {closest:g}; put "
-                "a point of the geometry there, or move the end"
-            )
 
 
 @dataclass(frozen=True)
@@ -241,12 +171,19 @@ def nearest_facet(points: Array, a: Array, b: Array) -> tuple[Ints, Array, Array
     return facet, s[rows, facet], apart[rows, facet]
 
 
+def line_of(mesh: RawMesh, edge: str, where: str) -> Line:
+    """Return the line of a straight edge in one piece."""
+    line = curve_of(mesh, edge, where)
+    if not isinstance(line, Line):
+        raise InputError(
+            f"{where}: '{edge}' is not straight; split it into straight groups, each with a table "
+            "of its own"
+        )
+    return line
+
+
 def curve_of(mesh: RawMesh, edge: str, where: str) -> Line | Curve:
     """Return the line of a straight edge, the curve of another one; both are in one piece."""
-    try:
-        return line_of(mesh, edge, where)
-    except NotStraight:
-        pass
     facets = mesh.facets(edge, where)
     a, b = np.moveaxis(mesh.points[facets], 1, 0)
     inside = mesh.points[mesh.cells[cells_behind(mesh, facets)[1]]].mean(axis=1) - a
@@ -269,6 +206,31 @@ def curve_of(mesh: RawMesh, edge: str, where: str) -> Line | Curve:
             "and a table of its own"
         )
     vertices = mesh.points[chain]
+    return _straight(mesh, edge, vertices) or _curved(vertices, closed, f"{where}: '{edge}'")
+
+
+def _straight(mesh: RawMesh, edge: str, vertices: Array) -> Line | None:
+    """Return the line through the vertices of an edge, which has the body on the left, if any."""
+    first, last = vertices[[0, -1]]
+    length = float(np.hypot(*(last - first)))
+    direction = (last - first) / (length or 1.0)
+    outward = np.array([direction[1], -direction[0]])
+    off = np.abs((vertices - first) @ outward).max()
+    if off > STRAIGHT_TOLERANCE * length or np.diff(vertices @ direction).min() <= 0.0:
+        return None
+    middle = mesh.middles.get(edge, 0.5 * (first + last))
+    if mesh.upright:
+        # the larger component is positive
+        direction = direction * np.sign(direction[np.argmax(np.abs(direction))])
+        offset = float((0.5 * (first + last) - middle) @ direction)
+        if abs(abs(offset) - 0.5 * length) <= STRAIGHT_TOLERANCE * length:
+            # measured from one of its ends, away from that
+            direction = direction * np.sign(offset)
+    return Line(middle, direction + 0.0, outward + 0.0, length)
+
+
+def _curved(vertices: Array, closed: bool, where: str) -> Curve:
+    """Return the curve through the vertices of an edge, which has the body on the left."""
     step = np.diff(vertices, axis=0)
     length = np.hypot(step[:, 0], step[:, 1])
     chord = np.unwrap(np.arctan2(step[:, 1], step[:, 0]))
@@ -283,7 +245,7 @@ def curve_of(mesh: RawMesh, edge: str, where: str) -> Line | Curve:
         k = int(np.argmax(np.abs(turns)))
         x, y = vertices[k if closed else k + 1]
         raise MeshMisfit(
-            f"{where}: '{edge}' turns by {np.degrees(abs(turns[k])):.0f} degrees at ({x:g}, "
+            f"{where} turns by {np.degrees(abs(turns[k])):.0f} degrees at ({x:g}, "
             f"{y:g}); make it a group on either side of a corner, or refine the curve"
         )
     angle = chord[:-1] + turns * length[:-1] / (length[:-1] + length[1:])
