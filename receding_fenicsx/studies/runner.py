@@ -265,13 +265,8 @@ class Runner:
         self.systems = None if self.folder is None else self.folder / SYSTEMS
         self.finished = {} if self.file is None else self.file.read(final=True)
 
-    def outcomes(
-        self, cases: Sequence[Case], measure: Measure, here: bool = False
-    ) -> list[Outcome]:
-        """Run the cases of this share that are not finished; return the outcomes of all.
-
-        ``here`` runs them in this process, without progress.
-        """
+    def outcomes(self, cases: Sequence[Case], measure: Measure) -> list[Outcome]:
+        """Run the cases of this share that are not finished; return the outcomes of all."""
         finished = self.finished
         # cases of one body follow each other: a process keeps few condensed systems
         order = sorted(range(len(cases)), key=lambda number: cases[number].body)
@@ -279,25 +274,21 @@ class Runner:
         share = order[first - 1 :: step]
         lacking = {k for k, c in enumerate(cases) if not c.error and c.identity not in finished}
         todo = {k: cases[k] for k in share if k in lacking}
-        if lacking and self.folder is not None:
-            for name in self.kind.results:
-                (self.folder / name).unlink(missing_ok=True)
+        if lacking:
+            self._remove_results()
         done, failed = len(share) - len(todo), 0
         tell = Countdown(self.options.progress, f"{self.kind.name}: case")
-        if self.executor is not None and not here:
+        if self.executor is not None:
             play_all = _on_executor(self.executor, todo, measure)
-        elif self.workers is not None and not here:
+        elif self.workers is not None:
             play_all = _on_processes(todo, measure, self.workers)
         else:
             play_all = ((number, play(case, measure)) for number, case in todo.items())
         with contextlib.closing(play_all) as played:
             for more, (number, outcome) in enumerate(played, 1):
-                finished[cases[number].identity] = outcome
-                if self.file is not None:
-                    self.file.add(cases[number], outcome)
+                self._finish(cases[number], outcome)
                 failed += bool(outcome.error)
-                if not here:
-                    tell(done + more, len(share), f"{failed} failed")
+                tell(done + more, len(share), f"{failed} failed")
         if self.file is not None and step > 1:
             finished = self.file.read() | finished
         missing = Outcome({}, "not finished, in another share", final=False)
@@ -307,6 +298,23 @@ class Runner:
         ]
         self.complete = self.complete and all(outcome is not missing for outcome in found)
         return found
+
+    def cells_of(self, case: Case, measure: Callable[[], dict[str, Any]]) -> dict[str, Any]:
+        """Return the cells of a finished case, or measure it here; an error is raised, not kept."""
+        if case.identity not in self.finished or self.finished[case.identity].error:
+            self._remove_results()
+            self._finish(case, Outcome(measure()))
+        return self.finished[case.identity].cells
+
+    def _remove_results(self) -> None:
+        if self.folder is not None:
+            for name in self.kind.results:
+                (self.folder / name).unlink(missing_ok=True)
+
+    def _finish(self, case: Case, outcome: Outcome) -> None:
+        self.finished[case.identity] = outcome
+        if self.file is not None:
+            self.file.add(case, outcome)
 
     def write(self, files: Callable[[], Mapping[str, Any]]) -> None:
         """Write the results by their names, when all cases are finished.

@@ -225,10 +225,9 @@ def steady_states_figure(states: SteadyStates) -> Figure:
         left.legend(loc="lower right")
         left.set(xlabel="dissipation per cycle of the steady state", ylabel="starts, sorted")
         found = np.unique(states.state[states.state > 0])
-        colours = mpl.colors.ListedColormap([style.STATE_COLOURS[s] for s in State])
         places = np.arange(len(states.x)) if len(states.x) < 2 else states.x
         shown = np.ma.masked_equal(states.state[order], 0)
-        right.pcolormesh(places, rows, shown, cmap=colours, vmin=0.5, vmax=4.5, rasterized=True)
+        style.state_mesh(right, places, rows, shown)
         right.set(xlabel="$x$")
         figure.legend(
             handles=style.state_patches(found), loc="outside upper center", ncols=len(found)

@@ -5,6 +5,7 @@ import json
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 from mpi4py import MPI
 
@@ -204,16 +205,22 @@ def test_carried_profiles_become_node_pairs_for_small_strokes() -> None:
     assert worn[0] / worn.sum() == pytest.approx(0.3, rel=1e-9)
 
 
-def test_a_kill_and_resume_repeat_an_undisturbed_study_bit_by_bit(tmp_path: Path) -> None:
+@pytest.mark.parametrize("error", [KeyboardInterrupt(), rf.SolveError("fails once")])
+def test_a_kill_or_failure_and_resume_repeat_an_undisturbed_study_bit_by_bit(
+    error: BaseException, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     scene = cylinders(40, "wear.cycles=5000")
     whole = worn(scene, tmp_path / "whole")
 
-    def stop(text: str) -> None:
-        if text.startswith("wear: cycle") and getattr(text, "done", 0) > 1500:
-            raise KeyboardInterrupt
+    def stop(model: NodePairs, row: Any, *options: float) -> Any:
+        if row["cycles"] > 1500:
+            raise error
+        return advance(model, row, *options)
 
-    with pytest.raises(rf.Interrupted, match="--resume"):
-        rf.wear(scene, tmp_path / "cut", StudyOptions(progress=stop))
+    with monkeypatch.context() as patch:
+        patch.setattr("receding_fenicsx.studies.wear.study.advance", stop)
+        with pytest.raises((rf.Interrupted, rf.SolveError), match=r"--resume|fails once"):
+            rf.wear(scene, tmp_path / "cut")
     with open(tmp_path / "cut" / "cases.jsonl", "ab") as file:
         file.write(b"torn")
     again = worn(scene, tmp_path / "cut", StudyOptions(resume=True))

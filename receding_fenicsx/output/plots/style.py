@@ -16,9 +16,11 @@ from typing import Any
 
 import matplotlib as mpl
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.cbook import is_math_text
+from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
 from matplotlib.font_manager import FontProperties
 from matplotlib.patches import Patch
@@ -172,6 +174,12 @@ def state_patches(states: Iterable[int], friction: ArrayLike = True) -> list[Pat
         Patch(fc=STATE_COLOURS[State(s)], ec="black", lw=0.4, label=labels[State(s)])
         for s in sorted({int(s) for s in states})
     ]
+
+
+def state_mesh(axes: Axes, x: Array, y: Array, states: ArrayLike) -> None:
+    """Fill the cells of a grid with the colours of states."""
+    colours = ListedColormap([STATE_COLOURS[s] for s in State])
+    axes.pcolormesh(x, y, states, cmap=colours, vmin=0.5, vmax=4.5, rasterized=True)
 
 
 def panel_title(n: int, panels: int, text: str) -> str:

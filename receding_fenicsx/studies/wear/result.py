@@ -104,10 +104,10 @@ class WearStudy:
         error = steps.max(axis=1) + by_mesh * self.depth_max + bend
         self.depth_estimate = np.where(at_corner, np.inf, error)
 
-    def table(self) -> list[dict[str, float]]:
-        """Return the rows of ``wear.csv``."""
-        columns = zip(*(getattr(self, name).tolist() for name in COLUMNS), strict=True)
-        return [dict(zip(COLUMNS, row, strict=True)) for row in columns]
+    @property
+    def last(self) -> dict[str, float]:
+        """The last row of ``wear.csv``."""
+        return {name: float(getattr(self, name)[-1]) for name in COLUMNS}
 
     def record(self, row: int) -> Record:
         """Return the record of the cycle of a row: all that a run knows of the worn contact."""
@@ -137,7 +137,7 @@ class WearStudy:
         return {
             "end": self.end,
             "steps": len(self.rows) - 1,
-            **self.table()[-1],
+            **self.last,
             "estimates": {
                 "depth_max": float(self.depth_estimate[-1]),
                 "volume": float(self.volume_estimate[-1]),
@@ -158,9 +158,8 @@ class WearStudy:
 
     def __repr__(self) -> str:
         """Return the last row, its estimates, and the end."""
-        last = self.table()[-1]
-        by = " (steps)" if self.coarse is None else " (steps, mesh)"
-        contact, stick = self.contact_half_width[-1], self.stick_half_width[-1]
+        last, by = self.last, " (steps)" if self.coarse is None else " (steps, mesh)"
+        contact, stick = last["contact_half_width"], last["stick_half_width"]
         rows = [
             ("end", self.end),
             ("depth", f"{last['depth_max']:.6g} +- {self.depth_estimate[-1]:.1g}{by}"),
@@ -193,7 +192,14 @@ def ends_of_edges(system: ContactSystem) -> NDArray[np.bool_]:
 
 
 @mpl.rc_context(style.RC)
-def profiles_figure(study: WearStudy) -> Figure:
+def figures(study: WearStudy) -> dict[str, Figure]:
+    """Draw a study: profiles and zones, and fatigue parameters where there are some."""
+    found = {"profiles.png": _profiles(study), "zones.png": _zones(study)}
+    fatigue = study.fatigue()
+    return found | ({"fatigue.png": fatigue_figure(fatigue)} if fatigue else {})
+
+
+def _profiles(study: WearStudy) -> Figure:
     """Draw worn depth and pressure over x at some numbers of cycles, evenly by the depth."""
     figure = style.new_figure(style.COLUMN, 4.2)
     upper, lower = figure.subplots(2, 1, sharex=True)
@@ -201,9 +207,8 @@ def profiles_figure(study: WearStudy) -> Figure:
         upper.plot(study.x, study.pressure[row], color=colour)
         label = f"{study.cycles[row]:,.0f} cycles"
         lower.plot(study.x, -study.depth[row], color=colour, label=label)
-    upper.set_ylabel("$p$")
+    upper.set(ylabel="$p$", ylim=(0.0, None))
     lower.set(xlabel="$x$", ylabel="worn depth, downwards", xlim=_seen(study))
-    upper.set_ylim(bottom=0.0)
     figure.legend(loc="outside lower center", ncols=3)
     return figure
 
@@ -214,35 +219,29 @@ def fatigue_figure(found: list[dict[str, Any]]) -> Figure:
     figure = style.new_figure(style.COLUMN, 2.8)
     axes = figure.subplots()
     cycles = [one["cycles"] for one in found]
-    for k, name in enumerate(found[0]["parameters"]):
+    for name, marker, colour in zip(
+        found[0]["parameters"], "os^vDx", style.SERIES_COLOURS, strict=False
+    ):
         value = np.array([one["parameters"][name]["max"] for one in found])
         if value[0] > 0.0:
-            axes.plot(
-                cycles,
-                value / value[0],
-                marker="os^vDx"[k],
-                mfc="none",
-                color=style.SERIES_COLOURS[k],
-                label=CRITERIA[name],
-            )
+            look = {"marker": marker, "mfc": "none", "color": colour, "label": CRITERIA[name]}
+            axes.plot(cycles, value / value[0], **look)
     axes.set(xlabel="cycles", ylabel="worst value over that at the start", ylim=(0.0, None))
     figure.legend(loc="outside upper center", ncols=2)
     return figure
 
 
-@mpl.rc_context(style.RC)
-def zones_figure(study: WearStudy) -> Figure:
+def _zones(study: WearStudy) -> Figure:
     """Draw stick, slip and separation over the cycles upwards."""
-    zone, cycles = study.zone, np.append(study.cycles, study.cycles[-1])
-    edges = np.concatenate([study.x[:1], 0.5 * (study.x[1:] + study.x[:-1]), study.x[-1:]])
+    x, cycles = study.x, np.append(study.cycles, study.cycles[-1])
+    edges = np.concatenate([x[:1], 0.5 * (x[1:] + x[:-1]), x[-1:]])
     figure = style.new_figure(style.COLUMN, 3.2)
     axes = figure.subplots()
-    colours = mpl.colors.ListedColormap([style.STATE_COLOURS[s] for s in State])
-    axes.pcolormesh(edges, cycles, zone, cmap=colours, vmin=0.5, vmax=4.5, rasterized=True)
+    style.state_mesh(axes, edges, cycles, study.zone)
     axes.set(xlabel="$x$", ylabel="cycles", xlim=_seen(study))
     if cycles[-1] > 0.0:
         axes.set_yscale("symlog", linthresh=max(1.0, 1e-3 * cycles[-1]))
-    patches = style.state_patches(np.unique(zone))
+    patches = style.state_patches(np.unique(study.zone))
     for patch in patches:  # of a whole cycle, which slips both ways
         patch.set_label(str(patch.get_label())[3:].removeprefix("forward "))
     figure.legend(handles=patches, loc="outside upper center", ncols=len(patches))

@@ -13,14 +13,13 @@ from numpy.typing import NDArray
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.errors import SolveError
 from receding_fenicsx.evolution.evolve import continue_history
-from receding_fenicsx.evolution.instants import FinishedCycle, Totals, instant
+from receding_fenicsx.evolution.instants import FinishedCycle, Instant, Totals, instant
 from receding_fenicsx.evolution.journal import Journal
 from receding_fenicsx.evolution.problem import Problem
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.evolution.run_state import RunState
-from receding_fenicsx.evolution.solvers import make_solver
 from receding_fenicsx.interface.law import State
-from receding_fenicsx.interface.system import ContactState, ContactSystem, reactions
+from receding_fenicsx.interface.system import ContactState
 from receding_fenicsx.scene.model import OutputOptions
 
 Row = Any
@@ -76,52 +75,54 @@ class NodePairs:
 
     def begin(self) -> Row:
         """Return the row of the unworn contact."""
-        journal, problem = Journal(), self.problem
-        run = RunState(problem, [])
-        journal.add(run.trace_cycle(0))
-        row = self._row(np.zeros((), row_type(problem.system.n)), problem, journal)
-        last, before = journal.cycles[-1], journal.cycles[-2].corners[-1]
+        row, ends = self._repeated(np.zeros((), row_type(self.problem.system.n)), self.problem)
         on = row["P"] > 0.0
-        self.slip_at_corners = np.array([c.v[on].mean() for c in (before, *last.corners)])
+        self.slip_at_corners = np.array([end.v[on].mean() for end in ends])
         return row
 
     def settled(self, row: Row, worn: Array) -> Row:
         """Grow the gap along a leg of its own, and play cycles until they repeat."""
-        system, loop = self.problem.system, self.problem.history.loop
-        n, g0 = system.n, system.g0 + row["depth"]
+        system, history = self.problem.system, self.problem.history
+        n, loop = system.n, history.loop
         # in terms of w + growth, a growing gap is a load: r = ... + K [v; w]
-        growth = -system.K[:, n:] @ worn
         grown = replace(
             system,
-            g0=g0,
-            r_star=np.vstack([system.r_star, growth]),
+            g0=system.g0 + row["depth"],
+            r_star=np.vstack([system.r_star, -system.K[:, n:] @ worn]),
             load_names=(*system.load_names, "wear"),
             load_compliance=np.zeros((0, 0)),
         )
-        start = ContactState(row["u"].ravel(), row["r"].ravel(), row["state"].copy())
-        ends = np.append(loop[0], 0.0), np.append(loop[0], 1.0)
-        leg = make_solver(grown, self.problem.solver).trace_leg(start, ends, float(row["force"]))
-        state = leg.end.copy()
-        state.u[n:] -= worn
-        after = replace(system, g0=g0 + worn)
-        state.r = reactions(after, loop[0], state.u)
-        journal = _begun(after, loop[0], state, max(float(row["force"]), leg.force_scale))
-        found = row.copy()
+        legs = replace(
+            history,
+            load_names=grown.load_names,
+            path=np.column_stack([loop[[0, 0]], [0.0, 1.0]]),
+            loop=np.pad(loop, ((0, 0), (0, 1)), constant_values=1.0),
+        )
+        problem = replace(self.problem, system=grown, history=legs, initial_slip=np.zeros(n))
+        found, _ = self._repeated(row, problem)
         found["depth"] += worn
-        return self._row(found, replace(self.problem, system=after), journal)
+        found["u"][1] -= worn
+        return found
 
-    def _row(self, row: Row, problem: Problem, journal: Journal) -> Row:
-        """Play cycles until they repeat; fill a row with the last one."""
-        cycles = journal.cycles
-        run = RunState(problem, cycles)
+    def _repeated(self, row: Row, problem: Problem) -> tuple[Row, list[Instant]]:
+        """Play a path from a row, or from rest, and cycles until they repeat.
+
+        Return the row of the last one, and its corners.
+        """
+        journal = Journal()
+        cycles, run = journal.cycles, RunState(problem, [])
+        if row["force"] > 0.0:
+            totals = Totals(force_scale=float(row["force"]))
+            run.position = run.position._replace(state=_state(row), totals=totals)
         stiffness = np.concatenate(problem.system.local_stiffness)
         repeats = False
         # four plain ones, before the limit is searched for
         while not repeats and len(cycles) <= 4:
-            before = cycles[-1].corners[-1].state.u
             cycles.append(run.trace_cycle(len(cycles)))
-            moved = np.abs(stiffness * (cycles[-1].corners[-1].state.u - before)).max()
-            repeats = moved <= 1e-9 * cycles[-1].totals.force_scale
+            if len(cycles) > 1:
+                before, after = (cycle.corners[-1].state.u for cycle in cycles[-2:])
+                moved = np.abs(stiffness * (after - before)).max()
+                repeats = moved <= 1e-9 * cycles[-1].totals.force_scale
         if not repeats:
 
             def to_come() -> float:
@@ -140,26 +141,24 @@ class NodePairs:
                 known = record.steady.reached or (record.limit is not None and record.limit.reached)
             if not known and to_come() > 1e-3:
                 raise SolveError("wear: no limit cycle was found in 60 cycles")
-        last, start = cycles[-1], cycles[-2].corners[-1]
-        corners = [corner.state for corner in last.corners]
-        v = np.array([start.state.v, *(corner.v for corner in corners)])
-        P = np.array([corner.P for corner in corners])
-        row["corner"] = 1 + np.argmax(P.sum(axis=1))
-        most = corners[int(row["corner"]) - 1]
+        last, corners = cycles[-1], [cycles[-2].corners[-1], *cycles[-1].corners]
+        v, P = (np.array([getattr(each.state, key) for each in corners]) for key in "vP")
+        row = row.copy()
+        row["corner"] = most = 1 + int(np.argmax(P[1:].sum(axis=1)))
         path = np.abs(np.diff(v, axis=0)).sum(axis=0)
         # less is round-off of a cycle without slip
         least = 1e-12 * last.totals.force_scale * path.max(initial=0.0)
         E = np.where(last.dissipation > least, last.dissipation, 0.0)
         slips = E > 1e-9 * E.max(initial=0.0)
-        zone = np.where(slips, State.FORWARD_SLIP, State.STICK)
-        away = np.all([corner.state == State.SEPARATION for corner in corners], axis=0)
-        row["energy"], row["path"] = E, path
-        row["P"] = np.where(most.state == State.SEPARATION, 0.0, np.maximum(most.P, 0.0))
-        row["v"] = most.v
-        row["zone"] = np.where(away & ~slips, State.SEPARATION, zone)
-        row["u"], row["r"] = last.corners[-1].state.u.reshape(2, -1), corners[-1].r.reshape(2, -1)
-        row["state"], row["force"] = corners[-1].state, last.totals.force_scale
-        return row
+        away = np.array([each.state.state == State.SEPARATION for each in corners])
+        row["energy"], row["path"], row["v"] = E, path, v[most]
+        row["P"] = np.where(away[most], 0.0, np.maximum(P[most], 0.0))
+        stays = np.where(away[1:].all(axis=0), State.SEPARATION, State.STICK)
+        row["zone"] = np.where(slips, State.FORWARD_SLIP, stays)
+        end = corners[-1].state
+        row["u"], row["r"], row["state"] = end.u.reshape(2, -1), end.r.reshape(2, -1), end.state
+        row["force"] = last.totals.force_scale
+        return row, corners
 
     def record(self, row: Row) -> Record:
         """Return the record of the cycle of a row, with samples, events and probes."""
@@ -167,8 +166,10 @@ class NodePairs:
         worn = replace(system, g0=system.g0 + row["depth"])
         once = replace(history, cycles=1, until_steady=False, until_limit=False)
         problem = replace(self.whole, system=worn, history=once, judged=False)
-        state = ContactState(row["u"].ravel(), row["r"].ravel(), row["state"].copy())
-        journal = _begun(worn, history.loop[0], state, float(row["force"]))
+        journal, none = Journal(), np.zeros(system.n)
+        corner = instant(worn, (0, 0, 1.0), history.loop[0], _state(row))
+        totals = Totals(force_scale=float(row["force"]))
+        journal.add(FinishedCycle([corner], none, none, totals))
         return continue_history(problem, journal)
 
     def increments(self, row: Row, cycles: float) -> Array:
@@ -200,12 +201,9 @@ class NodePairs:
         return worn
 
 
-def _begun(system: ContactSystem, load: Array, state: ContactState, force: float) -> Journal:
-    """Return the journal of a history that stands at the start of a cycle."""
-    journal, none = Journal(), np.zeros(system.n)
-    corners = [instant(system, (0, 0, 1.0), load, state)]
-    journal.add(FinishedCycle(corners, none, none, Totals(force_scale=force)))
-    return journal
+def _state(row: Row) -> ContactState:
+    """Return the state at the end of the cycle of a row."""
+    return ContactState(row["u"].ravel(), row["r"].ravel(), row["state"].copy())
 
 
 def pressures(

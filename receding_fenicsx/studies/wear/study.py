@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import replace
 from functools import partial
@@ -24,15 +24,8 @@ from receding_fenicsx.store.workspace import Case
 from receding_fenicsx.studies import run as study
 from receding_fenicsx.studies.accuracy import meshes
 from receding_fenicsx.studies.runner import Kind, Runner, Study, StudyOptions, digest_of, run_study
-from receding_fenicsx.studies.wear.result import (
-    WearStudy,
-    ends_of_edges,
-    fatigue_figure,
-    lengths,
-    profiles_figure,
-    zones_figure,
-)
-from receding_fenicsx.studies.wear.steps import Convected, NodePairs, Row, advance, row_type
+from receding_fenicsx.studies.wear.result import WearStudy, ends_of_edges, figures, lengths
+from receding_fenicsx.studies.wear.steps import Convected, NodePairs, Row, advance
 from receding_fenicsx.timing import Countdown, Timer
 
 
@@ -89,7 +82,7 @@ def wear_numbers(system: ContactSystem, scene: Scene) -> dict[str, float | str]:
     """Return the end of the wear of a condensed scene, for the table of a sweep."""
     own, _ = with_corners(system, scene)
     found = _wear(own, _begin(own, system), None, Runner(Kind("wear")), Timer())
-    last = found.table()[-1] | {"end": found.end, "volume_estimate": found.volume_estimate[-1]}
+    last = found.last | {"end": found.end, "volume_estimate": found.volume_estimate[-1]}
     return {f"wear_{name}": value for name, value in last.items()}
 
 
@@ -153,52 +146,47 @@ def _wear(
 ) -> WearStudy:
     """Take step after step on both meshes; write what there is, also where a step fails."""
     options, coarse = scene.wear, None
+    depth = np.inf if options.depth is None else options.depth
     tell = Countdown(timer.say, "wear: cycle", "at most")
 
     def chain(
-        model: NodePairs, first: Row, ends: Iterable[float], depth: float, mesh: str
+        model: NodePairs, first: Row, ends: list[float], depth: float, mesh: str
     ) -> tuple[list[Row], str, SolveError | None]:
         """Return the rows up to some numbers of cycles, why they end, and the error of a step."""
-        rows: list[Row] = []
+        rows, end = list[Row](), ""
 
-        def add(work: Callable[[], Row], cycles: float, step: float) -> SolveError | None:
+        def add(work: Callable[[], Row], cycles: float, step: float) -> None:
             """Add a row; one of the same steps before is read from the folder."""
 
             def cells() -> dict[str, Any]:
-                try:
-                    row = work()
-                except NoEquilibrium as error:
-                    return {"lost": str(error)}
-                return {name: row[name].tolist() for name in row_type(0).names or ()}
+                row = work()
+                return {name: row[name].tolist() for name in row.dtype.names}
 
             at = mesh, len(rows), cycles, step
-            (found,) = runner.outcomes([Case(digest_of("wear", *at), labels=at)], cells, here=True)
-            if found.error:
-                return SolveError(found.error)
-            if "lost" in found.cells:
-                return NoEquilibrium(found.cells["lost"])
+            found = runner.cells_of(Case(digest_of("wear", *at), labels=at), cells)
+            if "lost" in found:  # in a folder of an earlier version
+                raise NoEquilibrium(found["lost"])
             row = np.zeros((), first.dtype)
-            for name, value in found.cells.items():
+            for name, value in found.items():
                 row[name] = value
             rows.append(row)
-            return None
 
-        error, end = add(lambda: first, 0.0, 0.0), ""
-        for last in ends if error is None else ():
+        add(lambda: first, 0.0, 0.0)
+        for last in ends:
             while not (end := _end(model.problem.system, rows, last, depth)):
                 row, until = rows[-1], last
                 cycles, growth = float(row["cycles"]), model.rate * row["energy"]
                 if depth < np.inf and (rate := growth[row["depth"].argmax()] or growth.max()) > 0.0:
                     until = min(last, float(cycles + (depth - row["depth"].max()) / rate))
                 step = partial(advance, model, row, options.tolerance, until)
-                error = add(step, cycles, min(float(row["step"]), until - cycles))
-                if error is not None:
+                try:
+                    add(step, cycles, min(float(row["step"]), until - cycles))
+                except SolveError as error:
                     return rows, str(error), error
                 text = f"depth {rows[-1]['depth'].max():.4g}{mesh and ', '}{mesh}"
                 tell(int(rows[-1]["cycles"]), options.cycles, text)
-        return rows, end, error
+        return rows, end, None
 
-    depth = np.inf if options.depth is None else options.depth
     rows, end, failure = chain(*begun, [float(options.cycles)], depth, "")
     if isinstance(failure, NoEquilibrium) and np.any(rows[0]["zone"] == State.STICK):
         end, failure = "stick zone worn through", None
@@ -207,23 +195,19 @@ def _wear(
         with suppress(SolveError, InputError):
             model, first = _begin(*other)
             ends = [float(row["cycles"]) for row in rows]
-            coarse = WearStudy(
-                model, chain(model, first, ends, np.inf, "coarser")[0], options.share, ""
-            )
-    found = WearStudy(begun[0], rows, options.share, end, coarse)
+            found, *_ = chain(model, first, ends, np.inf, "coarser")
+            coarse = WearStudy(model, found, options.share, "")
+    study = WearStudy(begun[0], rows, options.share, end, coarse)
 
     def files() -> dict[str, Any]:
-        summary = found.summary()
-        head = {"title": scene.title, **summary, **({"failure": end} if failure else {})}
-        pictures = {"profiles.png": profiles_figure(found), "zones.png": zones_figure(found)}
-        if summary["fatigue"]:
-            pictures["fatigue.png"] = fatigue_figure(summary["fatigue"])
-        return found.arrays() | {"wear.json": head | {"timings": timer.seconds}} | pictures
+        failed = {"failure": end} if failure else {}
+        head = {"title": scene.title} | study.summary() | failed | {"timings": timer.seconds}
+        return study.arrays() | {"wear.json": head} | figures(study)
 
     runner.write(files)
     if failure is not None:
         raise failure
-    return found
+    return study
 
 
 def _end(system: ContactSystem, rows: list[Row], cycles: float, depth: float) -> str:
