@@ -146,7 +146,7 @@ from .studies.starts import steady_states_figure as steady_states_figure
 # Wear
 from .scene.model import WearOptions as WearOptions
 from .studies.wear.study import wear as wear
-from .studies.wear.result import WearStudy as WearStudy
+from .studies.wear.study import WearStudy as WearStudy
 
 # Known solutions
 from . import reference as reference

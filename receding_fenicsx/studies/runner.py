@@ -299,7 +299,7 @@ class Runner:
         self.complete = self.complete and all(outcome is not missing for outcome in found)
         return found
 
-    def cells_of(self, case: Case, measure: Callable[[], dict[str, Any]]) -> dict[str, Any]:
+    def kept(self, case: Case, measure: Callable[[], dict[str, Any]]) -> dict[str, Any]:
         """Return the cells of a finished case, or measure it here; an error is raised, not kept."""
         if case.identity not in self.finished or self.finished[case.identity].error:
             self._remove_results()

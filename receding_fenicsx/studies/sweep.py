@@ -204,7 +204,8 @@ def sweep(
         grid = grid_of(scene, over, options.folder)
 
         def combine(runner: Runner) -> SweepTable:
-            table = grid.table(runner.outcomes(grid.cases(runner.systems, measure), play_scene))
+            cases = grid.cases(runner.systems, measure, measure is None)
+            table = grid.table(runner.outcomes(cases, play_scene))
             runner.write(lambda: {"sweep.csv": table.by_column()})
             return table
 
@@ -240,20 +241,28 @@ def _text_of(measure: Any) -> str:
 
 
 def play_scene(
-    scene: Scene, body: str, systems: Path | None, measure: Measure | None, taken: tuple[str, ...]
+    scene: Scene,
+    body: str,
+    systems: Path | None,
+    measure: Measure | None,
+    taken: tuple[str, ...],
+    wears: bool,
 ) -> dict[str, Cell]:
-    """Evolve a scene, with a system that processes share in a folder, and take its numbers."""
+    """Evolve a scene, with a system that processes share in a folder, and take its numbers.
+
+    ``wears``: with the end of its wear, where it has a coefficient of wear.
+    """
     system = shared_system(scene, body, systems)
     if measure is None:
         # turning points only: enough for the columns of measure_record
         every = scene.output.checkpoint_cycles
         scene = replace(scene, output=OutputOptions(1, (), checkpoint_cycles=every))
-    numbers = (measure or measure_record)(evolve(system, scene))
-    if measure is None and (scene.wear.coefficient or scene.wear.archard):
+    cells = cells_of((measure or measure_record)(evolve(system, scene)), taken)
+    if wears and (scene.wear.coefficient or scene.wear.archard):
         from receding_fenicsx.studies.wear.study import wear_numbers
 
-        numbers = {**numbers, **wear_numbers(system, scene)}
-    return cells_of(numbers, taken)
+        cells |= wear_numbers(system, scene)
+    return cells
 
 
 def cells_of(measured: Any, taken: Iterable[str]) -> dict[str, Cell]:
@@ -327,7 +336,7 @@ class Grid:
     labels: tuple[tuple[Label, ...], ...]
     scenes: tuple[Scene | str, ...]
 
-    def cases(self, systems: Path | None, measure: Measure | None) -> list[Case]:
+    def cases(self, systems: Path | None, measure: Measure | None, wears: bool) -> list[Case]:
         """Return the cases for :func:`play_scene`."""
         found, taken = [], (*self.keys, ERROR)
         for labels, scene in zip(itertools.product(*self.labels), self.scenes, strict=True):
@@ -335,7 +344,7 @@ class Grid:
                 found.append(Case("", (), labels, error=scene))
                 continue
             body = body_of(scene)
-            work = (scene, body, systems, measure, taken)
+            work = (scene, body, systems, measure, taken, wears)
             found.append(Case(identity_of(scene), work, labels, body))
         return found
 

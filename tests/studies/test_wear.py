@@ -17,8 +17,8 @@ from receding_fenicsx import cli
 from receding_fenicsx.errors import MeshMisfit
 from receding_fenicsx.evolution.problem import problem_of_scene
 from receding_fenicsx.studies.runner import StudyOptions
-from receding_fenicsx.studies.wear.result import fatigue_figure
 from receding_fenicsx.studies.wear.steps import Convected, NodePairs, advance
+from receding_fenicsx.studies.wear.study import fatigue_figure
 
 pytestmark = pytest.mark.one_rank
 
@@ -266,7 +266,7 @@ def test_all_scenes_wear_off_what_the_limit_cycle_of_a_run_dissipates(
     assert study.volume[-1] == pytest.approx(2e-9 * record.cycles.dissipation[-1], rel=1e-8)
 
 
-def test_a_sweep_has_the_wear_life_of_its_cases() -> None:
+def test_a_sweep_has_the_wear_life_of_its_cases(tmp_path: Path) -> None:
     table = rf.sweep(
         cylinders(40, "wear.cycles=1000000", "wear.depth=6e-4"),
         {"wear.coefficient": [1e-3, 2e-3], "contact.friction": [0.5, 0.8]},
@@ -278,12 +278,16 @@ def test_a_sweep_has_the_wear_life_of_its_cases() -> None:
     assert life[0] == pytest.approx(2.0 * life[1], rel=0.02)
     assert np.all(life[:, 1] > 1.2 * life[:, 0])
     scene = cylinders(40, "wear.cycles=1000000", "wear.depth=6e-4")
-    curve = rf.joint_curve(scene, "Q", [0.3, 0.36])
+    curve = rf.joint_curve(scene, "Q", [0.3, 0.36, 0.7], tmp_path / "curve")
     assert curve is not None
     # the first amplitude is the shear of the sweep
     rows = curve.rows()
     assert rows[0]["wear_cycles"] == pytest.approx(life[0, 0], rel=1e-6)
     assert rows[1]["wear_cycles"] < rows[0]["wear_cycles"]
+    # one beyond gross sliding has none
+    assert rows[2]["wear_cycles"] is None and "sliding" in rows[2]["error"]
+    with (tmp_path / "curve" / "joint.csv").open() as file:
+        assert [bool(row["wear_cycles"]) for row in csv.DictReader(file)] == [True, True, False]
 
 
 def test_a_worn_contact_has_the_record_and_the_fatigue_of_a_run() -> None:

@@ -176,7 +176,7 @@ def state_patches(states: Iterable[int], friction: ArrayLike = True) -> list[Pat
     ]
 
 
-def state_mesh(axes: Axes, x: Array, y: Array, states: ArrayLike) -> None:
+def state_mesh(axes: Axes, x: ArrayLike, y: ArrayLike, states: ArrayLike) -> None:
     """Fill the cells of a grid with the colours of states."""
     colours = ListedColormap([STATE_COLOURS[s] for s in State])
     axes.pcolormesh(x, y, states, cmap=colours, vmin=0.5, vmax=4.5, rasterized=True)

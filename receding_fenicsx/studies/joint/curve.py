@@ -52,12 +52,10 @@ from receding_fenicsx.studies.sweep import (
     ERROR,
     Cell,
     Grid,
-    Measure,
     SweepTable,
     grid_of,
     play_scene,
 )
-from receding_fenicsx.studies.wear.study import wear_numbers
 
 
 @dataclass(frozen=True, repr=False)
@@ -132,7 +130,7 @@ class JointCurve:
         columns = [getattr(self, name).tolist() for name in names]
         return [
             dict(zip(names, row, strict=True))
-            | {key: value for key, value in case.items() if key.startswith("wear_")}
+            | {key: case.get(key) for key in self.table.columns if key.startswith("wear_")}
             | {"kind": self.kind[k], ERROR: case[ERROR]}
             for k, (*row, case) in enumerate(zip(*columns, self.table.rows, strict=True))
         ]
@@ -227,16 +225,6 @@ def loop_numbers(record: Record, drive: str = "") -> dict[str, Cell]:
     }
 
 
-def _play_scene(
-    scene: Scene, body: str, systems: Path | None, measure: Measure | None, taken: tuple[str, ...]
-) -> dict[str, Cell]:
-    """Play a scene as a sweep does; wear it too where it has a coefficient of wear."""
-    numbers = play_scene(scene, body, systems, measure, taken)
-    if scene.wear.coefficient or scene.wear.archard:
-        numbers |= wear_numbers(study.shared_system(scene, body, systems), scene)
-    return numbers
-
-
 def joint_curve(
     scene: Scene | ContactSystem,
     drive: str,
@@ -327,8 +315,8 @@ def joint_curve(
             if given is not None:
                 outcomes = runner.outcomes(cases, _play_system)
             else:
-                every = [c for g in grids for c in g.cases(runner.systems, loop_numbers)]
-                outcomes = runner.outcomes(every, _play_scene)
+                every = [c for g in grids for c in g.cases(runner.systems, loop_numbers, True)]
+                outcomes = runner.outcomes(every, play_scene)
             n = len(values)
             tables = [g.table(outcomes[k * n : k * n + n]) for k, g in enumerate(grids)]
             curve = _curve(drive, values, tables, backbone, omega)

@@ -196,10 +196,6 @@ class NodePairs:
         load = load + system.K[n:, :n] @ row["v"]
         return np.asarray(added * pressures(K, load, gap, added, P > 0.0, held) + fixed)
 
-    def depth(self, worn: Array) -> Array:
-        """Return the depth of both bodies."""
-        return worn
-
 
 def _state(row: Row) -> ContactState:
     """Return the state at the end of the cycle of a row."""
@@ -287,7 +283,7 @@ class Convected(NodePairs):
         """Return the row with more worn off."""
         found = row.copy()
         found["worn"] += worn.reshape(2, -1)
-        found["depth"] += self.depth(worn)
+        found["depth"] += worn.reshape(2, -1).sum(axis=0)
         _, _, values = self._linearised(found)
         P, ways = np.array([p for p, _ in values]), np.array([way for *_, way in self.positions])
         friction = self.system.friction.mean
@@ -297,10 +293,6 @@ class Convected(NodePairs):
         found["zone"] = np.where(slips, State.FORWARD_SLIP, State.SEPARATION)
         return found
 
-    def depth(self, worn: Array) -> Array:
-        """Return the depth (N,) of both bodies, opposite each other at no slip."""
-        return np.asarray(worn.reshape(2, -1).sum(axis=0))
-
     def _linearised(self, row: Row) -> tuple[Array, Array, list[tuple[Array, Array]]]:
         """Return rates (2N,), minus their derivatives, and pressures with theirs by position."""
         key = row["worn"].tobytes()
@@ -309,17 +301,12 @@ class Convected(NodePairs):
         system, n = self.system, self.system.n
         K, shares = system.K[n:, n:], (self.share, 1.0 - self.share)
         rate, jacobian, values = np.zeros(2 * n), np.zeros((2 * n, 2 * n)), []
-        closed, x, nodes = row["P"] > 0.0, system.x, np.arange(n)
+        closed, x, none = row["P"] > 0.0, system.x, np.zeros(n)
         for load, s, way in self.positions:
             # interpolation of values on the second body at the nodes moved by s
-            at, carried = np.clip(x + s, x[0], x[-1]), np.zeros((n, n))
-            low = np.clip(np.searchsorted(x, at, side="right") - 1, 0, n - 2)
-            part = (at - x[low]) / (x[low + 1] - x[low])
-            carried[nodes, low], carried[nodes, low + 1] = 1.0 - part, part
+            carried = np.array([np.interp(x + s, x, unit) for unit in np.eye(n)]).T
             gap = system.g0 + row["worn"][0] + carried @ row["worn"][1]
-            P = pressures(
-                K, load @ system.r_star[:, n:], gap, np.zeros(n), closed, np.zeros(n, dtype=bool)
-            )
+            P = pressures(K, load @ system.r_star[:, n:], gap, none, closed, none > 0.0)
             closed = P > 0.0
             stiff = np.zeros((n, n))
             on, off = np.flatnonzero(closed), np.flatnonzero(~closed)
@@ -372,9 +359,10 @@ def advance(model: NodePairs, row: Row, tolerance: float, last: float) -> Row:
             )
         step = max(1.0, step * max(0.1, 0.8 / ratio))
     found["cycles"] = min(float(row["cycles"]) + step, last)
-    depth = model.depth(worn)
+    # of both bodies, opposite each other at no slip
+    depth, uncertain = (a.reshape(-1, len(model.rate)).sum(axis=0) for a in (worn, error))
     found["step"] = step * min(5.0, 0.8 / max(ratio, 1e-3))
     energy = np.divide(depth, model.rate, out=np.zeros(len(depth)), where=model.rate > 0.0)
     found["dissipated"] += energy.sum()
-    found["estimate"] += model.depth(error)
+    found["estimate"] += uncertain
     return found
