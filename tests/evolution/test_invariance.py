@@ -19,10 +19,16 @@ displacement."""
 
 
 def in_other_units(p: Problem) -> tuple[Problem, np.ndarray, float, float]:
-    """Forces of 2^40, displacements of 2^-30: each a change of the exponent of all numbers."""
-    force, length, s = 2.0**40, 2.0**-30, p.system
-    system = replace(s, K=s.K * (force / length), r_star=s.r_star * force, g0=s.g0 * length)
-    return replace(p, system=system), np.arange(s.n), force, length
+    """Forces of 2^40, displacements of 2^-30, factors of the last load of 2^50.
+
+    Each is a change of the exponent of all numbers.
+    """
+    force, length, s, h = 2.0**40, 2.0**-30, p.system, p.history
+    factor = np.where(np.arange(len(s.load_names)) == len(s.load_names) - 1, 2.0**50, 1.0)
+    r_star = s.r_star * (force / factor[:, None])
+    system = replace(s, K=s.K * (force / length), r_star=r_star, g0=s.g0 * length)
+    history = replace(h, path=h.path * factor, loop=h.loop * factor)
+    return replace(p, system=system, history=history), np.arange(s.n), force, length
 
 
 def in_decimal_units(p: Problem) -> tuple[Problem, np.ndarray, float, float]:

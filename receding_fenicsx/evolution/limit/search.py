@@ -140,7 +140,9 @@ class LimitSearch:
         Cycles to come in which releases have another order than in this one are played.
         """
         loop, solver = self.problem.history.loop, self.problem.solver
-        if carries_nothing(start, force) or any(zero_crossing(leg) for leg in pairwise(loop)):
+        if carries_nothing(start, force) or any(
+            zero_crossing(self._model, leg) for leg in pairwise(loop)
+        ):
             raise NoLimit("the contact is unloaded in the cycle, and begins anew")
         self.searched += 1
         cycle = trace(self._segments, start, loop, force)

@@ -136,7 +136,7 @@ class EventPath:
             leg.events = Changes.joined(turned, leg.events)
             leg.stops = [(0.0, resting.u), *leg.stops]
             return leg
-        s0 = zero_crossing(problem.ends)
+        s0 = zero_crossing(self.system, problem.ends)
         if s0 is None:
             return self._pressed_leg(problem)
         zero = np.zeros_like(a)

@@ -72,9 +72,10 @@ def stops_short(segments: Segments, load: Array) -> bool:
     return is_at_rest(segments.system, load) and segments.lifts_freely
 
 
-def zero_crossing(ends: tuple[Array, Array]) -> float | None:
+def zero_crossing(system: ContactSystem, ends: tuple[Array, Array]) -> float | None:
     """Return the s inside a leg at which all loads vanish together, or None."""
-    a, b = ends
+    # factors of loads have units of their own: their forces are compared
+    a, b = (load * np.abs(system.r_star).max(axis=1) for load in ends)
     back = a - b
     length = float(back.dot(back))
     s = float(a.dot(back)) / length if length > 0.0 else 0.0

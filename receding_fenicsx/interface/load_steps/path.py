@@ -72,7 +72,7 @@ class GaussSeidelPath:
         targets = {k / self.steps for k in range(1, self.steps + 1)}
         s = 0.0
         # complete unloading undoes all slip: a step across it would keep that
-        for s_end in sorted(targets | {zero_crossing(ends) or 1.0}):
+        for s_end in sorted(targets | {zero_crossing(self.system, ends) or 1.0}):
             leg = self.advance(problem, leg, s, s_end)
             s = s_end
             if s in stored:

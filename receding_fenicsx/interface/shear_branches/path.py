@@ -105,7 +105,7 @@ class BranchedPath:
         targets = {k / self.steps for k in range(1, self.steps + 1)}
         leg = Leg(start, np.zeros(self.system.n), force_scale=scale, stops=[(0.0, start.u)])
         s = 0.0
-        for target in sorted(targets | {zero_crossing(ends) or 1.0, 1.0}):
+        for target in sorted(targets | {zero_crossing(self.system, ends) or 1.0, 1.0}):
             unloaded = not np.any(whole.load(s)) and carries_nothing(leg.end, scale)
             if unloaded and (s == 0.0 or self.sweeps is None):
                 # a body with gaps rolls to where it rests

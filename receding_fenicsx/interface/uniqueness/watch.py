@@ -147,7 +147,7 @@ class UniquenessWatch:
         if self.in_steps or not np.any(a):
             values = segments.values(start)
             ties = Changes.joined(ties_at(segments, 0.0, values, state, scale), ties)
-        crossing = zero_crossing(ends)
+        crossing = zero_crossing(system, ends)
         if crossing is not None:
             before, after = crossing - SIMULTANEOUS, crossing + SIMULTANEOUS
             events, ties = (some.select(some.s < before) for some in (events, ties))
