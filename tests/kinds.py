@@ -1,13 +1,10 @@
-"""A small scene of every kind, and the same scenes in other units or seen in a mirror."""
+"""A small scene of every kind."""
 
 from __future__ import annotations
 
-import dataclasses
-import re
 from dataclasses import replace
 from typing import Any
 
-import numpy as np
 from bodies import block
 
 import receding_fenicsx as rf
@@ -202,87 +199,3 @@ UNEVEN: dict[str, rf.Scene] = {
         probes=(rf.Probe("s", points=((0.3, -0.4), (-0.2, -0.7)), body="b"),),
     ),
 }
-
-DIMENSIONS = {
-    (1, 0): "width height position span head_span nut_span point points at size initial_gap "
-    "interference gap displacement initial_slip shortening",
-    (0, 1): "young young_2 shear pressure traction tension x y stiffness cohesion shear_limit",
-    (1, 1): "force preload",
-    (-1, 1): "body_force normal tangential",
-    (0, 0): "friction thermal_strain refine",
-}
-POWERS = {key: powers for powers, keys in DIMENSIONS.items() for key in keys.split()}
-"""Powers of a length and of a stress in the numbers of a scene, in the plane."""
-
-
-def scaled(value: Any, length: float, stress: float, powers: tuple[int, int] = (0, 0)) -> Any:
-    """Return a scene, or what a key of it holds, in other units of length and stress."""
-    factor = length ** powers[0] * stress ** powers[1]
-    if dataclasses.is_dataclass(value) and not isinstance(value, type):
-        parts = {f.name: getattr(value, f.name) for f in dataclasses.fields(value)}
-        if not isinstance(value, rf.Scene):
-            parts = {k: part for k, part in parts.items() if k in POWERS}
-        if getattr(value, "shape", "") == "half-plane":
-            parts.pop("height")
-        changed = {k: scaled(v, length, stress, POWERS.get(k, (0, 0))) for k, v in parts.items()}
-        return replace(value, **changed)
-    if isinstance(value, dict) and "x" in value:
-        x, values = (np.array(value[name]) for name in ("x", "value"))
-        return {"x": (length * x).tolist(), "value": (factor * values).tolist()}
-    if isinstance(value, dict):
-        return {k: scaled(part, length, stress, powers) for k, part in value.items()}
-    if isinstance(value, tuple):
-        return tuple(scaled(part, length, stress, powers) for part in value)
-    if isinstance(value, str) and re.search(r"[0-9]", value):
-        return f"{factor!r}*({re.sub(r'[xy]', lambda m: f'({m[0]}/{length!r})', value)})"
-    return factor * value if type(value) in (float, int) else value
-
-
-SIDES = {"left": "right", "right": "left"}
-FLIPPED = ("traction", "displacement", "force", "body_force", "axis")
-"""Keys that hold a vector."""
-
-
-def mirrored(value: Any, key: str = "", level: bool = True) -> Any:
-    """Return a scene, or what a key of it holds, with x taken for -x."""
-    if dataclasses.is_dataclass(value) and not isinstance(value, type):
-        parts = {f.name: getattr(value, f.name) for f in dataclasses.fields(value)}
-        level = not str(parts.get("edge") or "").endswith(("left", "right"))
-        if isinstance(value, rf.Material):
-            return replace(value, angle=-value.angle)
-        if isinstance(value, rf.MeshOptions):
-            return replace(value, refine=mirrored(value.refine))
-        if isinstance(value, rf.HistoryOptions):
-            slip = mirrored(value.initial_slip)
-            return replace(value, initial_slip=slip and f"-({slip})")
-        names = {"x", "y", "maximum", "minimum", "title"}
-        own = {k: mirrored(v, k, level) for k, v in parts.items() if k not in names}
-        return replace(value, **own)
-    if key in ("position", "point") and isinstance(value, tuple):
-        return (-value[0], value[1])
-    if key == "points":
-        return tuple((-x, y) for x, y in value)
-    if key.endswith("span") or (key == "at" and isinstance(value, tuple)):
-        return (-value[1], -value[0]) if value and level else value
-    if key == "at" and isinstance(value, float):
-        return -value
-    if key in FLIPPED and isinstance(value, tuple):
-        first, second = (mirrored(part) for part in value)
-        if isinstance(first, str):
-            return (first if first == "free" else f"-({first})", second)
-        return (-first, second)
-    if isinstance(value, dict) and "x" in value:
-        x = [-at for at in value["x"][::-1]] if level else value["x"]
-        return {"x": x, "value": value["value"][::-1] if level else value["value"]}
-    if isinstance(value, dict) and "forward" in value:
-        forward, backward = (mirrored(value[k]) for k in ("backward", "forward"))
-        return {"forward": forward, "backward": backward}
-    if isinstance(value, tuple):
-        return tuple(mirrored(part, key, level) for part in value)
-    if isinstance(value, str):
-        if key in ("edge", "against", "head", "nut"):
-            body, dot, edge = value.rpartition(".")
-            return f"{body}{dot}{SIDES.get(edge, edge)}"
-        if re.search(r"[0-9]", value):
-            return re.sub("x", "(-x)", value)
-    return value
