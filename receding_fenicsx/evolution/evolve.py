@@ -57,7 +57,7 @@ def evolve(
         output: which cycles get samples and events, and how many samples a leg; not with a scene.
         initial_slip: (N,) tangential displacement at rest from which the first slip is counted; the
             first leg is then one static problem. It is ignored at open nodes. Not with a scene.
-        progress: called after every cycle.
+        progress: called after every cycle, and in searches for the limit.
         until: "steady" stops when the steady state is reached; "limit" finds the limit of
             infinitely many cycles (:mod:`receding_fenicsx.evolution.limit`). Default: as the
             history says.

@@ -49,13 +49,16 @@ def test_the_limit_is_that_of_many_plain_cycles(limit: Record) -> None:
 def test_a_search_that_fails_goes_on_playing(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(tail, "MAX_CYCLES", 2)
     monkeypatch.setattr(search, "MAX_PLAYED", 2)
-    small = block_system(12, 6)
-    record, plain = evolve(small, cyclic(8), until="limit"), evolve(small, cyclic(8))
+    small, told = block_system(12, 6), list[tuple[int, int, str]]()
+    record = evolve(small, cyclic(8), until="limit", progress=lambda *step: told.append(step))
+    plain = evolve(small, cyclic(8))
     assert record.limit is not None and not record.limit.reached
     assert "a search plays 2 cycles at most" in record.limit.reason
     assert "raise [history] cycles" in record.limit.reason
     # each of the searches after cycles 2, 3, 4 and 6 plays one, the last one two
     assert record.limit.cycles_played == 8 + 4 + 2
+    # the last one goes on with the history by a cycle before it gives up
+    assert [step[:2] for step in told if "search" in step[2]] == [(7, 8)]
     assert np.array_equal(record.cycles.dissipation, plain.cycles.dissipation)
     assert "not reached" in limit_rows(summarise(record))[0][1]
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from itertools import count, pairwise
 
 import numpy as np
@@ -29,7 +30,7 @@ from receding_fenicsx.interface.system import ContactState, frictional_form, rea
 from receding_fenicsx.interface.tolerances import LIMIT_CYCLE_TOLERANCE
 
 Progress = Callable[[int, int, str], None]
-"""Called as progress(cycle, cycles, message) after every cycle."""
+"""Called as progress(cycle, cycles, message) after every cycle, and in searches for the limit."""
 
 FIRST_SEARCH = 2
 """Cycle after which the limit is searched for first; then after 3, 4, 6, 8, 12, ... of them."""
@@ -61,6 +62,7 @@ class LimitSearch:
         self.limit = Limit(False, -1, 0, np.nan, -1, "the search has not begun")
         self.steady: Steady | None = None
         self.searched = 0
+        self._tell: Callable[[str], None] | None = None
         if problem.system.has_branches:
             why = "with a shear limit or a cohesion cycles are played until they repeat themselves"
             self.limit.reason = why
@@ -85,6 +87,8 @@ class LimitSearch:
 
     def found(self, cycles: list[FinishedCycle], progress: Progress | None) -> bool:
         """Search for the cycle that repeats itself; add it to the finished ones if it was found."""
+        at = len(cycles) - 1, self.problem.history.cycles
+        self._tell = None if progress is None else partial(progress, *at)
         try:
             cycle = self._cycle(cycles)
         except (NoLimit, SolveError) as error:
@@ -94,7 +98,7 @@ class LimitSearch:
         self.limit = replace(self.limit, cycles_played=len(cycles) - 1 + self.searched)
         cycles.append(cycle)
         if progress is not None:
-            progress(len(cycles) - 1, self.problem.history.cycles, "limit found")
+            progress(at[0] + 1, at[1], "limit found")
         return True
 
     def _cycle(self, cycles: list[FinishedCycle]) -> FinishedCycle:
@@ -161,6 +165,8 @@ class LimitSearch:
         if self.searched >= allowed:
             raise NoLimit(f"a search plays {MAX_PLAYED} cycles at most")
         self.searched += 1
+        if self._tell is not None:
+            self._tell(f"{self.searched} more in searches for the limit")
         for leg in pairwise(self.problem.history.loop):
             state = self._exact.trace_leg(state, leg, force).end
         return state
