@@ -14,7 +14,6 @@ from receding_fenicsx.errors import InputError
 from receding_fenicsx.evolution.evolve import evolve
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.evolution.replay import state_at
-from receding_fenicsx.interface.measures.zones import zones
 from receding_fenicsx.interface.mirror import mirror_of
 from receding_fenicsx.interface.system import ContactSystem
 from receding_fenicsx.output.report.summary import summarise
@@ -28,7 +27,7 @@ from receding_fenicsx.store.hdf5 import (
     write_record,
     write_system,
 )
-from receding_fenicsx.store.run_folder import read_summary, write_summary
+from receding_fenicsx.store.run_folder import write_summary
 
 pytestmark = pytest.mark.one_rank
 
@@ -213,36 +212,6 @@ def test_a_file_of_another_version_of_the_program_is_refused(tmp_path: Path) -> 
 
 
 # -- summary.json --------------------------------------------------------------------------------
-
-
-def test_summary_has_every_agreed_key_as_a_number(record: Record, tmp_path: Path) -> None:
-    extra = {
-        "timings": dict.fromkeys(("mesh", "assemble", "condense", "evolve", "pictures"), 1.0),
-        "peak_memory_MB": 1.0,
-        "versions": {},
-    }
-    write_summary(tmp_path / "summary.json", summarise(record, extra))
-    summary = read_summary(tmp_path / "summary.json")
-    keys = (
-        "title method nodes dofs modelled_nodes modelled_dofs symmetry turning_points "
-        "dissipation_first_loading dissipation_per_cycle slip_per_cycle_max steady residual_max "
-        "events sweeps timings peak_memory_MB versions"
-    )
-    assert set(keys.split()) <= set(summary)
-    assert (summary["nodes"], summary["dofs"]) == (81, 162)
-    assert (summary["modelled_nodes"], summary["modelled_dofs"]) == (41, 81)
-    assert [p["cycle"] for p in summary["turning_points"]] == [0, 1, 1, 2, 2, 3, 3]
-    assert [p["load"]["p0"] for p in summary["turning_points"]][:3] == [1.0, 1 / 3, 1.0]
-    assert len(summary["dissipation_per_cycle"]) == len(summary["slip_per_cycle_max"]) == 3
-    point = summary["turning_points"][1]
-    for key in ("contact_half_width", "stick_half_width", "p_max", "q_min", "q_max"):
-        assert isinstance(point[key], float), key
-    assert summary["steady"]["reached"] is False
-    assert summary["steady"]["kind"] == "not reached"
-    table = record.turning_points
-    assert point["p_max"] == table.p[1].max()
-    assert (point["q_min"], point["q_max"]) == (table.q[1].min(), table.q[1].max())
-    assert [tuple(zone) for zone in point["zones"]] == zones(record.x, table.state[1])
 
 
 def test_pressure_on_the_axis_is_that_of_its_neighbours() -> None:

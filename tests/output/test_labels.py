@@ -1,6 +1,5 @@
 """Titles, labels and units of the figures of scenes of several loads."""
 
-from collections.abc import Sequence
 from functools import cache
 
 from mpi4py import MPI
@@ -9,7 +8,7 @@ import numpy as np
 import pytest
 from drawn_text import check_texts
 from matplotlib.axes import Axes
-from matplotlib.lines import Line2D
+from matplotlib.figure import Figure
 
 import receding_fenicsx as rf
 from receding_fenicsx.output.plots.figures import draw_all
@@ -99,32 +98,70 @@ def test_areas_of_all_loops_are_the_dissipation_with_forces_and_stresses_upwards
     assert work == pytest.approx(found.cycles.dissipation[-1], rel=0.01)
 
 
-def test_entries_of_legends_have_the_colours_of_their_curves() -> None:
+def test_curves_have_the_values_and_colours_of_their_names_in_the_legends() -> None:
     found = fretting("table")
-    moment, d = found.at(3, leg=0), found.cycles.dissipation_density
+    moment, d, used = found.at(3, leg=0), found.cycles.dissipation_density, found.weight > 0.0
+    x, nodes = found.x[used], [7, 20]
     figure = rf.figures.tractions(found, moment)
-    used = found.weight > 0.0
-    shown = {"$p$": moment.p, "$q$": moment.q}
-    check_legend(figure.legends[0].get_lines(), figure.axes[1], shown, used)
+    check_legend(figure, figure.axes[1], {"$p$": (x, moment.p[used]), "$q$": (x, moment.q[used])})
     figure = rf.figures.dissipation_density(found)
-    lines = figure.legends[0].get_lines()
-    check_legend(lines, figure.axes[0], {"cycle 1": d[0], "cycle 3": d[-1]}, used)
+    density = {"cycle 1": (x, d[0][used]), "cycle 3": (x, d[-1][used])}
+    check_legend(figure, figure.axes[0], density)
     (ratio,) = rf.figures.dissipation_per_cycle(found).axes[0].lines
     assert np.allclose(ratio.get_ydata(), found.cycles.dissipation / found.cycles.dissipation[0])
+    loops = {
+        "first loading" if cycle == 0 else f"cycle {cycle}": rf.loop_of(found, cycle)
+        for cycle in (0, 1, 2, 3)
+    }
+    figure = rf.figures.hysteresis(found, [0, 1, 2, 3])
+    for k, (left, right) in enumerate(zip(figure.axes[::2], figure.axes[1::2], strict=True)):
+        # a tension of the far field does its work on the conjugate's negative
+        size, unit = ((800.0, 800.0), (320.0, 320.0), (100.0, -100.0))[k]
+        load = {name: loop.load[:, k] * size for name, loop in loops.items()}
+        moved = {name: loop.displacement[:, k] / unit for name, loop in loops.items()}
+        dots = {name: loop.turning for name, loop in loops.items()}
+        check_legend(figure, left, {name: (moved[name], load[name]) for name in loops}, dots)
+        # less the straight line between the extreme loads of the last loop
+        last = load["cycle 3"]
+        ends = [last.argmin(), last.argmax()]
+        chord = np.polyfit(last[ends], moved["cycle 3"][ends], 1)
+        bent = {
+            name: (moved[name] - np.polyval(chord, load[name]), load[name])
+            for name in loops
+            if name != "first loading"
+        }
+        check_legend(figure, right, bent, dots)
+    figure = rf.figures.trajectories(found, nodes, [0, 1, 2, 3])
+    for n, node in enumerate(nodes):
+        forces = {name: (loop.q[:, node], loop.p[:, node]) for name, loop in loops.items()}
+        moves = {name: (loop.v[:, node], loop.w[:, node]) for name, loop in loops.items()}
+        check_legend(figure, figure.axes[n], forces, dots)
+        check_legend(figure, figure.axes[len(nodes) + n], moves, dots)
 
 
 def check_legend(
-    entries: Sequence[Line2D], axes: Axes, shown: dict[str, np.ndarray], used: np.ndarray
+    figure: Figure,
+    axes: Axes,
+    shown: dict[str, tuple[np.ndarray, np.ndarray]],
+    dots: dict[str, np.ndarray] | None = None,
 ) -> None:
-    """Assert that the entries of a legend name the curves of their colours."""
-    assert [str(entry.get_label()) for entry in entries] == list(shown)
-    for entry in entries:
-        (line,) = (
-            x
-            for x in axes.lines
-            if x.get_color() == entry.get_color() and np.size(x.get_xdata()) > 2
-        )
-        assert np.array_equal(line.get_ydata(), shown[str(entry.get_label())][used])
+    """Assert that curves are those of their names in the legend, and dots at some of their points.
+
+    Earlier cycles are wider, to be seen below later ones.
+    """
+    entries = {str(entry.get_label()): entry for entry in figure.legends[0].get_lines()}
+    assert set(shown) <= set(entries)
+    lines = [line for line in axes.lines if len(line.get_xydata()) != 2]
+    for name, points in shown.items():
+        own = [line for line in lines if line.get_color() == entries[name].get_color()]
+        every = slice(None)
+        for line, at in zip(own, [every] if dots is None else [every, dots[name]], strict=True):
+            assert line.get_linestyle() == ("-" if at is every else "None")
+            wanted = np.stack(points, axis=1)[at]
+            size = np.abs(np.stack(points, axis=1)).max(axis=0)
+            assert np.all(np.abs(line.get_xydata() - wanted) <= 1e-9 * size), name
+    widths = [entries[name].get_linewidth() for name in shown if name.startswith("cycle")]
+    assert widths == sorted(widths, reverse=True)
 
 
 def test_figures_of_harmonic_loads_are_drawn_over_their_phase() -> None:

@@ -19,7 +19,8 @@ from PIL import Image
 from small import cyclic
 
 import receding_fenicsx as rf
-from receding_fenicsx.evolution.record_data import Limit
+from receding_fenicsx.evolution.record_data import Limit, PathUniqueness, Steady
+from receding_fenicsx.interface.branches.choice import Choice
 from receding_fenicsx.output.report.contact import (
     extremes_of,
     uniqueness_rows,
@@ -231,28 +232,74 @@ def test_run_without_cycles_or_costs_has_a_report_too() -> None:
     assert "Untitled run" in page.text
 
 
-@pytest.mark.parametrize("period", [1, 2])
-def test_a_limit_of_a_period_reports_the_mean_over_it(period: int) -> None:
-    found = rf.evolve(models.block_system(24, 6), cyclic(4))
-    D = np.array([4.0, 9.0, 1.0, 3.0])
-    found = dataclasses.replace(
-        found,
-        cycles=dataclasses.replace(found.cycles, dissipation=D),
-        steady=dataclasses.replace(found.steady, reached=True, cycle=4, period=period),
-        limit=Limit(True, 4, 9, 0.0, -1, "", True),
+UNSURE = PathUniqueness(False, 1.25, 3, 2, 1, 0.375, np.array([4, 6]), 5, True)
+
+
+def test_every_key_of_the_summary_is_what_the_record_holds() -> None:
+    """Of a whole body, a record with made-up numbers that all differ."""
+    found = rf.evolve(models.block_system(24, 6, half=False), cyclic(4))
+    slip = np.random.default_rng(1).standard_normal(found.cycles.slip_increment.shape)
+    cycles = dataclasses.replace(
+        found.cycles, dissipation=np.array([4.0, 9.0, 1.0, 3.0]), slip_increment=slip
     )
-    limit = rf.summarise(found)["limit"]
-    assert limit["dissipation"] == D[-period:].mean() and limit["period"] == period
-    assert limit["dissipation_ratio"] == D[-period:].mean() / 4.0
-
-
-@pytest.mark.parametrize("half", [True, False])
-def test_half_a_model_speaks_of_mirror_symmetric_paths_alone(half: bool) -> None:
-    system = models.block_system(24 if half else 48, 6, half=half)
-    summary = rf.summarise(rf.evolve(system, cyclic(1)))
-    head, words = uniqueness_rows(summary)[0]
-    assert head == "only path from its start"
-    assert ("among mirror-symmetric paths" in words) == half == system.half
+    numbers = {"residual_max": 0.125, "energy_error_max": 0.25, "sweeps": 7, "jumps": 2}
+    choices = (Choice(1, 0, 0.5, (0.75,), (3, 4), 2, 1, ((1, 3), (2, 2))),)
+    made = dataclasses.replace(
+        found,
+        **{**numbers, "released": 0.5, "dissipation_first_loading": 11.0, "n_events": 345},
+        cycles=cycles,
+        uniqueness=UNSURE,
+        choices=choices,
+        steady=Steady(True, 4, "ratchetting", 2, found.steady.change),
+        limit=Limit(True, 4, 9, 0.0625, 0, "it was found", True),
+        scene_toml=rf.to_toml(dataclasses.replace(SCENE, units=rf.Units("mm", "MPa", "N"))),
+    )
+    summary = rf.summarise(made)
+    points, ends = summary.pop("turning_points"), found.turning_points
+    for k, point in enumerate(points):
+        assert (point["cycle"], point["leg"]) == (ends.cycle[k], ends.leg[k])
+        assert point["load"] == {"p0": ends.load[k, 0]}
+        largest = ends.p[k].max(), ends.q[k].min(), ends.q[k].max()
+        assert (point["p_max"], point["q_min"], point["q_max"]) == largest
+        assert list(map(tuple, point["zones"])) == rf.zones(found.x, ends.state[k])
+    assert len(points) == 9 and summary.pop("limit_without_slip") is not None
+    gained = slip[-2:].mean(axis=0)
+    assert summary == {
+        **numbers,
+        "title": "a < b & c",
+        "units": {"length": "mm", "stress": "MPa", "force": "N"},
+        "method": "events",
+        "symmetry": "none",
+        **{"nodes": 25, "dofs": 50, "modelled_nodes": 25, "modelled_dofs": 50},
+        "warnings": [],
+        "dissipation_first_loading": 11.0,
+        "dissipation_per_cycle": [4.0, 9.0, 1.0, 3.0],
+        "dissipates": True,
+        "slip_per_cycle_max": np.abs(slip).max(axis=1).tolist(),
+        "steady": {"reached": True, "cycle": 4, "kind": "ratchetting", "period": 2},
+        # over a period of two cycles
+        "limit": {
+            **{"reached": True, "cycle": 4, "cycles_played": 9, "residual": 0.0625, "period": 2},
+            **{"dissipation": 2.0, "dissipation_ratio": 0.5, "unique": False, "jumped": True},
+            "walk": gained[np.abs(gained).argmax()],
+            "reason": "it was found",
+        },
+        "jumps": {"count": 2, "energy_released": 0.5},
+        "events": 345,
+        "uniqueness": {
+            **{"certified": False, "margin": 1.25, "solutions": 3, "symmetric_paths_only": False},
+            "where": {"cycle": 2, "leg": 1, "s": 0.375, "nodes": [4, 6]},
+            "first_loading": {"solutions": 5, "proved": True},
+        },
+        "branch": {"rule": "first", "choices": [vars(choice) for choice in choices]},
+    }
+    # of half a body
+    half = dataclasses.replace(made, half=True, modelled_nodes=13, modelled_dofs=25)
+    model = rf.summarise(half)
+    assert model["symmetry"] == "mirror" and model["uniqueness"]["symmetric_paths_only"]
+    assert (model["nodes"], model["modelled_nodes"], model["modelled_dofs"]) == (25, 13, 25)
+    head, words = uniqueness_rows(model)[0]
+    assert head == "only path from its start" and "among mirror-symmetric paths" in words
 
 
 def test_a_bolt_that_pushes_has_its_warning_and_a_tight_one_none() -> None:

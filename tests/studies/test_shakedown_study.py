@@ -148,6 +148,13 @@ def test_whether_it_slips_for_ever_depends_on_the_start_between_the_limits_only(
     safe = states.names.index("safe")
     assert states.dissipation[safe] == 0.0
     assert states.zones(safe) == [("stick", 0.0, 1.0)]
+    # each row is that of the path from its own slip
+    history = rf.range_history(two_nodes(), {"mean": 1.0}, TO_AND_FRO, factors[2])
+    for k in range(0, 41, 4):
+        record = rf.evolve(two_nodes(), history, initial_slip=states.slips[k], until="limit")
+        D = record.cycles.dissipation
+        row = states.dissipation[k], states.kind[k], states.cycles[k]
+        assert row == (D[-1], record.steady.kind, len(D)), states.names[k]
     summary = starts_summary(states)
     assert not summary["same"] and summary["kinds"] == states.counts
     limit = {"reached": False, "cycle": 2, "reason": "", "starts": summary}
