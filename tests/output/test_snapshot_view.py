@@ -2,6 +2,7 @@
 
 import re
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +24,7 @@ from receding_fenicsx.output.snapshots.page import (
     compose,
     layout_of,
 )
-from receding_fenicsx.output.snapshots.view import Arrows, Strip, View, _traction
+from receding_fenicsx.output.snapshots.view import View, _traction
 
 PRESSURE, HEIGHT, YOUNG, LARGEST = 2.0, 3.0, 5.0, 4.0
 """Where they are all 1, what divides by the wrong one looks the same."""
@@ -175,39 +176,13 @@ def test_gaps_and_displacements_are_exaggerated_alike(symmetry: str) -> None:
 
 # -- the page ------------------------------------------------------------------------------------
 
-STATES = np.array([2, 4, 4, 1, 1, 1, 3, 3, 2], dtype=np.int8)
-"""From the left: open, backward slip, stick, forward slip, open."""
 
-
-def made_up() -> View:
-    """A block of 2 by 1 that stands on a plane, in known states."""
-    x = np.linspace(-1.0, 1.0, 9)
-    place = np.stack([x, np.zeros(9)], axis=1)
-    open_ = STATES == rf.State.SEPARATION
-    moved = place + np.stack([0.0 * x, np.where(open_, 0.05, 0.0)], axis=1)
-    gap = 0.01 * (1.0 + np.abs(x))
-    strip = Strip("bottom", x, place, moved, np.array([0.0, 1.0]), gap, STATES, True)
-    corners = np.array([[-1.0, 0.0], [1.0, 0.0], [1.0, 1.0], [-1.0, 1.0]])
-    p = np.where(open_, 0.0, 1.0 - x**2)
-    return View(
-        points=corners,
-        moved=corners + np.array([0.0, 0.05]),
-        cells=np.array([[0, 1, 2, 3]]),
-        stress={"max_shear": np.array([0.0, 1.0, 0.5, 0.25])},
-        factor=20.0,
-        size=1.0,
-        near=False,
-        strips=(strip,),
-        p=p,
-        q=np.where(STATES == 3, -0.3, np.where(STATES == 4, 0.3, 0.1)) * p,
-        f=Friction(np.full(9, 0.3), np.full(9, 0.3)),
-        arrows=[Arrows(np.array([[0.0, 1.3]]), np.array([[0.0, 1.1]]), True)],
-        length_symbol="h",
-        pressure_symbol="p_{0}",
-        own_units=rf.Units(),
-        caption="a caption",
-        radial=False,
-    )
+@cache
+def view_alone() -> View:
+    """The block at a third of its load, all four states in its contact, on one rank."""
+    made = seen(BLOCK)
+    assert made is not None and set(made[0].strips[0].state) == {1, 2, 3, 4}
+    return made[0]
 
 
 def page_of(view: View) -> Figure:
@@ -222,25 +197,26 @@ def page_of(view: View) -> Figure:
 
 @pytest.mark.one_rank
 def test_band_of_states_has_the_colours_of_the_legend_where_the_states_are() -> None:
-    view = made_up()
+    view = view_alone()
     figure = page_of(view)
     named, body = names_of_colours(figure), figure.axes[0]
     assert len(named) == 4
     (boxes,) = [c for c in body.collections if isinstance(c, PolyCollection)]
-    ends, expected = [], rf.zones(view.x, STATES)
+    ends, expected = [], rf.zones(view.x, view.strips[0].state)
     fills: Any = boxes.get_facecolor()
     for path, colour in zip(boxes.get_paths(), map(to_hex, fills), strict=True):
         x, y = np.asarray(path.vertices).T
         ends.append((named[colour], x.min(), x.max()))
-        # below the plane
-        assert y.max() < -view.strips[0].gap.max()
+        assert y.max() < 0.0  # below the plane
     for found, zone in zip(ends, expected, strict=True):
         assert found[0] == zone[0] and found[1:] == pytest.approx(zone[1:])
 
 
 @pytest.mark.one_rank
 def test_tractions_stand_below_their_places_and_are_named_by_their_colours() -> None:
-    view = replace(made_up(), f=Friction(np.full(9, 0.3), np.full(9, 0.5)))
+    view = view_alone()
+    f = Friction(np.full(len(view.x), 0.3), np.full(len(view.x), 0.5))
+    view, unit = replace(view, f=f), view.pressure_symbol
     figure = page_of(view)
     body, tractions, bar = figure.axes
     legend = tractions.get_legend()
@@ -248,28 +224,27 @@ def test_tractions_stand_below_their_places_and_are_named_by_their_colours() -> 
     for entry, text in zip(legend.get_lines(), legend.get_texts(), strict=True):
         named = (line for line in tractions.lines if line.get_color() == entry.get_color())
         (line,) = (line for line in named if np.size(line.get_xdata()) > 2)
-        values = {"$p/p_{0}$": view.p, "$q/p_{0}$": view.q}[text.get_text()]
+        values = {f"$p/{unit}$": view.p, f"$q/{unit}$": view.q}[text.get_text()]
         assert np.asarray(line.get_xydata()) == pytest.approx(np.stack([view.x, values], axis=1))
     (cone,) = (np.asarray(c.get_paths()[0].vertices) for c in tractions.collections)
     for x, p in zip(view.x, view.p, strict=True):
         at = cone[np.abs(cone[:, 0] - x) < 1e-12, 1]
         assert (at.min(), at.max()) == pytest.approx((-0.3 * p, 0.5 * p))
     assert tractions.get_xlim() == pytest.approx(body.get_xlim())
-    assert (tractions.get_xlabel(), tractions.get_ylabel()) == ("$x/h$", "$p/p_{0}$,  $q/p_{0}$")
-    assert bar.get_ylabel() == r"$2\tau_\mathrm{max}/p_{0}$"
-    assert bar.get_ylim() == pytest.approx((0.0, 2.0))
-    texts = [text.get_text() for text in figure.texts]
-    assert texts == ["a caption", r"one fringe 0.2$\,p_{0}$, displacements × 20"]
+    labels = tractions.get_xlabel(), tractions.get_ylabel()
+    assert labels == ("$x/h$", f"$p/{unit}$,  $q/{unit}$")
+    assert bar.get_ylabel() == rf"$2\tau_\mathrm{{max}}/{unit}$"
+    assert bar.get_ylim() == pytest.approx((0.0, 2.0 * view.stress["max_shear"].max()))
+    caption, note = (text.get_text() for text in figure.texts)
+    assert caption == view.caption and note.endswith(f"displacements × {view.factor:g}")
 
 
 @pytest.mark.one_rank
 @pytest.mark.parametrize("scale", [1.0, 1e6])
 def test_fringes_are_white_at_whole_orders_and_black_halfway(scale: float) -> None:
     """Photoelasticity: light of a crossed polariscope counts 2 tau_max, the stress difference."""
-    view = made_up()
-    view = replace(view, stress={"max_shear": scale * view.stress["max_shear"]})
     fringes = next(q for q in QUANTITIES if q.name == "max_shear")
-    colours = colours_of(2.0 * view.stress["max_shear"], fringes, "p_0")
+    colours = colours_of(scale * np.array([0.0, 2.0, 1.0, 0.5]), fringes, "p_0")
     apart = 0.2 * scale  # the largest, 2, has ten
     assert colours.note == rf"one fringe {apart:g}$\,p_0$"
     assert colours.limits == (0.0, pytest.approx(2.0 * scale)) and len(colours.levels) == 0

@@ -1,13 +1,11 @@
 """Sweeps over grids of values, interrupted and gone on with, against runs of single scenes."""
 
-import contextlib
 import csv
 import json
 import os
 import signal
 import subprocess
 import sys
-import time
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
@@ -20,6 +18,7 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 import sweep_measures
+from test_workers import wait_for_end_of
 
 import receding_fenicsx as rf
 from receding_fenicsx import cli
@@ -124,16 +123,6 @@ rf.sweep(scene, {over!r}, out, workers, options=options)
 """
 
 
-def running_with(mark: str) -> list[Path]:
-    """Return the processes that have a text in their environment."""
-    found = []
-    for place in Path("/proc").glob("[0-9]*/environ"):
-        with contextlib.suppress(OSError):
-            if mark.encode() in place.read_bytes():
-                found.append(place)
-    return found
-
-
 def test_a_sweep_killed_twice_has_the_table_of_an_undisturbed_one(
     tmp_path: Path, mpirun: Run
 ) -> None:
@@ -142,13 +131,11 @@ def test_a_sweep_killed_twice_has_the_table_of_an_undisturbed_one(
     program = tmp_path / "killed.py"
     program.write_text(KILLED.format(block=BLOCK, small=SMALL, over=OVER))
     # two processes of this machine, then two ranks; the parent kills itself by SIGKILL
-    mark = f"SWEEP_MARK={tmp_path}"
     command = [sys.executable, str(program), str(out), "2", "2"]
     environment = {**rf.child_environment(), "SWEEP_MARK": str(tmp_path)}
     killed = subprocess.run(command, env=environment, check=False)
     assert killed.returncode == -signal.SIGKILL
-    while running_with(mark):  # the new processes end with their parent
-        time.sleep(0.02)
+    wait_for_end_of(f"SWEEP_MARK={tmp_path}")  # the new processes end with their parent
     assert len(lines(out)) == 2
     assert mpirun(2, program, out, 2, 0).returncode != 0
     assert len(lines(out)) == 4
