@@ -22,6 +22,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from enum import IntEnum
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -82,7 +83,7 @@ class Friction:
         """Whether there is neither cohesion nor shear limit."""
         return bool(np.all(np.isinf(self.shear_limit)) and not np.any(self.cohesion))
 
-    @property
+    @cached_property
     def present(self) -> NDArray[np.bool_]:
         """True at nodes with friction in either direction."""
         rubs = (self.forward > 0.0) | (self.backward > 0.0) | (np.asarray(self.cohesion) > 0.0)
@@ -126,7 +127,12 @@ class Friction:
         self, coefficient: Array, P: Array, touches: NDArray[np.bool_] | bool = True
     ) -> Array:
         """Return the size of one limit; without contact there is no cohesion."""
-        return np.minimum(coefficient * P + self.cohesion * touches, self.shear_limit)
+        limit = coefficient * P
+        if isinstance(self.cohesion, np.ndarray):
+            limit = limit + self.cohesion * touches
+        if isinstance(self.shear_limit, np.ndarray):
+            limit = np.minimum(limit, self.shear_limit)
+        return limit
 
     def opening(self, P: Array) -> Array:
         """Return A + B = (f_forward + f_backward) P, the distance between both limits."""

@@ -18,8 +18,9 @@ from receding_fenicsx.interface.tolerances import (
 def largest_force(system: ContactSystem, load: Array, r: Array, so_far: float) -> float:
     """Return the history's largest nodal force, the scale of every residual and force tolerance.
 
-    An open contact has no force of its own: there a hundredth of the held reactions sum |lambda r*|
-    sets the scale, also of loads that cancel, such as a fit and a bolt that is shortened for it.
+    Of one load (n_loads,), or of several (k, n_loads). An open contact has no force of its own:
+    there a hundredth of the held reactions sum |lambda r*| sets the scale, also of loads that
+    cancel, such as a fit and a bolt that is shortened for it.
     """
     held = float((np.abs(load) @ np.abs(system.r_star)).max(initial=0.0))
     return max(so_far, float(np.abs(r).max(initial=0.0)), 1e-2 * held)

@@ -114,7 +114,7 @@ class ContactSystem:
         """Whether there is a cohesion or a shear limit."""
         return self.cohesion is not None or self.shear_limit is not None
 
-    @property
+    @cached_property
     def law(self) -> Friction:
         """Law of friction with its cohesion and its shear limit."""
         branches = self.cohesion, self.shear_limit

@@ -78,14 +78,14 @@ class ActiveSets:
             _keep(self._sets, key, ActiveSet(free, friction))
         return self._sets[key]
 
-    def correction(self, state: ContactState) -> Array:
-        """Return the change (2N,) of displacements that brings the forces to zero.
+    def correction(self, state: States, forces: Array) -> Array:
+        """Return the change (2N,) of displacements that brings the (m,) forces to zero.
 
         Raises:
             SingularExchange: the states leave a motion without stiffness.
         """
-        key, (free, friction) = state.state.tobytes(), self.of(state.state)
-        n, change = self._segments.system.n, np.zeros(len(state.u))
+        key, (free, friction), n = state.tobytes(), self.of(state), len(state)
+        change = np.zeros(2 * n)
         if not len(free):
             return change
         if key not in self._factors:
@@ -98,7 +98,6 @@ class ActiveSets:
             if size.min() <= 1e-9 * size.max():
                 raise SingularExchange
             _keep(self._factors, key, tuple(factor))
-        forces = self.of(state.state).forces(state)
         change[free] = -sla.lu_solve(self._factors[key], forces, check_finite=False)
         return change
 

@@ -165,9 +165,9 @@ class EventPath:
     def _pressed_leg(self, problem: LegProblem) -> Leg:
         """Follow a leg on which forces act from its start; explain why one ends early."""
         (a, b), start = problem.ends, problem.start
-        scale = problem.force_scale
-        scale = max(largest_force(self.system, load, start.r, scale) for load in (a, b))
-        problem = problem.piece(start, (a, b), scale, (0.0, 1.0))
+        scale = largest_force(self.system, np.array([a, b]), start.r, problem.force_scale)
+        if scale > problem.force_scale:
+            problem = problem.piece(start, (a, b), scale, (0.0, 1.0))
         try:
             leg = self._walk(problem)
         except SolveError as error:

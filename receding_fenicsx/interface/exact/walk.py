@@ -197,7 +197,7 @@ class Walk:
         """Remove the imbalance of forces and displacements; return what is accepted from here."""
         path, load = self.path, self.problem.load(self.s)
         self._check(path.imbalance)
-        state = self._refined(self._at(path.y), load)
+        state = self._refined(self._at(path.y, load), load)
         path.y[:] = self.segments.values(state)
         path.imbalance[:] = self.segments.balance.errors(path.y, load)
         # it is removed again where it has doubled
@@ -224,7 +224,7 @@ class Walk:
             return None
         # the round-off of large displacements before is no error at the end
         load = self.problem.load(way.end)
-        end = self._refined(self._at(y, way.end), load, UNLOADING_REFINEMENTS)
+        end = self._refined(self._at(y, load), load, UNLOADING_REFINEMENTS)
         y = self.segments.margins(end)
         return y if keeps_limits(self.segments, start, y, self.force_scale) else None
 
@@ -237,11 +237,9 @@ class Walk:
         path.y[:], path.place[0] = y, end
         kernel.sampled(loop.memory, way, path, entry, end)
 
-    def _at(self, y: Array, s: float | None = None, state: States | None = None) -> ContactState:
-        """Return the state for quantities y (4N,), reactions evaluated afresh."""
-        n, load = self.system.n, self.problem.load(self.s if s is None else s)
-        u = np.concatenate([y[:n], y[n : 2 * n] - self.system.g0])
-        state = self.path.state if state is None else state
+    def _at(self, y: Array, load: Array, state: States | None = None) -> ContactState:
+        """Return the state for quantities y (4N,) and a load, reactions evaluated afresh."""
+        u, state = self.displacements(y), self.path.state if state is None else state
         return ContactState(u, reactions(self.system, load, u), state.copy())
 
     def _refined(self, state: ContactState, load: Array, steps: int = 0) -> ContactState:
@@ -252,13 +250,14 @@ class Walk:
         larger displacements before must not remain as slip.
         """
         n, weight, last, before = self.system.n, self.segments.weight, np.inf, state
+        active = self.loop.sets.of(state.state)
         # on soft springs one step leaves a large part of the error, that of the pivots
         for _ in range(steps or 4):
-            wrong = self.loop.sets.of(state.state).forces(state)
+            wrong = active.forces(state)
             # smaller errors of nodal forces are never removed
             if not steps and np.abs(wrong).max(initial=0.0) <= 1e-13 * self.force_scale:
                 break
-            change = self._correction(state)
+            change = self._correction(state, wrong)
             largest = float(np.abs(change * weight[: 2 * n]).max())
             if largest >= last:
                 return before
@@ -268,19 +267,19 @@ class Walk:
                 break
         return state
 
-    def _correction(self, state: ContactState) -> Array:
+    def _correction(self, state: ContactState, wrong: Array) -> Array:
         """Return the change (2N,) of displacements that brings forces which vanish back to zero."""
         segments, none = self.segments, np.zeros_like(state.u)
         if not segments.is_special and not segments.is_near(state.state):
             with suppress(SingularExchange):
-                return self.loop.sets.correction(state)
+                return self.loop.sets.correction(state.state, wrong)
         with suppress(SingularExchange):
             return segments.tableau(state.state).correction(state.r)[: len(none)]
         return none
 
     def here(self) -> ContactState:
         """Return the state at the present point, reactions evaluated afresh."""
-        return self._at(self.path.y)
+        return self._at(self.path.y, self.point.load)
 
     def stop_here(self) -> Leg:
         """Return the leg up to the place where the path ends, in the states on the way there.
@@ -303,7 +302,7 @@ class Walk:
         path, problem = self.path, self.problem
         load = problem.load(self.s)
         self._check(self.segments.balance.errors(path.y, load))
-        reached = self.here()
+        reached = self._at(path.y, load)
         end = self._refined(reached, load, 0 if np.any(load) else UNLOADING_REFINEMENTS)
         self._note(end)
         leg = self._leg(end)
@@ -361,7 +360,7 @@ class Walk:
             work=float(path.work.sum()),
             residual=self.residual,
             force_scale=self.force_scale,
-            samples=[(s, self._at(y, s, state)) for s, y, state in sampled],
+            samples=[(s, self._at(y, problem.load(s), state)) for s, y, state in sampled],
             events=_changes(path.event_at[:events], path.event[:events]),
             stops=made,
             ties=_changes(path.tie_at[:ties], path.tie[:ties]),

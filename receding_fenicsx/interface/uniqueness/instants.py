@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
 from itertools import product
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -126,6 +126,12 @@ class Instants(NamedTuple):
         number = np.cumsum(np.diff(every.s, prepend=0.0) > SIMULTANEOUS)
         first = number.searchsorted(np.arange(number.max(initial=0) + 2))
         return cls(start, every, order < len(ties), first)
+
+    @property
+    def columns(self) -> tuple[NDArray[Any], ...]:
+        """What tells one leg from another, wherever on it its instants are."""
+        every = self.every
+        return self.start, every.node, every.old, every.new, self.is_tie, self.first
 
     def keys(self, marks: NDArray[np.uint64]) -> list[int]:
         """Return a hash of each instant: of the states before it, and of what changes there.

@@ -174,9 +174,8 @@ class UniquenessWatch:
                     self.found = self.found.with_doubt(at, _differing(states), count)
             state, events, ties = leg.end.state, *[Changes.none()] * 2
         self._rates(place, b - a, (state, events, ties))
-        carried = largest_force(system, b, leg.end.r, scale)
         free = bool(np.any(b)) and system.rigid.shape[1] > 0
-        self.floats = free and carries_nothing(leg.end, carried)
+        self.floats = free and carries_nothing(leg.end, largest_force(system, b, leg.end.r, scale))
         if self.floats:  # nothing says where
             self.found = self.found.with_doubt((*place, 1.0), ())
         end = Sides.of(leg.end.state).of_nodes(self.certificate.rubbing)
@@ -212,15 +211,12 @@ class UniquenessWatch:
             seen = {(s, i, state) for s, i, *states in events for state in states}
             ties = Changes.of(one for one in ties if (*one[:2], one[3]) not in seen)
             finite = self._is_finite
-        elif not len(ties):
-            later = np.diff(events.s, prepend=0.0) > SIMULTANEOUS
-            parts = start, events.node, events.old, events.new, later
-            leg = hash((way, *(part.tobytes() for part in parts)))
+        instants, wanted = Instants.of(start, events, ties), None
+        if finite is None:
+            leg = hash((way, *(part.tobytes() for part in instants.columns)))
             if leg in self._legs:
                 return
             self._legs.add(leg)
-        instants, wanted = Instants.of(start, events, ties), None
-        if finite is None:
             keys, known = instants.keys(self._marks), self._keys.setdefault(way, set())
             wanted = [k for k, key in enumerate(keys) if key not in known]
             known.update(keys)
