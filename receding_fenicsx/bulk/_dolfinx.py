@@ -19,7 +19,7 @@ import dolfinx
 import numpy as np
 import ufl
 from cffi import VerificationError
-from dolfinx import fem, graph
+from dolfinx import fem, graph, la
 from dolfinx import mesh as dmesh
 from dolfinx.fem import petsc as fem_petsc
 from dolfinx.io.utils import distribute_entity_data
@@ -196,6 +196,19 @@ def assemble_matrix(form: Any) -> PETSc.Mat:
     matrix = fem_petsc.assemble_matrix(form)
     matrix.assemble()
     return matrix
+
+
+def sum_at_nodes(
+    space: fem.FunctionSpace, local: NDArray[np.int32], values: Array, name: str = "sum"
+) -> fem.Function:
+    """Return the function whose value at a node is the sum of those given there, on all ranks."""
+    function = fem.Function(space, name=name)
+    np.add.at(function.x.array, local, values)
+    # 0.6 renamed the class
+    mode = la.ScatterMode if VERSION < (0, 6) else la.InsertMode
+    function.x.scatter_reverse(mode.add)
+    function.x.scatter_forward()
+    return function
 
 
 def owned_values(function: fem.Function) -> Array:

@@ -30,7 +30,7 @@ from receding_fenicsx.bulk.mesh.rectangle import POSITION_TOLERANCE
 from receding_fenicsx.bulk.rigid_motions import motions
 from receding_fenicsx.errors import InputError, MeshMisfit
 from receding_fenicsx.mpi import on_all
-from receding_fenicsx.scene.checks import nearest
+from receding_fenicsx.scene.checks import suggestion
 from receding_fenicsx.scene.model import FREE, Scene
 
 
@@ -250,9 +250,8 @@ def nodes_at(
     elif point in body.spots:
         points = body.spots[point]
     else:
-        close = nearest(point, body.spots)
-        known = ", ".join(sorted(body.spots)) or f'none, declare Physical Point("{point}")'
-        hint = f"did you mean '{close}'?" if close else f"it has {known}"
+        declare = f'declare Physical Point("{point}")'
+        hint = suggestion(point, sorted(body.spots)) if body.spots else declare
         raise InputError(f"point: the mesh has no group of points '{point}'; {hint}")
 
     def at_one(places: Array) -> NDArray[np.bool_]:

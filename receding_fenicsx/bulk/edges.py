@@ -140,7 +140,7 @@ def integrate_arcs(
 
     Returns numbers (n,) of the facets on curved edges, and the (n, k) integrals over their curves.
     """
-    on, numbers = arcs.find(facets.points[:, 0], facets.points[:, 1])
+    on, numbers = arcs.find(facets.points[:, :2])
     slopes = arcs.slopes[numbers]
     length = np.hypot(slopes[..., 0], slopes[..., 1])[..., None]
     normals = np.stack([slopes[..., 1], -slopes[..., 0]], axis=-1)

@@ -16,6 +16,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 
+import basix
 import numpy as np
 from dolfinx import fem
 
@@ -130,7 +131,8 @@ def _domain_forces(
     """Return nodes (cells, n) and forces (cells, n, 2) of a load on this rank's cells."""
     corners = _dolfinx.cell_corners(body.mesh)
     nodes = _dolfinx.global_nodes(space, _dolfinx.cell_dofs(space)[: len(corners)])
-    at, weight = _rule(body.cell)
+    # polynomials of degree 10 are integrated exactly
+    at, weight = basix.make_quadrature(getattr(basix.CellType, body.cell), 10)
     shape, slopes = _dolfinx.tabulated(body.cell, scene.mesh.degree, at)
     points, jacobian = _dolfinx.mapped(body.cell, corners, at)
     volume = weight * np.abs(np.linalg.det(jacobian))
@@ -153,18 +155,6 @@ def _domain_forces(
     # the hoop strain u_r / r, times r
     forces[..., 0] += np.einsum("cq,qn->cn", hoop, shape)
     return nodes, forces
-
-
-def _rule(cell: str) -> tuple[Array, Array]:
-    """Return reference points (m, 2) of Gauss's rule in a cell and their weights."""
-    # 6 along each side: polynomials of degree 10 are integrated exactly
-    s, weight = np.polynomial.legendre.leggauss(6)
-    a, b = (grid.ravel() for grid in np.meshgrid(0.5 * (1.0 + s), 0.5 * (1.0 + s)))
-    product = 0.25 * np.outer(weight, weight).ravel()
-    if cell == "quadrilateral":
-        return np.column_stack([a, b]), product
-    # the square with one side drawn together
-    return np.column_stack([a * (1.0 - b), b]), product * (1.0 - b)
 
 
 def thermal_strain(scene: Scene, load_names: tuple[str, ...], points: Array) -> Array:

@@ -5,11 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from mpi4py import MPI
-from petsc4py import PETSc
 
 import numpy as np
 from dolfinx import fem
-from numpy.typing import NDArray
 from scipy import sparse
 
 from receding_fenicsx.arrays import Array, Ints
@@ -89,17 +87,15 @@ def stresses(
     linear = _dolfinx.scalar_space(bulk.body.mesh, "Lagrange", 1)
     cell_dofs = _dolfinx.cell_dofs(constant)[: len(points), 0]
     vertex_dofs = _dolfinx.cell_dofs(linear)[: len(points)]
-    count = _sum_at_vertices(linear, vertex_dofs, np.ones(vertex_dofs.shape))
+    count = _dolfinx.sum_at_nodes(linear, vertex_dofs, np.ones(vertex_dofs.shape)).x.array
     in_cells, at_vertices = {}, {}
     components = np.moveaxis(linear_stresses(stiffness_in(bulk.scene, bulk.body), strain), -1, 0)
     for name, value in named_stresses(*components).items():
         in_cells[name] = fem.Function(constant, name=name)
         in_cells[name].x.array[cell_dofs] = value[:, -1]
         in_cells[name].x.scatter_forward()
-        total = _sum_at_vertices(linear, vertex_dofs, value[:, :-1])
-        at_vertices[name] = fem.Function(linear, name=name)
-        _dolfinx.owned_values(at_vertices[name])[:] = total / count
-        at_vertices[name].x.scatter_forward()
+        at_vertices[name] = _dolfinx.sum_at_nodes(linear, vertex_dofs, value[:, :-1], name)
+        at_vertices[name].x.array[:] /= count
     return Stresses(in_cells, at_vertices)
 
 
@@ -109,19 +105,6 @@ def named_stresses(sxx: Array, syy: Array, szz: Array, sxy: Array) -> dict[str, 
     von_mises = np.sqrt(0.5 * pairs + 3.0 * sxy**2)
     max_shear = np.hypot(0.5 * (sxx - syy), sxy)
     return dict(zip(STRESSES, (sxx, syy, szz, sxy, von_mises, max_shear), strict=True))
-
-
-def _sum_at_vertices(space: fem.FunctionSpace, local: NDArray[np.int32], values: Array) -> Array:
-    """Sum values given cell by cell, over all ranks' cells, at this rank's own vertices."""
-    index_map = space.dofmap.index_map
-    sizes = (index_map.size_local, index_map.size_global)
-    total = PETSc.Vec().createMPI(sizes, comm=space.mesh.comm)
-    numbers = _dolfinx.global_nodes(space, local).ravel().astype(PETSc.IntType)
-    total.setValues(numbers, values.ravel(), addv=PETSc.InsertMode.ADD_VALUES)
-    total.assemble()
-    result = total.getArray().copy()
-    total.destroy()
-    return result
 
 
 def point_values(

@@ -27,12 +27,14 @@ class Arcs:
     # to 1 at the second
     slopes: Array
 
-    def find(self, a: Array, b: Array) -> tuple[Ints, Ints]:
-        """Return the numbers of the facets from a to b (n, 2) that are here, and those here."""
-        keys = [_key(*pair) for pair in self.ends]
-        place = {key: i for i, key in enumerate(keys)}
-        found = [place.get(_key(*pair), -1) for pair in zip(a, b, strict=True)]
-        numbers = np.array(found, dtype=np.int64)
+    def find(self, ends: Array) -> tuple[Ints, Ints]:
+        """Return the numbers of facets with ends (n, 2, 2) that are here, and those here."""
+
+        def keys(ends: Array) -> list[frozenset[tuple[float, ...]]]:
+            return [frozenset(map(tuple, pair)) for pair in ends.tolist()]
+
+        place = {key: i for i, key in enumerate(keys(self.ends))}
+        numbers = np.array([place.get(key, -1) for key in keys(ends)], dtype=np.int64)
         on = np.flatnonzero(numbers >= 0)
         return on, numbers[on]
 
@@ -43,11 +45,6 @@ def gauss() -> tuple[Array, Array]:
     # 8 points: at order 2, polynomial loads of degree 13 are integrated exactly
     position, weight = legendre.leggauss(8)
     return 0.5 * (1.0 + position), 0.5 * weight
-
-
-def _key(a: Array, b: Array) -> frozenset[tuple[float, float]]:
-    """Return the key of a facet, the same in both orientations."""
-    return frozenset([(float(a[0]), float(a[1])), (float(b[0]), float(b[1]))])
 
 
 def arcs_of(gmsh: Any, scale: float) -> Arcs:
@@ -74,20 +71,21 @@ def _arcs_of_curve(gmsh: Any, curve: int) -> tuple[Array, Array, Array] | None:
     nodes = model.mesh.getElements(1, curve)[2]
     if not len(nodes):
         return None
-    tags, coordinates, _ = model.mesh.getNodes(1, curve, includeBoundary=True)
-    place = dict(zip(tags.tolist(), coordinates.reshape(-1, 3)[:, :2], strict=True))
-    inner, _, parameters = model.mesh.getNodes(1, curve, returnParametricCoord=True)
-    known = dict(zip(inner.tolist(), parameters.tolist(), strict=True))
-    facets = np.asarray(nodes[0], dtype=np.int64).reshape(-1, 2)
-    ends = np.array([[place[int(tag)] for tag in facet] for facet in facets])
-    u = np.array([[known.get(int(tag), np.nan) for tag in facet] for facet in facets])
-    low, high = (float(bound[0]) for bound in model.getParametrizationBounds(1, curve))
+    tags, coordinates, parameters = model.mesh.getNodes(1, curve, True, True)  # ends too
+    known, first = np.unique(tags, return_index=True)
+    facets = first[np.searchsorted(known, nodes[0])].reshape(-1, 2)
+    ends, u = coordinates.reshape(-1, 3)[facets, :2], parameters[facets]
+    if len(known) < len(tags):
+        # both ends of a closed curve are one node, with the parameter of one
+        low, high = (float(bound[0]) for bound in model.getParametrizationBounds(1, curve))
+        far = np.abs(u[:, 1:] - u[:, :1]) > 0.5 * (high - low)
+        at_end = np.minimum(u - low, high - u) < 1e-9 * (high - low)
+        u = np.where(far & at_end, low + high - u, u)
 
     def at(u: Array) -> Array:
         values = np.array(model.getValue(1, curve, u.ravel().tolist()))
         return np.asarray(values.reshape(*u.shape, 3)[..., :2])
 
-    _fill_ends(u, ends, at(np.array([low, high])), (low, high))
     near = 1e-6 * float(np.hypot(*np.ptp(ends.reshape(-1, 2), axis=0)))
     if not np.all(np.abs(at(u) - ends) <= near):
         return None  # the nodes lie on another curve, such as a compound one
@@ -100,16 +98,3 @@ def _arcs_of_curve(gmsh: Any, curve: int) -> tuple[Array, Array, Array] | None:
     slope = legendre.legvander(2.0 * places[1:-1] - 1.0, degree - 1) @ derivative
     points = at(u[:, :1] + places * (u[:, 1:] - u[:, :1]))
     return ends, points[:, 1:-1], np.einsum("qp,npk->nqk", slope, points)
-
-
-def _fill_ends(u: Array, ends: Array, bounds: Array, limits: tuple[float, float]) -> None:
-    """Fill in the parameters of the curve's ends: of the nearer, on closed curves by direction."""
-    low, high = limits
-    for facet, end in zip(*np.nonzero(np.isnan(u)), strict=True):
-        away = np.hypot(*(bounds - ends[facet, end]).T)
-        other = u[facet, 1 - end]
-        length = np.hypot(*(ends[facet, 0] - ends[facet, 1]))
-        if np.isnan(other) or abs(away[0] - away[1]) > 0.5 * length:
-            u[facet, end] = low if away[0] <= away[1] else high
-        else:
-            u[facet, end] = low if other - low < high - other else high

@@ -11,7 +11,7 @@ import numpy as np
 from receding_fenicsx.arrays import Array, Ints
 from receding_fenicsx.bulk.mesh.curved_edges import Arcs
 from receding_fenicsx.errors import InputError, MeshMisfit
-from receding_fenicsx.scene.checks import nearest
+from receding_fenicsx.scene.checks import suggestion
 
 STRAIGHT_TOLERANCE = 1e-6
 """Largest distance of a node from the line of its straight edge, over the edge's length."""
@@ -54,16 +54,11 @@ class RawMesh:
 
     def facets(self, edge: str, where: str) -> Ints:
         """Return the facets of an edge that the mesh has to have; ``where`` begins the message."""
-        if edge in self.edges:
-            return self.edges[edge]
-        close = nearest(edge, self.edges)
-        if close is not None:
-            hint = f"did you mean '{close}'?"
-        elif self.edges:
-            hint = f"it has {', '.join(sorted(self.edges))}"
-        else:
-            hint = f'it has none, declare Physical Curve("{edge}")'
-        raise InputError(f"{where}: the mesh has no group of curves '{edge}'; {hint}")
+        if edge not in self.edges:
+            declare = f'declare Physical Curve("{edge}")'
+            hint = suggestion(edge, sorted(self.edges)) if self.edges else declare
+            raise InputError(f"{where}: the mesh has no group of curves '{edge}'; {hint}")
+        return self.edges[edge]
 
 
 def with_radii(mesh: RawMesh) -> RawMesh:

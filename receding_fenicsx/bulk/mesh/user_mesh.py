@@ -23,7 +23,7 @@ from receding_fenicsx.bulk.mesh.curved_edges import arcs_of
 from receding_fenicsx.bulk.mesh.grading import mesh_refined
 from receding_fenicsx.bulk.mesh.raw_mesh import RawMesh, sides, with_radii
 from receding_fenicsx.errors import InputError, MeshMisfit
-from receding_fenicsx.scene.checks import nearest
+from receding_fenicsx.scene.checks import nearest, suggestion
 from receding_fenicsx.scene.model import Body, MeshOptions
 
 
@@ -116,8 +116,7 @@ def _cells(gmsh: Any, name: str | None, where: str) -> tuple[Ints, tuple[str, ..
         model.getPhysicalName(2, tag) or str(tag): tag for _, tag in model.getPhysicalGroups(2)
     }
     if name is not None and name not in groups:
-        close = nearest(name, groups)
-        hint = f"did you mean '{close}'?" if close else f"it has {', '.join(groups) or 'none'}"
+        hint = suggestion(name, list(groups)) if groups else "declare it"
         raise InputError(f"{where}: has no physical surface '{name}'; {hint}")
     chosen = groups if name is None else {name: groups[name]}
     surfaces: dict[int, str] = {}
