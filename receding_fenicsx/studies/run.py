@@ -34,21 +34,12 @@ from receding_fenicsx.scene import history
 from receding_fenicsx.scene.model import Scene
 from receding_fenicsx.scene.validate import validate
 from receding_fenicsx.store.hdf5 import read_system, write_record, write_system
-from receding_fenicsx.store.run_folder import (
-    SYSTEM,
-    shared_folder,
-    write_probes,
-    write_summary,
-)
+from receding_fenicsx.store.run_folder import SYSTEM, shared_folder, write_probes, write_summary
 from receding_fenicsx.store.workspace import CASES, CaseFile, interruption, locked, resumable
 from receding_fenicsx.studies.accuracy import meshes, study
 from receding_fenicsx.studies.accuracy.study import Solved
 from receding_fenicsx.studies.runner import Kind, Runner, StudyOptions, check_workers, on_ranks
-from receding_fenicsx.studies.starts import (
-    check_starts,
-    starts_summary,
-    steady_states,
-)
+from receding_fenicsx.studies.starts import check_starts, starts_summary, steady_states
 from receding_fenicsx.timing import Countdown, Say, Timer
 
 if TYPE_CHECKING:

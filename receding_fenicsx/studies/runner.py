@@ -3,24 +3,12 @@
 A study is ``cases -> measure -> combine``: a list of cases, each with a digest of all that its
 outcome depends on and the arguments of ``measure``; this function, called in any process, which
 returns a dictionary of JSON values (an error is the outcome of its case); and what rank 0 makes of
-the outcomes. A new study, here of a number over the friction::
+the outcomes. A new study is written as :func:`~receding_fenicsx.studies.sweep.sweep`: it passes
+:func:`run_study` a :class:`Kind` and a :class:`Study`, whose ``combine`` calls
+``runner.outcomes(cases, measure)``, also again with cases that depend on earlier outcomes.
 
-    def slip_of(scene: Scene, body: str, systems: Path | None) -> dict[str, Any]:
-        record = evolve(shared_system(scene, body, systems), scene)
-        return {"slip": float(np.abs(record.turning_points.v).max())}
-
-    def slip_study(scene, frictions, out=None, workers=None, options=StudyOptions()):
-        def combine(runner: Runner) -> list[Outcome]:
-            scenes = [with_friction(scene, f) for f in frictions]
-            work = [(s, body_of(s), runner.systems) for s in scenes]
-            return runner.outcomes([Case(identity_of(w[0]), w, (), w[1]) for w in work], slip_of)
-
-        kind = Kind("slip study", "slip_cases.json")
-        return run_study(kind, lambda: Study(scene, combine), out, workers, options)
-
-``runner.outcomes`` may be called again, with cases that depend on earlier outcomes. The folder
-holds ``cases.jsonl``, a line for each finished case, and the file named by the kind, which says
-what it is of: a study of another scene, or with other ``same``, does not continue it.
+The folder holds ``cases.jsonl``, a line for each finished case, and the file named by the kind,
+which says what it is of: a study of another scene, or with other ``same``, does not continue it.
 """
 
 from __future__ import annotations
@@ -105,15 +93,17 @@ class Kind:
         check_workers(workers, comm, options.executor)
         if options.shard is not None:
             number, shares = options.shard
-            reason = ""
             if not self.shares:
-                reason = f"{self.name}: its cases depend on each other; leave the shard out"
-            elif out is None or not 1 <= number <= shares:
-                reason = f"shard {number}/{shares}: needs 1 <= number <= count, and a folder"
-            elif options.overwrite:
-                reason = "--shard and --overwrite: shares use the folder together; omit one"
-            if reason:
-                raise InputError(reason)
+                raise InputError(
+                    f"{self.name}: its cases depend on each other; leave the shard out"
+                )
+            if out is None or not 1 <= number <= shares:
+                text = "needs 1 <= number <= count, and a folder"
+                raise InputError(f"shard {number}/{shares}: {text}")
+            if options.overwrite:
+                raise InputError(
+                    "--shard and --overwrite: shares use the folder together; omit one"
+                )
         if out is not None:
             mpi.on_root(comm, lambda: self.continues(Path(out), options))
 

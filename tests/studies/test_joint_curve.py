@@ -14,8 +14,7 @@ from small import small_system
 
 import receding_fenicsx as rf
 from receding_fenicsx import cli
-from receding_fenicsx.studies.joint.backbone import Backbone, first_loading
-from receding_fenicsx.studies.joint.curve import joint_figure, loop_numbers
+from receding_fenicsx.studies.joint.curve import Backbone, first_loading, joint_figure, loop_numbers
 from receding_fenicsx.studies.sweep import SweepTable
 
 ROOT = Path(__file__).parents[2]

@@ -1,4 +1,17 @@
-"""Curve of a joint: dissipation and secant stiffness over the amplitude of a driven load."""
+r"""Curve of a joint: dissipation and secant stiffness over the amplitude of a driven load.
+
+Between the events of the exact path the displacement q is linear in the load F. A second path with
+a corner at every event therefore gives the work of the first loading exactly,
+
+$$W(\alpha) = \int_0^{q(\alpha)} F \, dq .$$
+
+By Masing's rule each branch of the loop is the first loading at twice its size, so that the loop
+between $\pm\alpha$ dissipates
+
+$$D_M(\alpha) = 8 W(\alpha) - 4 \alpha\, q(\alpha) .$$
+
+It holds where contact and pressure stay as they are, as for uncoupled contacts that do not recede.
+"""
 
 from __future__ import annotations
 
@@ -12,10 +25,17 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
+from scipy.stats import linregress
 
 from receding_fenicsx import mpi
 from receding_fenicsx.arrays import Array, as_numbers, check_types, described
-from receding_fenicsx.errors import InputError, MeshMisfit
+from receding_fenicsx.errors import (
+    InputError,
+    MeshMisfit,
+    NoEquilibrium,
+    NoQuasiStaticContinuation,
+    SolveError,
+)
 from receding_fenicsx.evolution.evolve import evolve
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.interface.law import State
@@ -32,6 +52,7 @@ from receding_fenicsx.scene.model import (
     Load,
     OutputOptions,
     Scene,
+    SolverOptions,
     WearOptions,
 )
 from receding_fenicsx.scene.toml_file import known_scene
@@ -39,23 +60,86 @@ from receding_fenicsx.scene.validate import validate
 from receding_fenicsx.store.workspace import Case
 from receding_fenicsx.studies import run as study
 from receding_fenicsx.studies.accuracy import meshes
-from receding_fenicsx.studies.joint.backbone import Backbone, first_loading
-from receding_fenicsx.studies.runner import (
-    Kind,
-    Runner,
-    Study,
-    StudyOptions,
-    digest_of,
-    run_study,
-)
-from receding_fenicsx.studies.sweep import (
-    ERROR,
-    Cell,
-    Grid,
-    SweepTable,
-    grid_of,
-    play_scene,
-)
+from receding_fenicsx.studies.runner import Kind, Runner, Study, StudyOptions, digest_of, run_study
+from receding_fenicsx.studies.sweep import ERROR, Cell, Grid, SweepTable, grid_of, play_scene
+
+
+@dataclass(frozen=True)
+class Backbone:
+    """First loading of a joint."""
+
+    load: Array  # (n,) load factors of the drive, from 0
+    # (n,) from 0; of a prescribed displacement the force along it times that at factor 1
+    displacement: Array
+    work: Array  # (n,) work of the drive
+    # largest load factor with an equilibrium, to a relative 1e-6; infinite where all have one
+    macroslip: float
+    reason: str  # why there is none beyond it
+
+    def masing(self, amplitude: Sequence[float] | Array) -> Array:
+        """Return the dissipation per cycle by Masing's rule; NaN beyond macroslip."""
+        found = np.full(len(amplitude), np.nan)
+        for k, a in enumerate(amplitude):
+            at = np.flatnonzero(self.load == a)
+            if len(at):
+                box = 4.0 * a * self.displacement[int(at[0])]
+                D = 8.0 * self.work[int(at[0])] - box
+                found[k] = D if D > 1e-10 * abs(box) else 0.0  # round-off
+        return found
+
+
+def first_loading(
+    system: ContactSystem,
+    drive: str,
+    preload: Array,
+    amplitudes: Sequence[float] | Array,
+    solver: SolverOptions | None = None,
+) -> Backbone:
+    """Follow the first loading of a drive through all amplitudes, which are positive.
+
+    ``preload`` are (k, n_loads) load factors from rest to the preload, those of the drive zero.
+    SolveError: the preload has no equilibrium, or a solver fails.
+    """
+    names = system.load_names
+    held = preload[-1]
+    unit = np.array([float(name == drive) for name in names])
+    reason = ""
+
+    def played(load: Array) -> Record:
+        path = np.vstack([preload, held + load[:, None] * unit])
+        moves = np.append(True, np.any(np.diff(path, axis=0) != 0.0, axis=1))
+        history = History(names, path[moves], np.zeros((0, len(names))))
+        return evolve(system, history, solver, OutputOptions(1, "all"))
+
+    if np.any(held):
+        played(np.zeros(0))  # a preload that fails is no macroslip
+    low, high = 0.0, float(max(amplitudes))
+    record: Record | None = None
+    tried = high
+    while high - low > 1e-6 * high:
+        try:
+            record, low = played(np.array([tried])), tried
+        # any other failure is one of the solver
+        except (NoEquilibrium, NoQuasiStaticContinuation) as failed:
+            high, reason = tried, str(failed)
+        tried = 0.5 * (low + high)
+    if record is None or low == 0.0:
+        raise SolveError(f"load '{drive}': moves the contact at any load factor: {reason}")
+    at_events = record.events.load[:, names.index(drive)]
+    given = np.array([a for a in amplitudes if a <= low])
+    corners = np.unique(np.concatenate([[low], given, at_events[at_events > 0.0]]))
+    table = played(corners).turning_points
+    k, n = names.index(drive), len(corners)
+    q = table.load_displacement[-n:, k]
+    rest = table.load_displacement[-n - 1, k] if np.any(held) else 0.0
+    load, displacement = np.append(0.0, corners), np.append(0.0, q - rest)
+    if record.load_sign[k] > 0.0:
+        # a prescribed displacement: its conjugate is the force
+        steps = np.diff(load) * (displacement[1:] + displacement[:-1])
+    else:
+        steps = np.diff(displacement) * (load[1:] + load[:-1])
+    work = np.append(0.0, 0.5 * np.cumsum(steps))
+    return Backbone(load, displacement, work, low if reason else np.inf, reason)
 
 
 @dataclass(frozen=True, repr=False)
@@ -117,11 +201,8 @@ class JointCurve:
         alive = self.dissipation > 0.0
         if np.count_nonzero(alive) < 3:
             return np.nan, np.nan
-        x, y = np.log(self.amplitude[alive]), np.log(self.dissipation[alive])
-        slope, level = np.polyfit(x, y, 1)
-        rest = y - slope * x - level
-        spread = np.sum((x - x.mean()) ** 2)
-        return float(slope), float(np.sqrt(rest @ rest / max(len(x) - 2, 1) / spread))
+        line = linregress(np.log(self.amplitude[alive]), np.log(self.dissipation[alive]))
+        return float(line.slope), float(line.stderr)
 
     def rows(self) -> list[dict[str, Any]]:
         """Return the table: a row for each amplitude."""
@@ -170,15 +251,8 @@ def joint_figure(curve: JointCurve) -> Figure:
         figure = style.new_figure(style.PAGE, 2.9)
         left, right = figure.subplots(1, 2)
         fit = f", exponent of D {slope:.2f}" if np.isfinite(slope) else ""
-        left.errorbar(
-            a,
-            unit * D,
-            np.nan_to_num(unit * curve.estimate),
-            fmt="o",
-            ms=3,
-            color=blue,
-            label=f"limit cycle{fit}",
-        )
+        bars = np.nan_to_num(unit * curve.estimate)
+        left.errorbar(a, unit * D, bars, fmt="o", ms=3, color=blue, label=f"limit cycle{fit}")
         left.plot(a, unit * curve.masing, color=orange, label="Masing's rule")
         left.set(xscale="log", ylabel=labels[0])
         if np.any(D > 0.0):
@@ -259,15 +333,10 @@ def joint_curve(
         out=(out, str, Path, None),
         options=(options, StudyOptions),
     )
-    values, given = as_numbers(amplitudes, "joint_curve: amplitudes"), None
-    over = {f"history.harmonic.{drive}.amplitude": values.tolist()}
-    system, cyclic, partner = None, None, None
-    omega = np.zeros(0)
-    if isinstance(scene, ContactSystem):
-        system = given = scene
-        held = _preload(given, drive, values)
-    else:
-        cyclic = _driven(scene, drive, values)
+    values, omega, partner = as_numbers(amplitudes, "joint_curve: amplitudes"), np.zeros(0), None
+    system = given = scene if isinstance(scene, ContactSystem) else None
+    held = {} if given is None else _preload(given, drive, values)
+    cyclic = _driven(scene, drive, values) if isinstance(scene, Scene) else None
     kind = Kind("curve", "joint_cases.json", ("joint.csv", "joint.json", "joint.png"))
     kind.check(out, workers, options)
     if cyclic is not None and mode_number(drive):
@@ -277,10 +346,8 @@ def joint_curve(
         system = study.condense(cyclic, comm, options.progress, whole=True)
 
     def loaded() -> tuple[Array, Backbone]:
-        own, played, solver = mpi.given(system), cyclic, None
-        if played is not None:
-            solver = played.solver
-        elif own.scene_toml:
+        own, played = mpi.given(system), cyclic
+        if played is None and own.scene_toml:
             # bolts and interference have legs of their own
             known = replace(known_scene(own.scene_toml), history=HistoryOptions())
             played = _driven(known, drive, values)
@@ -289,6 +356,7 @@ def joint_curve(
         else:
             factors = np.array([held.get(name, 0.0) for name in own.load_names])
             start = np.array([0.0 * factors, factors] if np.any(factors) else [factors])
+        solver = None if cyclic is None else cyclic.solver
         return start, first_loading(own, drive, start, values, solver)
 
     # the preload or the first loading may fail: before anything is written
@@ -299,6 +367,9 @@ def joint_curve(
 
     def begin() -> Study[JointCurve]:
         start, backbone = mpi.given(first)
+        over = {f"history.harmonic.{drive}.amplitude": values.tolist()}
+        scenes = [each for each in (cyclic, partner) if each is not None]
+        grids = [grid_of(each, over, options.folder) for each in scenes]
         cases = []
         if given is not None:
             grids = [Grid(("amplitude",), (tuple(values.tolist()),), ())]
@@ -307,21 +378,15 @@ def joint_curve(
                 loop = start[-1] + np.outer([value, -value, value], unit)
                 history = History(given.load_names, np.vstack([start, loop[0]]), loop, 1000)
                 cases.append(Case(digest_of(body, drive, value), (given, history, drive), (value,)))
-        else:
-            scenes = [each for each in (cyclic, partner) if each is not None]
-            grids = [grid_of(each, over, options.folder) for each in scenes]
 
         def combine(runner: Runner) -> JointCurve:
-            if given is not None:
-                outcomes = runner.outcomes(cases, _play_system)
-            else:
-                every = [c for g in grids for c in g.cases(runner.systems, loop_numbers, True)]
-                outcomes = runner.outcomes(every, play_scene)
+            for grid in grids if given is None else ():
+                cases.extend(grid.cases(runner.systems, loop_numbers, True))
+            outcomes = runner.outcomes(cases, play_scene if given is None else _play_system)
             n = len(values)
             tables = [g.table(outcomes[k * n : k * n + n]) for k, g in enumerate(grids)]
             curve = _curve(drive, values, tables, backbone, omega)
-            title = scene.title if isinstance(scene, Scene) else ""
-            runner.write(lambda: _files(title, curve))
+            runner.write(lambda: _files(scene.title if isinstance(scene, Scene) else "", curve))
             return curve
 
         same = {"drive": drive, "system": "" if given is None else digest_of(given)}
@@ -369,43 +434,30 @@ def _curve(
     def column(name: str, table: SweepTable = tables[0]) -> Array:
         return np.array([row.get(name) for row in table.rows], dtype=float)
 
-    table, D = tables[0], column("dissipation")
+    D, kinds = column("dissipation"), (row.get("kind") or "failed" for row in tables[0].rows)
     alive = np.where(D > 0.0, D, np.nan)
     coarse = column("dissipation", tables[1]) if tables[1:] else np.full(len(D), np.nan)
     # a single change may be small by chance
     change = np.pad(np.abs(1.0 - coarse / alive), 1, constant_values=np.nan)
-    largest = np.fmax(np.fmax(change[:-2], change[1:-1]), change[2:])
-    return JointCurve(
-        drive=drive,
-        amplitude=amplitude,
-        dissipation=D,
-        estimate=largest * alive,
-        stiffness=column("stiffness"),
-        masing=backbone.masing(amplitude),
-        slip=column("slip"),
-        kind=tuple(row.get("kind") or "failed" for row in table.rows),
-        backbone=backbone,
-        table=table,
-        linear=omega,
-    )
+    estimate = alive * np.fmax(np.fmax(change[:-2], change[1:-1]), change[2:])
+    masing, stiffness, slip = backbone.masing(amplitude), column("stiffness"), column("slip")
+    numbers = drive, amplitude, D, estimate, stiffness, masing, slip
+    return JointCurve(*numbers, tuple(kinds), backbone, tables[0], omega)
 
 
 def _files(title: str, curve: JointCurve) -> dict[str, Any]:
     """Return table, figure and summary."""
     rows, backbone = curve.rows(), curve.backbone
-    slope, error = curve.exponent
+    first = ("load", "displacement", "work")
     summary = {
         "title": title,
         "drive": curve.drive,
-        "exponent": slope,
-        "exponent_error": error,
+        **dict(zip(("exponent", "exponent_error"), curve.exponent, strict=True)),
         "stuck_modes": curve.linear.tolist(),
         "macroslip": backbone.macroslip,
         "macroslip_reason": backbone.reason,
         "amplitudes": rows,
-        "first_loading": {
-            name: getattr(backbone, name).tolist() for name in ("load", "displacement", "work")
-        },
+        "first_loading": {name: getattr(backbone, name).tolist() for name in first},
     }
     columns = {name: [row[name] for row in rows] for name in rows[0]}
     return {"joint.csv": columns, "joint.png": joint_figure(curve), "joint.json": summary}

@@ -48,14 +48,7 @@ from receding_fenicsx.store.workspace import Case, Outcome
 from receding_fenicsx.studies import run as study
 from receding_fenicsx.studies.accuracy import meshes
 from receding_fenicsx.studies.run import shared_system
-from receding_fenicsx.studies.runner import (
-    Kind,
-    Runner,
-    Study,
-    StudyOptions,
-    digest_of,
-    run_study,
-)
+from receding_fenicsx.studies.runner import Kind, Runner, Study, StudyOptions, digest_of, run_study
 from receding_fenicsx.studies.shakedown.exact_cycles import BELOW, limit_by_cycles, opening_limit
 from receding_fenicsx.timing import Timer
 
