@@ -26,15 +26,12 @@ from receding_fenicsx.scene.toml_reader import as_list
 
 @dataclass(frozen=True)
 class Columns:
-    """Numbers of a text file, all finite, with the names of its columns and the line of each row.
+    """Numbers of a text file, all finite."""
 
-    ``label`` is its key and path, for messages.
-    """
-
-    label: str
+    label: str  # key and path of the file, for messages
     names: tuple[str, ...]
-    values: Array
-    lines: tuple[int, ...]
+    values: Array  # (rows, columns)
+    lines: tuple[int, ...]  # line of each row
 
     def refuse(self, reason: str, row: int | None = None) -> NoReturn:
         """Raise InputError with the file, the line of a row if given, and a reason."""
@@ -51,11 +48,10 @@ class Columns:
 def read_columns(
     name: str, folder: Path, where: str, known: Sequence[str], default: Sequence[str] = ()
 ) -> Columns:
-    """Read a text file of columns, ``name`` relative to a folder; ``where`` begins messages.
+    """Read a text file of columns; ``where`` begins messages, ``default`` are names it may lack.
 
     The first line above the numbers with as many cells as they have names the columns; a comment
-    does so only where it holds one of the known names. ``default`` names those of a file that does
-    not.
+    does so only where it holds one of the known names.
     """
     label = f'{where} file "{name}"'
     text = read_text(folder / name, label).splitlines()

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.special import cosdg
 
 from receding_fenicsx.arrays import Array, Ints, as_numbers, described
 from receding_fenicsx.errors import InputError
@@ -118,10 +119,7 @@ def check_history(history: History, load_names: tuple[str, ...]) -> None:
 
 
 def leg_number(history: History, name: str, cycle: int = 1) -> int:
-    """Return the index of a leg in its cycle, from 0, by its name on the command line.
-
-    In a cycle, "unloading" is the first leg and "loading" the last.
-    """
+    """Return the index of a leg in its cycle: a number, "unloading" or "loading"."""
     polyline = history.polyline(cycle)
     n = len(polyline) - 1
     size = np.abs(polyline).sum(axis=1)
@@ -141,12 +139,10 @@ def leg_number(history: History, name: str, cycle: int = 1) -> int:
 
 
 def evenly_spaced(history: History, cycle: int, n: int) -> tuple[Ints, Array, Array]:
-    """Return n instants of a cycle, evenly spaced in the path length of the loads.
+    """Return legs, positions in [0, 1] and fractions of a cycle's path length of n instants.
 
-    Each has a leg, the position s in [0, 1] along it, and the fraction of the cycle's path length
-    up to it. The first one is the cycle's start; in cycle 0 it is slightly later, as nothing is
-    loaded at the start. Where n is larger than the number of legs, the end of every leg is one of
-    the instants.
+    They are evenly spaced from the cycle's start, or, as nothing is loaded at that of cycle 0,
+    slightly later; if n is larger than the number of legs, the end of each is one of them.
     """
     polyline = history.polyline(cycle)
     legs = len(polyline) - 1
@@ -344,13 +340,8 @@ def _harmonic(options: HistoryOptions, names: tuple[str, ...]) -> tuple[Array, A
     """Return path and polygon of a harmonic history, the coarsest one without ``corners``."""
     loads = [options.harmonic[name] for name in names]
     mean, amplitude, phase = np.array([[o.mean, o.amplitude, o.phase] for o in loads]).T
-    # the cosine of angles in degrees, exact at multiples of 90
     degrees = corner_angles(options, names)[:-1, None] - phase
-    quarters = np.round(degrees / 90.0)
-    rest, turn = np.radians(degrees - 90.0 * quarters), np.mod(quarters, 4.0)
-    sign = np.where((turn == 1.0) | (turn == 2.0), -1.0, 1.0)
-    cosine = sign * np.where(turn % 2.0 == 1.0, np.sin(rest), np.cos(rest)) + 0.0
-    loop = mean + amplitude * cosine
+    loop = mean + amplitude * cosdg(degrees)
     path = np.vstack([np.zeros_like(mean), mean, loop[0]])
     moves = np.concatenate([[True], np.any(np.diff(path, axis=0) != 0.0, axis=1)])
     return path[moves], np.vstack([loop, loop[:1]])

@@ -17,9 +17,9 @@ from receding_fenicsx.scene.toml_file import to_toml
 
 
 def difference(a: Any, b: Any, free: frozenset[str] = frozenset(), key: str = "") -> str | None:
-    """Return the first key, "[table] key", in which two scenes or parts of them differ, or None.
+    """Return the first key, "[table] key", in which parts of scenes with a ``key`` differ, or None.
 
-    Keys "table.key" in ``free`` may differ; ``key`` is that of the part.
+    Keys "table.key" in ``free`` may differ.
     """
     if key in free:
         return None
@@ -41,11 +41,7 @@ def difference(a: Any, b: Any, free: frozenset[str] = frozenset(), key: str = ""
 
 
 def condensed_part(scene: Scene) -> Scene:
-    """Return a scene reduced to the data that determine its condensed system.
-
-    The law of friction, gap, history, solver and output do not enter the condensed stiffness. The
-    path of a mesh file does not matter; :func:`digest` includes its content.
-    """
+    """Return a scene reduced to the data, but mesh files, that determine its condensed system."""
     ties = scene.ties
     if not scene.others:
         # a system file stores the scene of its single body

@@ -360,10 +360,7 @@ class Scene(Table):
 
     @property
     def preloads(self) -> dict[str, float]:
-        """Load factors that first legs of their own bring up one after the other, by name.
-
-        Shortenings that give preloads are zero until they are found.
-        """
+        """Load factors of first legs of their own, by name; unknown shortenings are 0."""
         fits = any(contact.interference is not None for contact in self.contacts)
         tightened = {bolt.name: bolt.shortening or 0.0 for bolt in self.bolts}
         return tightened | ({INTERFERENCE: 1.0} if fits else {})
@@ -400,10 +397,9 @@ class Scene(Table):
         return f"body '{body.name}'" if self.others else "[body]"
 
     def find_edge(self, edge: str, where: str = "") -> tuple[Body, str]:
-        """Split "NAME.edge" into the body and the name of its edge.
+        """Split "NAME.edge", "edge" in a scene of one body, into the body and its edge's name.
 
-        The body's name may be left out in a scene of one body. InputError, which begins with
-        ``where``: no body has it.
+        InputError, which begins with ``where``: no body has it.
         """
         for body in self.bodies:
             if body.name and edge.startswith(f"{body.name}."):

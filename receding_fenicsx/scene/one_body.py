@@ -13,8 +13,7 @@ from receding_fenicsx.scene.symmetry import HORIZONTAL, edge_range, is_horizonta
 def part_of(scene: Scene, body: Body) -> Scene:
     """Return the scene of one body, with edge names without the body's name.
 
-    Contacts, loads and supports of other bodies are omitted, and the probes of several bodies. The
-    number of contact elements of a rectangle is that for which elements have one size on all.
+    Contacts, loads and supports of other bodies are omitted, and the probes of several bodies.
     """
 
     def own(edge: str | None) -> str | None:
@@ -155,10 +154,9 @@ def _on_rectangle(
 
 
 def contact_elements(scene: Scene, body: Body) -> int:
-    """Return the number of contact elements on a body.
+    """Return the even number of elements on a body's first contact edge.
 
-    ``mesh.contact_elements`` counts those of the first contact's edge. The other bodies get
-    elements of the same size on the edge of their first contact, to an even number.
+    They have the size of those on the scene's first contact edge, ``mesh.contact_elements``.
     """
     n = scene.mesh.contact_elements
     if not scene.others or not body.is_rectangle:

@@ -145,15 +145,13 @@ class Load(Table):
 
     @property
     def units(self) -> tuple[Load, ...]:
-        """The load; of one that travels a unit load at each end of a piece of its way.
-
-        Between two ends s apart the load is interpolated. A uniform pressure over the length l is
-        then off by s^2 / 8 in its second integral, of which the largest is l^2 / 2.
-        """
+        """The load; of one that travels a unit load at each end of a piece of its way."""
         if len(self.travel) < 2:
             return (self,)
         way = sum(abs(b - a) for a, b in pairwise(self.travel))
         low, high = self.span or (0.0, way)
+        # interpolated between ends s apart, a uniform pressure over the length l is off by s^2 / 8
+        # in its second integral, of which the largest is l^2 / 2
         step = way / self.steps if self.steps else 2.0 * 1e-3**0.5 * (high - low)
         step = max(step, way / 1001, 1e-300)  # more than 1000 are refused
         places = [self.travel[0]]

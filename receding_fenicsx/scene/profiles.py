@@ -32,10 +32,7 @@ FrictionProfile = Annotated[
 
 
 def evaluate(profile: Profile, x: ArrayLike, y: ArrayLike | None = None) -> Array:
-    """Evaluate a profile at points; a table is linear between its points, constant beyond its ends.
-
-    InputError: the expression cannot be read, or its value is not finite at a point.
-    """
+    """Evaluate a profile at points; a table is linear between its points, constant beyond them."""
     points = np.asarray(x, dtype=float)
     if isinstance(profile, str):
         return evaluate_expression(profile, points, y)
@@ -73,10 +70,10 @@ def check_table(profile: Profile, where: str) -> None:
 
 
 def evaluate_checked(profile: Profile, x: Array, y: Array | None, where: str) -> Array:
-    """Check a profile and evaluate it at points of the part of an edge that it is for.
+    """Check a profile and evaluate it at points; ``y`` is None where it may use x only.
 
-    ``y`` is None where an expression may use x only. InputError: the table is incomplete, unsorted
-    or beside all points, the expression cannot be read, or a value is not finite or too large.
+    InputError: a table is incomplete, unsorted or beside all points, an expression cannot be read,
+    or a value is not finite or too large.
     """
     check_table(profile, where)
     if isinstance(profile, dict) and min(profile["value"]) < max(profile["value"]):

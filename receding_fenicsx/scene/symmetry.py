@@ -30,11 +30,7 @@ def is_horizontal(scene: Scene, edge: str) -> bool:
 
 
 def edge_range(scene: Scene, edge: str) -> tuple[float, float]:
-    """Return the ends of a rectangle's edge in the coordinate of ``span``.
-
-    This is the position from the edge's middle, or the radius on a horizontal edge of a body of
-    revolution.
-    """
+    """Return the ends of a rectangle's edge from its middle, or as radii, as in ``span``."""
     body, name = scene.find_edge(edge)
     if name not in EDGES:
         raise InputError(f"'{edge}' is no edge of a rectangle; use one of {', '.join(EDGES)}")
@@ -66,10 +62,8 @@ def contact_samples(scene: Scene, contact: Contact) -> Array:
 
 
 def body_points(scene: Scene, body: Body) -> tuple[Array, Array]:
-    """Return points (x, y) of a rectangle, each (n, n), row by row from left to right.
-
-    None lies on an edge, where an expression such as 1/x may end.
-    """
+    """Return points (x, y) of a rectangle, each (n, n), row by row from left to right."""
+    # none lies on an edge, where an expression such as 1/x may end
     s = (np.arange(41) + 0.5) / 41 - 0.5
     x, y = body.position[0] + body.width * s, body.position[1] + body.height * (s + 0.5)
     x, y = np.meshgrid(0.5 * body.width * (s + 0.5) if is_cylinder(scene, body) else x, y)

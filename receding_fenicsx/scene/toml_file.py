@@ -59,10 +59,7 @@ def from_toml(text: str, overrides: Iterable[str] = (), folder: Path | None = No
 
 @lru_cache(maxsize=16)
 def known_scene(text: str) -> Scene:
-    """Return the scene of a TOML text of :func:`to_toml`, read once.
-
-    It was valid when it was written: one of an older version is not judged by newer rules.
-    """
+    """Return the scene of a TOML text of :func:`to_toml`, which was valid by older rules."""
     raw = toml_reader.parse_toml(text)
     if not raw:
         raise InputError("the scene is empty")
@@ -135,10 +132,7 @@ def apply_override(raw: dict[str, Any], override: str) -> None:
 
 
 def parse_value(text: str, where: str | None) -> Any:
-    """Return a value read as TOML; text that is not TOML is a string.
-
-    InputError where it begins as a list or a table, unless ``where`` is None: that takes any text.
-    """
+    """Return a value of TOML, or a string; it begins as no list or table unless not ``where``."""
     try:
         parsed = toml_reader.parse_toml(f"value = {text}")
     except InputError as error:
@@ -150,10 +144,7 @@ def parse_value(text: str, where: str | None) -> Any:
 
 
 def set_value(raw: dict[str, Any], key: str, value: Any, where: str) -> None:
-    """Change one value of a parsed scene file in place; ``where`` begins messages.
-
-    The key is "table.key", "load.NAME.key" or "title", as in :func:`apply_override`.
-    """
+    """Change one value by its key, as of :func:`apply_override`; ``where`` begins messages."""
     kind, *names = (part.strip() for part in key.split("."))
     if kind == "title" and not names:
         raw["title"] = value

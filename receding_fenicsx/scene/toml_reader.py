@@ -86,8 +86,7 @@ def as_list(value: object, name: str) -> list[dict[str, Any]]:
 def plain(value: Any, sparse: bool = False) -> Any:
     """Return a value as parsed TOML has it: dataclasses as tables, tuples as lists.
 
-    ``sparse`` leaves out empty values that are the default, and the sides of a rectangle where
-    there is a mesh file.
+    ``sparse`` omits empty defaults, and the sides of a rectangle where there is a mesh file.
     """
     if isinstance(value, list | tuple):
         return [plain(item, sparse) for item in value]

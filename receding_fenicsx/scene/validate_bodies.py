@@ -1,7 +1,4 @@
-"""Rules of bodies, materials, mesh options and contacts.
-
-See :func:`~receding_fenicsx.scene.checks.broken`.
-"""
+"""Rules of bodies, materials, mesh options and contacts; see ``checks.broken``."""
 
 from __future__ import annotations
 
@@ -246,10 +243,7 @@ def of_contact(scene: Scene, number: int) -> Rules:
 
 
 def of_edge(scene: Scene, edge: str, at: str, of_half_plane: Sequence[str] = ("far",)) -> Rules:
-    """A body has the edge; groups of a mesh file are checked when it is read.
-
-    ``of_half_plane`` are the names that a half-plane's edge may have here.
-    """
+    """A body has the edge, a half-plane one of some; groups of a mesh file are checked later."""
     body, name = scene.find_edge(edge, f"{at}: ")
     choices = of_half_plane if body.is_half_plane else symmetry.EDGES
     if body.mesh is not None:
@@ -298,9 +292,7 @@ def of_initial_slip(scene: Scene) -> Rules:
 def gap_warnings(scene: Scene) -> list[str]:
     """Return one line for each table of a curved gap that is coarser than the contact nodes.
 
-    A table is linear between its points: where these are further apart than the nodes, the mesh
-    resolves its kinks, which are edges of the profile with peaks of pressure. Tables of few points
-    are taken for polygons by intention; nodes of mesh files are not known yet.
+    The mesh then resolves its kinks, edges of the profile with peaks of pressure.
     """
     lines = []
     for i, contact in enumerate(scene.contacts):

@@ -30,10 +30,9 @@ from receding_fenicsx.scene.toml_reader import type_adapter
 
 @contextmanager
 def new_hdf5(path: str | Path, overwrite: bool = False, kind: str = "") -> Iterator[h5py.File]:
-    """Yield an open HDF5 file of a kind; on leaving it is written as by :func:`new_file`.
+    """Yield an open HDF5 file of a kind, "" for other programs; it is written on leaving.
 
-    The file is filled in memory, because HDF5 crashes at the interpreter's exit on a full disk. One
-    of kind "" is for other programs, without title.
+    It is filled in memory, because HDF5 crashes at the interpreter's exit on a full disk.
     """
     about = {"format": kind, "format_version": 1} if kind else {}
     with new_file(path, overwrite) as temporary:
@@ -62,10 +61,9 @@ def _title(kind: str, digest: str) -> bytes:
 
 @contextmanager
 def open_file(path: str | Path, kind: str) -> Iterator[h5py.File]:
-    """Yield a file of :func:`new_hdf5`, of a kind and with the digest of its title, if it has one.
+    """Yield a file of :func:`new_hdf5`.
 
-    InputError: the file does not exist, is of another kind or format version, or a bit of it has
-    changed since it was written.
+    InputError: it does not exist, is of another kind or format version, or a bit of it has changed.
     """
     if not Path(path).is_file():
         raise InputError(f"{path}: no such file; check the path")

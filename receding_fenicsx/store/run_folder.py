@@ -226,10 +226,7 @@ def read_summary(path: str | Path) -> dict[str, Any]:
 
 
 def write_probes(folder: Path, record: Record) -> list[Path]:
-    """Write ``NAME.csv`` for each probe of a record, with the columns of ``probe.to_table()``.
-
-    The folder is created if there is a probe; the files, which are returned, replace earlier ones.
-    """
+    """Write and return ``NAME.csv`` for each probe of a record, with ``probe.to_table()``."""
     made = [folder / f"{name}.csv" for name in probe_names(record)]
     for path in made:
         make_folder(folder)

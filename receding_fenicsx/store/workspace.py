@@ -31,10 +31,7 @@ class FolderKind:
     resumable: bool = True
 
     def check(self, path: Path, overwrite: bool = False, resume: bool = False) -> bool:
-        """Return whether a folder holds results of this kind, to be replaced or continued.
-
-        InputError where it may not be written to.
-        """
+        """Return whether a folder holds such results; InputError where it is not to be written."""
         if overwrite and resume:
             raise InputError("--resume and --overwrite: give one of them")
         if not path.exists():
@@ -97,10 +94,9 @@ class FolderKind:
 
 @contextmanager
 def locked(path: Path, wait: bool = False, shared: bool = False) -> Iterator[None]:
-    """Keep a folder, or a file that may be new, to this process; its end leaves no lock behind.
+    """Keep a folder, or a file that may be new, to this process, or to those that share it.
 
-    ``wait`` for another process that is using it, which is an InputError else; ``shared`` lets
-    others that share it use it too.
+    ``wait`` for another process that is using it, which is an InputError else.
     """
     handle = os.open(path, os.O_RDONLY if path.is_dir() else os.O_RDWR | os.O_CREAT)
     try:
@@ -131,11 +127,7 @@ def interruption(
 def resumable(
     folder: Path | None, where: str, held: str = "the whole history", file: str = ""
 ) -> Iterator[None]:
-    """Say how to continue where a signal ends the block, unless that was said inside.
-
-    ``folder``, if there is one, continues from what is ``held`` in a file; without this file there
-    is nothing to continue.
-    """
+    """Say how to continue from what a file of a folder holds where a signal ends the block."""
     try:
         yield
     except Interrupted:
