@@ -25,6 +25,7 @@ from scipy import io, sparse
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.atomic import read_text
 from receding_fenicsx.errors import InputError
+from receding_fenicsx.scene.column_file import numbers_in
 
 Freedom = tuple[int, int]
 """Number of a node, and 1 for its displacement in x, 2 for that in y."""
@@ -81,14 +82,11 @@ def read_vector(path: Path, freedoms: list[Freedom]) -> Array:
 
 
 def _numbers(line: str) -> list[float]:
-    """Return the numbers of a line, with E or D before the exponent."""
-    found = []
-    for word in filter(None, re.split(r"[,\s]+", line)):
-        try:
-            found.append(float(re.sub("[dD]", "E", word.replace("_", "no number"))))
-        except ValueError:
-            found.append(math.nan)
-        if not math.isfinite(found[-1]):
+    """Return the numbers of a line, which are finite."""
+    words = [word for word in re.split(r"[,\s]+", line) if word]
+    found = [math.nan if number is None else number for number in numbers_in(words)]
+    for word, number in zip(words, found, strict=True):
+        if not math.isfinite(number):
             raise ValueError(f'"{word[:40]}" is not a finite number')
     return found
 

@@ -138,12 +138,12 @@ Rules = Iterator[str]
 key, what is wrong, what to do. Only the first line counts: a rule may rely on those before it."""
 
 
-def broken(rules: Iterable[Rules]) -> list[InputError]:
+def broken(rules: Iterable[Iterable[str]]) -> list[InputError]:
     """Return the first broken rule of each part."""
     errors = []
     for part in rules:
         try:
-            errors += [InputError(line) for line in (next(part, None),) if line]
+            errors += [InputError(line) for line in (next(iter(part), None),) if line]
         except InputError as error:
             errors.append(error)
     return errors

@@ -57,7 +57,9 @@ def read_columns(
     text = read_text(folder / name, label).splitlines()
     without = ("" if line.lstrip()[:1] == "%" else line.partition("#")[0].strip() for line in text)
     filled = [(i, line) for i, line in enumerate(without, 1) if line]
-    numbered = (any(number is not None for number in _numbers(_cells(line))) for _, line in filled)
+    numbered = (
+        any(number is not None for number in numbers_in(_cells(line))) for _, line in filled
+    )
     first = next((k for k, found in enumerate(numbered) if found), None)
     if first is None:
         raise InputError(f"{label}: has no row of numbers; write one row a line")
@@ -66,7 +68,7 @@ def read_columns(
     values: list[list[float]] = []
     for i, line in rows:
         cells = _cells(line, mark)
-        numbers = _numbers(cells)
+        numbers = numbers_in(cells)
         values.append([number for number in numbers if number is not None])
         for count, (cell, number) in enumerate(zip(cells, numbers, strict=True), 1):
             if "," in cell or number is None or not math.isfinite(number):
@@ -104,12 +106,12 @@ def _cells(line: str, separator: str | None = "") -> list[str]:
     return [cell.strip().strip("\"'").strip() for cell in line.split(separator)]
 
 
-def _numbers(cells: list[str]) -> list[float | None]:
-    """Return the numbers in cells, also those with decimal commas; None for what is none."""
+def numbers_in(cells: list[str]) -> list[float | None]:
+    """Return numbers, also those with a decimal comma or D before the exponent; None for others."""
     found: list[float | None] = []
     for cell in cells:
         try:
-            found.append(float(cell.replace(",", ".").replace("_", "no number")))
+            found.append(float(sub("[dD]", "E", cell.replace(",", ".").replace("_", "no number"))))
         except ValueError:
             found.append(None)
     return found

@@ -45,35 +45,27 @@ class History:
 
     def __repr__(self) -> str:
         """Return the loads with their ranges, and the numbers of corners and cycles."""
-        loop = np.reshape(self.loop, (-1, len(self.load_names)))
-        corners = np.vstack([self.path, loop])
+        corners = np.vstack([self.path, self.loop])
         loads = zip(self.load_names, corners.min(axis=0), corners.max(axis=0), strict=True)
         rows = [(f"load {name}", f"{low:.6g} to {high:.6g}") for name, low, high in loads]
-        until = ", until steady" if self.until_steady else ""
-        legs = f"{max(len(loop) - 1, 0)} legs{', until limit' if self.until_limit else until}"
+        legs = f"{max(len(self.loop) - 1, 0)} legs"
         title = f"History: {len(self.path)} corners from rest, {self.cycles} cycles of {legs}"
-        return described(title, rows)
+        until = ", until limit" if self.until_limit else ", until steady" * self.until_steady
+        return described(title + until, rows)
 
     def polyline(self, cycle: int) -> Array:
         """Return the load factors at the corners of a cycle; cycle 0 is the path from rest."""
         if not 0 <= cycle <= self.cycles:
-            raise InputError(
-                f"cycle {cycle} does not occur: the history has cycles 0 to {self.cycles}"
-            )
+            raise InputError(f"cycle {cycle} does not occur: there are cycles 0 to {self.cycles}")
         return self.path if cycle == 0 else self.loop
 
 
 def ended_by(history: History, until: str | None) -> History:
     """Return a history that ends at the steady state, at the limit, or (None) after its cycles."""
     if until not in (None, "steady", "limit"):
-        raise InputError(
-            f'[history] until: "{until}" is unknown; use "steady", "limit", or remove it'
-        )
+        raise InputError(f'[history] until: "{until}" is unknown; use "steady" or "limit"')
     if until == "limit" and not len(history.loop):
-        raise InputError(
-            '[history] until: "limit" needs cycles, which this history does not have; use '
-            'kind = "cyclic", or remove until'
-        )
+        raise InputError('[history] until: "limit" needs cycles; use kind = "cyclic"')
     # those before it, one to sort the nodes, two with frozen nodes, and the check
     if until == "limit" and history.cycles < 8:
         least = f'until = "limit" needs at least 8, not {history.cycles}'
@@ -125,17 +117,11 @@ def leg_number(history: History, name: str, cycle: int = 1) -> int:
     size = np.abs(polyline).sum(axis=1)
     if name in ("loading", "unloading"):
         legs = np.flatnonzero((np.diff(size) > 0.0) == (name == "loading"))
-        if len(legs) != 1:
-            raise InputError(
-                f"cycle {cycle} has {len(legs)} {name} legs; give a leg number, 0 to {n - 1}"
-            )
-        return int(legs[0])
-    if not name.isdecimal() or int(name) >= n:
-        raise InputError(
-            f"leg '{name}': cycle {cycle} has legs 0 to {n - 1}; give a number, or loading or "
-            "unloading"
-        )
-    return int(name)
+        if len(legs) == 1:
+            return int(legs[0])
+    elif name.isdecimal() and int(name) < n:
+        return int(name)
+    raise InputError(f"leg '{name}': is not one of cycle {cycle}, which has legs 0 to {n - 1}")
 
 
 def evenly_spaced(history: History, cycle: int, n: int) -> tuple[Ints, Array, Array]:
@@ -151,16 +137,13 @@ def evenly_spaced(history: History, cycle: int, n: int) -> tuple[Ints, Array, Ar
     largest = np.abs(np.vstack([history.path, history.loop])).max(axis=0)
     way = np.abs(np.diff(polyline, axis=0) / np.where(largest > 0.0, largest, 1.0)).sum(axis=1)
     before = np.concatenate([[0.0], np.cumsum(way)]) / way.sum()
+    time = np.linspace(0.0, 1.0, n)
     if n > legs:
         share = 1 + np.diff(np.round((n - 1 - legs) * before).astype(int))
-        number = np.repeat(np.arange(legs), share)
-        position = np.concatenate([(np.arange(count) + 1.0) / count for count in share])
-    else:
-        time = np.arange(1, n) / (n - 1)
-        number = np.minimum(np.searchsorted(before[1:], time), legs - 1)
-        position = np.minimum((time - before[number]) / np.diff(before)[number], 1.0)
-    number = np.concatenate([[0], number])
-    position = np.concatenate([[0.0 if cycle else 0.5 * position[0]], position])
+        time = np.interp(np.arange(n), np.cumsum([0, *share]), before)
+    number = np.minimum(np.searchsorted(before[1:], time), legs - 1)
+    position = np.minimum((time - before[number]) / np.diff(before)[number], 1.0)
+    position[0] = 0.0 if cycle else 0.5 * position[1]
     return number, position, before[number] + position * np.diff(before)[number]
 
 

@@ -24,21 +24,15 @@ def part_of(scene: Scene, body: Body) -> Scene:
         return own(part.edge) is not None if part.edge else part.body in (None, body.name)
 
     contacts = []
-    for contact in scene.contacts:
-        edge, against = own(contact.edge), own(contact.against)
-        if scene.others:
-            # the joined system has the interference
-            contact = replace(contact, interference=None)
-        if edge is not None:
-            contacts.append(replace(contact, edge=edge, against=None))
-        elif against is not None:
-            contacts.append(replace(contact, edge=against, against=None, span=None))
-    # meshed and condensed like a contact
-    for tie in scene.ties:
-        for edge, span in ((own(tie.edge), tie.span), (own(tie.against), None)):
+    for joint in scene.joints:
+        # a tie is meshed and condensed like a contact
+        contact = joint if isinstance(joint, Contact) else Contact()
+        for edge, span in ((own(joint.edge), joint.span), (own(joint.against), None)):
             if edge is not None:
-                contacts.append(Contact(edge, span))
-    # the joined system has the gaps and bolts
+                contacts.append(replace(contact, edge=edge, against=None, span=span))
+    # the joined system has the interference, gaps and bolts
+    if scene.others:
+        contacts = [replace(contact, interference=None) for contact in contacts]
     loads = [
         replace(load, edge=own(load.edge) or "", body=None)
         for load in (scene.given if scene.others else scene.loads)

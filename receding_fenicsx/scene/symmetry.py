@@ -84,16 +84,14 @@ def is_mirror_symmetric(scene: Scene) -> bool:
     The initial slip and x-components of tractions must be odd. Every support needs its mirror
     image. Expressions are compared at sample points.
     """
-    if scene.bolts or any(load.mode or load.travel for load in scene.loads):
-        return False
-    materials = (scene.material, *scene.materials)
-    if any(m.young_2 is not None and m.angle % 90.0 != 0.0 for m in materials):
-        return False
-    if any(spring.point or spring.against for spring in scene.springs):
-        return False
-    if any(not body.is_rectangle or body.position[0] != 0.0 for body in scene.bodies):
-        return False
-    if not all(_is_mirrored(scene, joint) for joint in scene.joints):
+    if (
+        scene.bolts
+        or any(load.mode or load.travel for load in scene.loads)
+        or any(m.young_2 and m.angle % 90.0 for m in (scene.material, *scene.materials))
+        or any(spring.point or spring.against for spring in scene.springs)
+        or any(not body.is_rectangle or body.position[0] != 0.0 for body in scene.bodies)
+        or not all(_is_mirrored(scene, joint) for joint in scene.joints)
+    ):
         return False
     for contact in scene.contacts:
         x = contact_samples(scene, contact)

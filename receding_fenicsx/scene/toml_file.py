@@ -15,11 +15,18 @@ import tomli_w
 from receding_fenicsx.arrays import check_types
 from receding_fenicsx.atomic import read_text
 from receding_fenicsx.errors import InputError, InputErrors
-from receding_fenicsx.scene import toml_reader
 from receding_fenicsx.scene.checks import check_known
 from receding_fenicsx.scene.column_file import with_files
 from receding_fenicsx.scene.model import TABLE_OF, Contact, Scene
 from receding_fenicsx.scene.profiles import DIRECTIONS
+from receding_fenicsx.scene.toml_reader import (
+    KNOWN,
+    as_list,
+    named_materials,
+    parse_toml,
+    plain,
+    scene_of,
+)
 from receding_fenicsx.scene.validate import check_rules
 
 
@@ -51,7 +58,7 @@ def from_toml(text: str, overrides: Iterable[str] = (), folder: Path | None = No
     overrides = list(overrides)
     for override in overrides:
         check_types("scene", override=(override, str))
-    raw = toml_reader.parse_toml(text)
+    raw = parse_toml(text)
     for override in overrides:
         apply_override(raw, override)
     return from_raw(raw, folder)
@@ -60,18 +67,18 @@ def from_toml(text: str, overrides: Iterable[str] = (), folder: Path | None = No
 @lru_cache(maxsize=16)
 def known_scene(text: str) -> Scene:
     """Return the scene of a TOML text of :func:`to_toml`, which was valid by older rules."""
-    raw = toml_reader.parse_toml(text)
+    raw = parse_toml(text)
     if not raw:
         raise InputError("the scene is empty")
     # keys of older versions that do not change the results
     for table, key in (("accuracy", "grading"), ("solver", "overshoot")):
         raw.get(table, {}).pop(key, None)
-    return toml_reader.scene_of(raw)
+    return scene_of(raw)
 
 
 def from_raw(raw: dict[str, Any], folder: Path | None = None) -> Scene:
     """Convert parsed TOML into a scene and validate it; see :func:`from_toml`."""
-    scene = toml_reader.scene_of(with_files(raw, folder or Path()))
+    scene = scene_of(with_files(raw, folder or Path()))
     if folder is not None:
         bodies = []
         for body in scene.bodies:
@@ -85,31 +92,27 @@ def from_raw(raw: dict[str, Any], folder: Path | None = None) -> Scene:
 
 
 def to_toml(scene: Scene) -> str:
-    """Return the TOML text of a scene with all values; reading it gives an equal scene."""
+    """Return the TOML text of a scene without unused options; reading it gives an equal scene."""
+    tables: dict[str, Any] = {}
+    for field in dataclasses.fields(scene):
+        table, value = TABLE_OF.get(field.name, field.name), getattr(scene, field.name)
+        unused = (
+            table in ("units", "shakedown", "accuracy", "mode", "wear") and value == type(value)()
+        )
+        if field.name == "materials":
+            tables[table] |= {m.name: plain(replace(m, name=""), sparse=True) for m in value}
+        elif field.name == "others" and value:
+            tables[table] = [tables[table], *plain(value, sparse=True)]
+        elif value not in (None, ()) and not unused:
+            tables[table] = plain(value, sparse=True)
     # no table fits into a line of this indent, so that each gets a header of its own
-    text = re.sub(r"(?m)^ +", "    ", tomli_w.dumps(tables_of(scene), indent=100))
+    text = re.sub(r"(?m)^ +", "    ", tomli_w.dumps(tables, indent=100))
     # strings hold no line breaks; lists without brackets in them fit on one line
     return re.sub(
         r"\[\n    ((?:[^\n\[\]{}]*,\n *)+)\]",
         lambda found: f"[{found[1].strip()[:-1]}]".replace(",\n    ", ", "),
         text,
     )
-
-
-def tables_of(scene: Scene) -> dict[str, Any]:
-    """Return a scene as the tables of its file, without empty values and unused options."""
-    tables: dict[str, Any] = {}
-    for field in dataclasses.fields(scene):
-        table, value = TABLE_OF.get(field.name, field.name), getattr(scene, field.name)
-        optional = table in ("units", "shakedown", "accuracy", "mode", "wear")
-        if field.name == "materials":
-            own = {m.name: toml_reader.plain(replace(m, name=""), sparse=True) for m in value}
-            tables[table] |= own
-        elif field.name == "others" and value:
-            tables[table] = [tables[table], *toml_reader.plain(value, sparse=True)]
-        elif value not in (None, ()) and not (optional and value == type(value)()):
-            tables[table] = toml_reader.plain(value, sparse=True)
-    return tables
 
 
 def apply_override(raw: dict[str, Any], override: str) -> None:
@@ -121,11 +124,9 @@ def apply_override(raw: dict[str, Any], override: str) -> None:
     one stays as it is.
     """
     key, equals, text = override.partition("=")
-    if not equals or not all(part.strip() for part in key.split(".")):
-        raise InputError(
-            f"--set {override}: write table.key=value, for example contact.friction=0.5"
-        )
     where = f"--set {override}"
+    if not equals or not all(part.strip() for part in key.split(".")):
+        raise InputError(f"{where}: write table.key=value, for example contact.friction=0.5")
     # a title may be any text
     value = parse_value(text, None if key.strip() == "title" else where)
     set_value(raw, key, value, where)
@@ -134,7 +135,7 @@ def apply_override(raw: dict[str, Any], override: str) -> None:
 def parse_value(text: str, where: str | None) -> Any:
     """Return a value of TOML, or a string; it begins as no list or table unless not ``where``."""
     try:
-        parsed = toml_reader.parse_toml(f"value = {text}")
+        parsed = parse_toml(f"value = {text}")
     except InputError as error:
         if where is not None and text.strip().startswith(("{", "[")):
             reason = str(error).partition(" (")[0]
@@ -149,12 +150,11 @@ def set_value(raw: dict[str, Any], key: str, value: Any, where: str) -> None:
     if kind == "title" and not names:
         raw["title"] = value
         return
-    check_known(kind, toml_reader.KNOWN, where, "table")
+    check_known(kind, KNOWN, where, "table")
     if kind == "title" or not names:
         raise InputError(f"{where}: write {kind}.key=value")
     table, (name, *parts) = _table_to_set(raw, kind, names, where)
-    of_parts = ("friction", "parameters", "constant", "harmonic", "mean")
-    if parts and name not in of_parts:
+    if parts and name not in ("friction", "parameters", "constant", "harmonic", "mean"):
         raise InputError(f"{where}: write {kind}.key=value")
     if parts and name == "friction":
         check_known(parts[0], DIRECTIONS, where, "key")
@@ -176,15 +176,13 @@ def _table_to_set(
 ) -> tuple[dict[str, Any], list[str]]:
     """Return the table that "kind.NAMES" changes, and the keys in it."""
     named = ".".join(names[:-1])
-    if kind == "material" and named in toml_reader.named_materials(raw):
-        return toml_reader.named_materials(raw)[named], names[-1:]
+    if kind == "material" and named in named_materials(raw):
+        return named_materials(raw)[named], names[-1:]
+    table = raw.setdefault(kind, {})
     single = kind in ("body", "material") or kind not in TABLE_OF.values()
-    if single and not isinstance(raw.get(kind), list):
-        table = raw.setdefault(kind, {})
-        if not isinstance(table, dict):
-            raise InputError(f"'{kind}' must be a table; write [{kind}]")
+    if single and isinstance(table, dict):
         return table, names
-    tables = toml_reader.as_list(raw.setdefault(kind, {}), kind)
+    tables = as_list(table, kind)
     for n in range(len(names) - 1, 0, -1):
         # a name, which may hold dots, with a number where several have it; or a number alone
         label, base, number = ".".join(names[:n]), ".".join(names[: n - 1]), names[n - 1]

@@ -19,9 +19,6 @@ from receding_fenicsx.scene.toml_reader import check_values
 def validate(scene: Scene) -> None:
     """Check that a scene can be modelled.
 
-    Args:
-        scene: the scene.
-
     Raises:
         InputError: a value has a wrong type or range, contradicts another one, or needs a feature
             that is not available; one line for each error that does not follow from another one.
@@ -35,7 +32,7 @@ def validate(scene: Scene) -> None:
 
 def check_rules(scene: Scene) -> None:
     """Check the rules between the values of a scene whose types and ranges are right."""
-    checks.refuse(checks.broken([_of_units(scene), bodies.of_bodies(scene)]))
+    checks.refuse(checks.broken([bodies.of_bodies(scene)]))
     # what follows asks for the edges of contacts and ties
     checks.refuse(checks.broken(bodies.of_joint(scene, k) for k in range(len(scene.joints))))
     whole = (bodies.of_touching, bodies.of_mesh, bodies.of_half_planes, bodies.of_initial_slip)
@@ -45,7 +42,8 @@ def check_rules(scene: Scene) -> None:
         *(loads.of_bolt(scene, bolt) for bolt in scene.bolts),
         *(loads.of_support(scene, support) for support in scene.supports),
         *(loads.of_spring(scene, spring) for spring in scene.springs),
-        *(rule(scene) for rule in (_of_probes, _of_shakedown, _of_wear, _of_accuracy, _of_use)),
+        *(rule(scene) for rule in (_of_probes, _of_shakedown, _of_accuracy)),
+        *([line] for line in _of_options(scene)),
         of_solver(scene.solver),
     ]
     # a load that is wrong may not be in the history yet
@@ -81,21 +79,17 @@ def of_solver(solver: SolverOptions) -> checks.Rules:
         yield '[solver] branch: load steps find one continuation only; use method "events"'
 
 
-def _of_use(scene: Scene) -> checks.Rules:
-    """The history has a use for its options; not asked of the scenes of stored records."""
-    history = scene.history
+def _of_options(scene: Scene) -> checks.Rules:
+    """Rules that do not rely on each other."""
+    history, wear = scene.history, scene.wear
     once = history.kind == "table" and bool(history.rows) and not history.cycle_rows
-    without = "a table without cycle_rows has none"
-    yield from checks.unused(
-        history, "[history]", [(once and history.cycles > 0, ("cycles",), without)]
-    )
-
-
-def _of_units(scene: Scene) -> checks.Rules:
-    """The names in the table [units] can be printed."""
+    without = once and history.cycles > 0, ("cycles",), "a table without cycle_rows has none"
+    yield from checks.unused(history, "[history]", [without])
     for name, text in vars(scene.units).items():
         if text is not None and not (text.isprintable() and text.strip()):
             yield f'[units] {name}: must be the name of a unit, such as "mm", not {text!r}'
+    if wear.coefficient is not None and wear.archard is not None:
+        yield "[wear] coefficient and archard: give one of them"
 
 
 def _of_fatigue(scene: Scene) -> checks.Rules:
@@ -121,11 +115,6 @@ def _of_fatigue(scene: Scene) -> checks.Rules:
                 f"{at}: [fatigue] takes strains by Hooke's law of one isotropic material, "
                 "which its body has not; leave one of them out"
             )
-
-
-def _of_wear(scene: Scene) -> checks.Rules:
-    if scene.wear.coefficient is not None and scene.wear.archard is not None:
-        yield "[wear] coefficient and archard: give one of them"
 
 
 def _of_shakedown(scene: Scene) -> checks.Rules:

@@ -7,11 +7,19 @@ from dataclasses import fields
 
 import numpy as np
 
+from receding_fenicsx.arrays import Array
 from receding_fenicsx.errors import MeshMisfit
 from receding_fenicsx.scene import symmetry
 from receding_fenicsx.scene.checks import Rules, check_known, check_name, unused
-from receding_fenicsx.scene.model import RECTANGLE_KEYS, Body, MeshOptions, Refinement, Scene
-from receding_fenicsx.scene.profiles import check_table, directions, evaluate_checked
+from receding_fenicsx.scene.model import (
+    RECTANGLE_KEYS,
+    Body,
+    Contact,
+    MeshOptions,
+    Refinement,
+    Scene,
+)
+from receding_fenicsx.scene.profiles import Profile, check_table, directions, evaluate_checked
 
 
 def of_bodies(scene: Scene) -> Rules:
@@ -214,6 +222,20 @@ def of_joint(scene: Scene, number: int) -> Rules:
     yield from of_span(scene, joint.edge, joint.span, f"{at} span")
 
 
+def on_contact(scene: Scene, contact: Contact, profile: Profile, at: str) -> tuple[Array, Array]:
+    """Return positions along a contact and the values of a checked profile there.
+
+    On the edge of a mesh file, whose nodes are not known yet, they are none but for a number.
+    """
+    x = np.zeros(1)
+    if not has_mesh_file(scene, contact.edge):
+        x = symmetry.contact_samples(scene, contact)
+    elif isinstance(profile, dict | str):
+        check_table(profile, at)
+        return x[:0], x[:0]
+    return x, evaluate_checked(profile, x, None, at)
+
+
 def of_contact(scene: Scene, number: int) -> Rules:
     """Friction, gap and interference of a contact."""
     contact, at = scene.contacts[number], scene.joint_labels[number]
@@ -227,17 +249,11 @@ def of_contact(scene: Scene, number: int) -> Rules:
             profiles[key] = profile
     if contact.interference is not None and not scene.others and body.is_half_plane:
         yield f"{at} interference: a half-plane moves as a whole; remove it"
-    for key, profile in profiles.items():
-        check_table(profile, f"{at} {key}")
     if body.is_rectangle:
         yield from of_elements(scene.mesh, body, edge)
-    x = np.zeros(1) if body.mesh is not None else symmetry.contact_samples(scene, contact)
     for key, profile in profiles.items():
-        # the points of a mesh file's edge are known when it is meshed; numbers need none
-        if body.mesh is not None and isinstance(profile, dict | str):
-            continue
-        values = evaluate_checked(profile, x, None, f"{at} {key}")
-        if values.min() < 0.0:
+        x, values = on_contact(scene, contact, profile, f"{at} {key}")
+        if values.min(initial=0.0) < 0.0:
             least = f"is {values.min():g} at x = {x[np.argmin(values)]:.6g}"
             yield f"{at} {key}: {least}; must not be negative"
 
@@ -279,13 +295,8 @@ def has_mesh_file(scene: Scene, edge: str) -> bool:
 
 def of_initial_slip(scene: Scene) -> Rules:
     """The profile of the initial slip on every contact edge of a rectangle."""
-    slip, at = scene.history.initial_slip, "[history] initial_slip"
-    if slip is None:
-        return
-    check_table(slip, at)
     for contact in scene.contacts:
-        if not has_mesh_file(scene, contact.edge):
-            evaluate_checked(slip, symmetry.contact_samples(scene, contact), None, at)
+        on_contact(scene, contact, scene.history.initial_slip or 0.0, "[history] initial_slip")
     yield from ()  # the checks of a profile raise
 
 

@@ -13,7 +13,7 @@ from receding_fenicsx.scene import checks, symmetry
 from receding_fenicsx.scene.model import FREE, Body, Bolt, Load, Scene, Spring, Support
 from receding_fenicsx.scene.options import INTERFERENCE, KINDS
 from receding_fenicsx.scene.profiles import check_table, evaluate_checked
-from receding_fenicsx.scene.validate_bodies import has_mesh_file, of_edge, of_span
+from receding_fenicsx.scene.validate_bodies import has_mesh_file, of_edge, of_span, on_contact
 
 
 def of_load(scene: Scene, load: Load) -> checks.Rules:
@@ -55,10 +55,8 @@ def of_load(scene: Scene, load: Load) -> checks.Rules:
     if load.gap is not None:
         edges = [contact.edge for contact in scene.contacts]
         checks.check_known(load.edge, edges, f"{at} edge", "edge of a [[contact]]")
-        check_table(load.gap, key)
-        for contact in scene.contacts:
-            if contact.edge == load.edge and not has_mesh_file(scene, load.edge):
-                evaluate_checked(load.gap, symmetry.contact_samples(scene, contact), None, key)
+        for contact in (contact for contact in scene.contacts if contact.edge == load.edge):
+            on_contact(scene, contact, load.gap, key)
         return
     parts = [part for part in (value if isinstance(value, tuple) else (value,)) if part != FREE]
     if far:

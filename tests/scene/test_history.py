@@ -147,7 +147,7 @@ def test_arcs_between_extremes_are_divided_evenly_and_doubled_corners_divide_eve
             [1.0, 0.5, 1.0],
             [
                 *(("loading", 0, 0), ("unloading", 1, 0), ("loading", 2, 1), ("1", 1, 1)),
-                *(("unloading", 0, "0 unloading legs"), ("2", 1, "legs 0 to 1")),
+                *(("unloading", 0, "legs 0 to 0"), ("2", 1, "legs 0 to 1")),
                 *(("-1", 1, "legs 0 to 1"), ("reloading", 1, "legs 0 to 1")),
                 *(("loading", 3, "cycles 0 to 2"), ("loading", -1, "cycles 0 to 2")),
             ],
@@ -155,7 +155,7 @@ def test_arcs_between_extremes_are_divided_evenly_and_doubled_corners_divide_eve
         # by the size of loads, which may be negative: it falls, then grows
         ([1.0, -0.25, -2.0, 1.0], [("loading", 1, 1)]),
         ([-1.0, -0.5, -1.0], [("unloading", 1, 0), ("loading", 1, 1)]),
-        ([1.0, 0.5, 0.8, 0.2, 1.0], [("unloading", 1, "2 unloading legs"), ("3", 1, 3)]),
+        ([1.0, 0.5, 0.8, 0.2, 1.0], [("unloading", 1, "legs 0 to 3"), ("3", 1, 3)]),
     ],
 )
 def test_legs_have_names_that_must_mean_one_and_numbers(
