@@ -25,7 +25,7 @@ from scipy import io, sparse
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.atomic import read_text
 from receding_fenicsx.errors import InputError
-from receding_fenicsx.scene.column_file import numbers_in
+from receding_fenicsx.scene.profiles import numbers_in
 
 Freedom = tuple[int, int]
 """Number of a node, and 1 for its displacement in x, 2 for that in y."""

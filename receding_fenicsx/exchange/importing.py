@@ -18,10 +18,15 @@ from receding_fenicsx.errors import InputError
 from receding_fenicsx.exchange.formats import Freedom, read_matrix, read_vector
 from receding_fenicsx.interface.system import ContactSystem
 from receding_fenicsx.interface.system_checks import UNSYMMETRIC, check_system
-from receding_fenicsx.scene.checks import Number, OneOf, Pair, Table
-from receding_fenicsx.scene.column_file import read_columns
-from receding_fenicsx.scene.profiles import FrictionProfile, Profile, directions, evaluate_checked
-from receding_fenicsx.scene.toml_reader import Place, as_list, convert, parse_toml
+from receding_fenicsx.scene.checks import Number, OneOf, Pair, Table, as_list
+from receding_fenicsx.scene.profiles import (
+    FrictionProfile,
+    Profile,
+    directions,
+    evaluate_checked,
+    read_columns,
+)
+from receding_fenicsx.scene.toml_reader import Place, convert, parse_toml
 from receding_fenicsx.store.hdf5 import read_system, write_system
 from receding_fenicsx.store.run_folder import SYSTEM, write_csv
 from receding_fenicsx.store.workspace import FolderKind

@@ -1,7 +1,7 @@
 """Scenes: the input of a run, its TOML file, validation, load history and symmetry.
 
 1. ``toml_file.read_scene`` parses the file; ``apply_override`` applies ``--set table.key=value``,
-   and ``column_file.with_files`` replaces ``{file = "gap.csv"}`` by the rows in that file.
+   and ``profiles.with_files`` replaces ``{file = "gap.csv"}`` by the rows in that file.
 2. ``toml_reader.scene_of`` converts the tables into the dataclass ``model.Scene``, whose types say
    what each key may be; Pydantic checks them. Keys of bodies, materials, mesh and contacts are in
    ``model``, those of loads, supports, history, solver, output and studies in ``options``.

@@ -123,6 +123,14 @@ def check_known(name: str, known: Sequence[str], where: str, what: str) -> None:
         raise InputError(f"{where}: unknown {what} '{name}'; {hint}")
 
 
+def as_list(value: object, name: str) -> list[dict[str, Any]]:
+    """Return the tables of an array [[name]]; a single table [name] is an array of one."""
+    tables = [value] if isinstance(value, dict) else value
+    if not isinstance(tables, list) or not all(isinstance(table, dict) for table in tables):
+        raise InputError(f"'{name}' must be a table; write [[{name}]]")
+    return tables
+
+
 def check_name(name: str, where: str) -> None:
     """Raise InputError for an empty name, and for one that messages of one line cannot hold."""
     if not name.strip():

@@ -15,13 +15,11 @@ import tomli_w
 from receding_fenicsx.arrays import check_types
 from receding_fenicsx.atomic import read_text
 from receding_fenicsx.errors import InputError, InputErrors
-from receding_fenicsx.scene.checks import check_known
-from receding_fenicsx.scene.column_file import with_files
+from receding_fenicsx.scene.checks import as_list, check_known
 from receding_fenicsx.scene.model import TABLE_OF, Contact, Scene
-from receding_fenicsx.scene.profiles import DIRECTIONS
+from receding_fenicsx.scene.profiles import DIRECTIONS, with_files
 from receding_fenicsx.scene.toml_reader import (
     KNOWN,
-    as_list,
     named_materials,
     parse_toml,
     plain,

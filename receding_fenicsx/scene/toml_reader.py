@@ -13,7 +13,15 @@ from typing import Any, get_args, get_type_hints
 
 from receding_fenicsx.arrays import shortened
 from receding_fenicsx.errors import InputError, InputErrors
-from receding_fenicsx.scene.checks import LARGEST, SMALLEST, WORDS, Table, is_given, suggestion
+from receding_fenicsx.scene.checks import (
+    LARGEST,
+    SMALLEST,
+    WORDS,
+    Table,
+    as_list,
+    is_given,
+    suggestion,
+)
 from receding_fenicsx.scene.model import RECTANGLE_KEYS, TABLE_OF, Material, Scene
 
 Place = tuple[str | int, ...]
@@ -73,14 +81,6 @@ def named_materials(raw: dict[str, Any]) -> dict[str, dict[str, Any]]:
     if not isinstance(table, dict):
         return {}
     return {k: v for k, v in table.items() if isinstance(v, dict) and k not in keys}
-
-
-def as_list(value: object, name: str) -> list[dict[str, Any]]:
-    """Return the tables of an array [[name]]; a single table [name] is an array of one."""
-    tables = [value] if isinstance(value, dict) else value
-    if not isinstance(tables, list) or not all(isinstance(table, dict) for table in tables):
-        raise InputError(f"'{name}' must be a table; write [[{name}]]")
-    return tables
 
 
 def plain(value: Any, sparse: bool = False) -> Any:
