@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -166,7 +166,6 @@ def upper_limit(margins: Margins) -> Answer:
 def lower_limit(
     margins: Margins,
     upper: Answer,
-    targets: Iterable[int] | None = None,
     certificates: Certificates | None = None,
 ) -> tuple[Answer | None, Certificates]:
     """Return the smallest mu at which all margins of a target may vanish; None where none can.
@@ -175,7 +174,7 @@ def lower_limit(
     that one program a node is left of the pairs' N V^2. A program for the smallest A_i + B_i below
     the best mu so far shows by its dual bound that a node cannot improve it; only where the sum
     reaches zero a second program finds mu. Multipliers of another mean load are tried before any
-    program is solved. ``targets`` are numbers of the targets to look at, all when left out.
+    program is solved.
     """
     bounded = len(margins.c) > len(margins.kind)
     if bounded and largest_margin(margins).value > 1.0 + VANISHES:
@@ -185,11 +184,10 @@ def lower_limit(
     G = np.hstack([margins.G, margins.d[:, None]])
     cost = np.append(np.zeros(margins.G.shape[1]), 1.0)
     top, best, proofs = -upper.value, None, dict(certificates or {})
-    order = np.arange(len(margins.targets)) if targets is None else np.array([*targets], dtype=int)
     # nodes with a wide range for little pressure come first: a small best prunes the others
-    sums = [(x[list(margins.targets[t])].sum() for x in (margins.c, margins.d)) for t in order]
+    sums = [(x[list(rows)].sum() for x in (margins.c, margins.d)) for rows in margins.targets]
     reach = [-c / d if d < 0.0 else np.inf for c, d in sums]
-    for t in order[np.argsort(reach, kind="stable")]:
+    for t in np.argsort(reach, kind="stable"):
         rows = margins.targets[t]
         total, constant = G[list(rows)].sum(axis=0), margins.c[list(rows)].sum()
         if t in proofs:

@@ -1,7 +1,7 @@
 """Shakedown limits of a scene, on two meshes, with their diagram.
 
-The limits of the scene's mesh are found first, their programs shared among the ranks. The cases
-after that are the second mesh, parts of the diagram, exact cycles and the opening contact.
+The limits of the scene's mesh are found first. The cases after that are the second mesh, parts of
+the diagram, exact cycles and the opening contact.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import matplotlib as mpl
 import numpy as np
@@ -24,20 +24,13 @@ from receding_fenicsx.interface.shakedown.limits import (
     CONJECTURE,
     Certificates,
     ShakedownLimits,
-    assembled,
     lower_limit,
     shakedown_limits,
     upper_limit,
 )
-from receding_fenicsx.interface.shakedown.margins import (
-    LoadRange,
-    Margins,
-    load_range,
-    prepared,
-    with_bound,
-)
+from receding_fenicsx.interface.shakedown.margins import Margins, load_range, prepared, with_bound
 from receding_fenicsx.interface.shakedown.opening import Opening
-from receding_fenicsx.interface.shakedown.programs import Answer, minimise
+from receding_fenicsx.interface.shakedown.programs import minimise
 from receding_fenicsx.interface.system import ContactSystem
 from receding_fenicsx.output.plots import style
 from receding_fenicsx.output.plots.labels import load_text
@@ -51,9 +44,6 @@ from receding_fenicsx.studies.run import shared_system
 from receding_fenicsx.studies.runner import Kind, Runner, Study, StudyOptions, digest_of, run_study
 from receding_fenicsx.studies.shakedown.exact_cycles import BELOW, limit_by_cycles, opening_limit
 from receding_fenicsx.timing import Timer
-
-if TYPE_CHECKING:
-    from mpi4py import MPI
 
 
 @dataclass(frozen=True)
@@ -221,7 +211,7 @@ def shakedown(
     # whole: a contact without friction is refused as such
     system = study.condense(scene, comm, timer.say, whole=True)
     with timer("limits"):
-        limits, margins = _limits(scene, system, comm)
+        limits = mpi.on_root(comm, lambda: _limits(scene, mpi.given(system)))
     partner: Scene | None = None
     failures: list[str] = []
     if all(body.mesh is None for body in scene.bodies):
@@ -230,51 +220,25 @@ def shakedown(
         except RecedingError as error:  # the scene's own limits stand
             failures.append(f"no limits on a coarser mesh: {error}")
 
-    def begin() -> Study[ShakedownStudy]:
-        own, found = mpi.given(system), mpi.given(limits)
+    def combine(runner: Runner) -> ShakedownStudy:
+        with timer("cases"):
+            own, parts = (mpi.given(system), mpi.given(limits)), workers or comm.size
+            result = _combined(scene, partner, *own, runner, parts, failures)
+        runner.write(lambda: _files(scene, result, timer.seconds))
+        return result
 
-        def combine(runner: Runner) -> ShakedownStudy:
-            with timer("cases"):
-                result = _combined(
-                    scene, partner, own, found, margins, runner, workers or comm.size, failures
-                )
-            runner.write(lambda: _files(scene, result, timer.seconds))
-            return result
-
-        return Study(scene, combine)
-
-    return run_study(kind, begin, out, workers, options)
+    return run_study(kind, lambda: Study(scene, combine), out, workers, options)
 
 
-def _limits(
-    scene: Scene, system: ContactSystem | None, comm: MPI.Comm
-) -> tuple[ShakedownLimits | None, Margins]:
-    """Return the limits on rank 0 and the margins on all; the nodes' programs are shared."""
-    options = scene.shakedown
-
-    def begin() -> tuple[LoadRange, Margins, Any, Answer]:
-        own = mpi.given(system)
-        loads = load_range(own, options.mean, options.range)
-        margins, away = prepared(own, loads, options.separated)
-        return loads, margins, away, upper_limit(margins)
-
-    loads, margins, away, upper = comm.bcast(mpi.on_root(comm, begin))
-    mine = range(comm.rank, len(margins.targets), comm.size)
-    bounded = with_bound(margins, options.largest_slip)
-    part = mpi.on_all(comm, lambda: lower_limit(bounded, upper, mine)[0])
-    parts = [found for found in comm.allgather(part) if found is not None]
-    lower = min(parts, key=lambda found: found.value, default=None)
-
-    def end() -> ShakedownLimits:
-        return assembled(mpi.given(system), loads, margins, upper, lower, away)
-
-    return mpi.on_root(comm, end), bounded
+def _limits(scene: Scene, system: ContactSystem) -> ShakedownLimits:
+    """Return the limits of a scene on a mesh."""
+    given = scene.shakedown
+    return shakedown_limits(system, given.mean, given.range, given.separated, given.largest_slip)
 
 
 def second_mesh(scene: Scene, body: str, systems: Path | None) -> dict[str, Any]:
     """Return number of modelled nodes and limits on another mesh."""
-    system, given = shared_system(scene, body, systems), scene.shakedown
-    found = shakedown_limits(system, given.mean, given.range, given.separated, given.largest_slip)
+    found = _limits(scene, shared_system(scene, body, systems))
     return {"nodes": len(found.separated), "lower": found.lower, "upper": found.upper}
 
 
@@ -303,13 +267,14 @@ def _combined(
     partner: Scene | None,
     system: ContactSystem,
     limits: ShakedownLimits,
-    margins: Margins,
     runner: Runner,
     parts: int,
     failures: list[str],
 ) -> ShakedownStudy:
     """Run the cases and return the study of their outcomes."""
     given, key = scene.shakedown, digest_of(identity_of(scene), system)
+    loads = load_range(system, given.mean, given.range)
+    margins = with_bound(prepared(system, loads, given.separated)[0], given.largest_slip)
     first = next(name for vertex in given.range for name in vertex if vertex[name] != 0.0)
     name = given.diagram or first
     load, own = scene.driven_names.index(name), given.mean.get(name, 0.0)
@@ -431,11 +396,5 @@ def _files(scene: Scene, result: ShakedownStudy, timings: dict[str, float]) -> d
         "notes": list(result.notes),
         "timings": timings,
     }
-    return (
-        {"scene.toml": to_toml(scene)}
-        | profile
-        | {
-            "shakedown.png": diagram_figure(diagram, found),
-            "shakedown.json": summary,
-        }
-    )
+    pictures = {"shakedown.png": diagram_figure(diagram, found)}
+    return {"scene.toml": to_toml(scene)} | profile | pictures | {"shakedown.json": summary}
