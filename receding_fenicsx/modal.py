@@ -23,13 +23,11 @@ import numpy as np
 import ufl
 from numpy.typing import NDArray
 from scipy import sparse
-from scipy.linalg import block_diag
 from scipy.sparse.linalg import ArpackError, eigsh
 
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.bulk import _dolfinx, stack
 from receding_fenicsx.bulk.body import Bulk
-from receding_fenicsx.bulk.closures import bolt_compliance
 from receding_fenicsx.bulk.contact_operator import eliminate
 from receding_fenicsx.bulk.from_scene import bulk_of
 from receding_fenicsx.bulk.stack import Stack
@@ -160,10 +158,7 @@ def assembled(bulk: Stack) -> Assembled:
     parts: Any = bulk.parts
     A = sparse.block_diag([_csr(part.stiffness) * part.young for part in parts], "csr")
     # unit loads (dofs, m) of bolts and springs between bodies, and their compliance
-    soft = block_diag(bolt_compliance(bulk.scene), bulk.soft)
-    names = bulk.load_names
-    at = [names.index(bolt.name) for bolt in bulk.scene.bolts]
-    at += range(len(bulk.scene.load_names), len(names))
+    at, soft = bulk.links()
     L = sparse.csr_matrix(np.vstack([part.loads[:, at] for part in parts]))
     A = A + L @ sparse.csr_matrix(np.linalg.inv(soft)) @ L.T
     M = sparse.block_diag([_mass(part) for part in parts], "csr")

@@ -14,7 +14,6 @@ each value costs one solve, made once, and none for each instant.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 from petsc4py import PETSc
@@ -31,9 +30,6 @@ from receding_fenicsx.bulk.schur import norm, symmetrise, turn
 from receding_fenicsx.bulk.stress import Discretisation, Stresses, point_values, stresses
 from receding_fenicsx.errors import SolveError
 from receding_fenicsx.mpi import given, on_root
-
-Solve = Callable[[Array], Array]
-"""Solves A_II x_I = b_I for the columns of b, each rank giving its own rows; the rest of x is 0."""
 
 
 @dataclass
@@ -73,12 +69,24 @@ class Bulk(Discretisation):
 
     def condensed(self) -> CondensedBody | None:
         """Condense the body, turned to [t; n], on rank 0; collective."""
-        found, held, compliance = eliminate_interior(self)
-        u = np.cos(1.0 + np.arange(len(self.contact.dofs)) ** 2)
+        size = len(self.contact.dofs)
+        # MUMPS wants a degree of freedom beside those of its Schur complement
+        found = factorise(self) if self.dofs > size else _contact_forces(self, np.eye(size))
+        x = solve_interior(self, self.loads)
+        force = times(self.stiffness, x) - self.loads
+        moved, sign = self.young * self.moved, self.sign
+        own = np.where(sign[:, None] > 0.0, moved.T @ force, self.loads.T @ (x + moved))
+        compliance = self.comm.allreduce(own)
+        # symmetric among forces and among displacements, antisymmetric between them
+        compliance = 0.5 * (compliance + np.outer(sign, sign) * compliance.T)
+        held = gather_contact(self, force)
+        u = np.cos(1.0 + np.arange(size) ** 2)
         probe = _contact_forces(self, u[:, None])
 
         def checked() -> CondensedBody:
             contact, K = self.contact, given(found)
+            if self.dofs == size:
+                symmetrise(K)
             turn(K, contact.to_local)
             scale = norm(K)
             force = contact.to_local(given(probe)[:, 0])
@@ -95,15 +103,16 @@ class Bulk(Discretisation):
                     "(at most 1e-12); check the mesh for degenerate cells"
                 )
             K *= self.young
+            r_star = contact.to_local(given(held)).T.copy()
             return CondensedBody(
-                K=K,
-                r_star=contact.to_local(given(held)).T.copy(),
-                compliance=compliance / self.young,
-                sign=self.sign,
-                held=contact.held,
-                driven=self.driven,
-                modes=contact.modes,
-                constraints=contact.constraints,
+                K,
+                r_star,
+                compliance / self.young,
+                sign,
+                contact.held,
+                self.driven,
+                contact.modes,
+                contact.constraints,
             )
 
         return on_root(self.comm, checked)
@@ -125,7 +134,6 @@ class Bulk(Discretisation):
         """
         mirrored = self.body.half and not self.scene.axisymmetric
         modelled = np.column_stack([np.abs(points[:, 0]), points[:, 1]]) if mirrored else points
-        solve = interior_solver(self)
         start, end = self.stiffness.getOwnershipRange()
         own, thermal = point_values(self, modelled, labels)
         own, blocks = own[:, start:end], []
@@ -134,7 +142,7 @@ class Bulk(Discretisation):
             g = own[part].T.toarray()
             if self.ties is not None:
                 g = times(self.ties, g, transposed=True)
-            z = solve(g)
+            z = solve_interior(self, g)
             of_loads = self.comm.allreduce(z.T @ self.loads / self.young + g.T @ self.moved)
             of_contact = gather_contact(self, g - times(self.stiffness, z))
             if of_contact is not None:
@@ -173,44 +181,43 @@ class Bulk(Discretisation):
         self.interior, self.ties = None, None
 
 
-def constrained(bulk: Bulk, held: Ints) -> PETSc.Mat:
-    """Return a copy of A with identity rows and columns for ``held`` (this rank's own)."""
+def factorise(bulk: Bulk) -> Array | None:
+    """Factorise A_II; return K (2N, 2N) of [x; y] for E = 1 on rank 0; collective."""
+    if bulk.interior is not None:
+        bulk.interior.destroy()
     matrix = bulk.stiffness.copy()
-    matrix.zeroRowsColumns(held.astype(PETSc.IntType), diag=1.0)
-    return matrix
+    matrix.zeroRowsColumns(bulk.fixed.astype(PETSc.IntType), diag=1.0)
+    bulk.interior, K = schur.factorise(matrix, bulk.contact.dofs)
+    # petsc4py frees its objects only by destroy()
+    matrix.destroy()
+    return K
 
 
-def interior_solver(bulk: Bulk) -> Solve:
-    """Return the function that solves with A_II; factorise it unless it is, by condensing too."""
-    start = bulk.stiffness.getOwnershipRange()[0]
-    off = np.concatenate([bulk.fixed - start, owned_contact(bulk)[0]])
+def solve_interior(bulk: Bulk, columns: Array) -> Array:
+    """Solve A_II x_I = b_I for the columns of b, each rank giving its own rows; 0 elsewhere.
+
+    A_II is factorised first, if condensing has not done so; collective.
+    """
+    # MUMPS wants one right-hand side at least
+    if bulk.dofs == len(bulk.contact.dofs) or not columns.shape[1]:
+        return np.zeros_like(columns)
     if bulk.interior is None:
-        matrix = constrained(bulk, off + start)
-        matrix.setOption(PETSc.Mat.Option.SPD, True)
-        bulk.interior = PETSc.PC().create(bulk.comm)
-        bulk.interior.setOperators(matrix)
-        bulk.interior.setType("cholesky")
-        bulk.interior.setFactorSolverType("mumps")
-        bulk.interior.setUp()
-        # petsc4py frees its objects only by destroy()
-        matrix.destroy()
-    pc = bulk.interior
-
-    def solve(columns: Array) -> Array:
-        rhs = _dense(bulk.stiffness, columns)
-        rhs.getDenseArray()[off] = 0.0
-        rhs.assemble()
-        x = rhs.duplicate()
-        x.assemble()
-        factor = pc.getFactorMatrix()
-        factor.matSolve(rhs, x)
-        solution = np.array(x.getDenseArray(readonly=True))
-        solution[off] = 0.0
-        for thing in (factor, rhs, x):
-            thing.destroy()
-        return solution
-
-    return solve
+        factorise(bulk)
+    off = np.concatenate(
+        [bulk.fixed - bulk.stiffness.getOwnershipRange()[0], owned_contact(bulk)[0]]
+    )
+    rhs = _dense(bulk.stiffness, columns)
+    rhs.getDenseArray()[off] = 0.0
+    rhs.assemble()
+    x = rhs.duplicate()
+    x.assemble()
+    factor = given(bulk.interior).getFactorMatrix()
+    factor.matSolve(rhs, x)
+    solution = np.array(x.getDenseArray(readonly=True))
+    solution[off] = 0.0
+    for thing in (factor, rhs, x):
+        thing.destroy()
+    return solution
 
 
 def owned_contact(bulk: Bulk) -> tuple[Ints, Ints]:
@@ -233,51 +240,19 @@ def gather_contact(bulk: Bulk, rows: Array) -> Array | None:
     return gathered
 
 
-def eliminate_interior(bulk: Bulk) -> tuple[Array | None, Array | None, Array]:
-    """Eliminate the interior for E = 1 by MUMPS's Schur complement; collective.
-
-    Returned are, of [x; y] components on rank 0, K (2N, 2N), symmetric to the last bit, and the
-    reactions r* (2N, n_loads) with all contact nodes held; with these held, the work-conjugate
-    quantity of load k under load l: the displacement of a force, or E times the force of a
-    prescribed displacement.
-    """
-    supported = bulk.comm.allreduce(len(bulk.fixed)) > 0
-    matrix = constrained(bulk, bulk.fixed) if supported else bulk.stiffness
-    size = len(bulk.contact.dofs)
-    # MUMPS wants a degree of freedom beside those of its Schur complement
-    if bulk.dofs > size:
-        if bulk.interior is not None:
-            bulk.interior.destroy()
-        bulk.interior, K = schur.factorise(matrix, bulk.contact.dofs)
-    else:
-        K = _contact_forces(bulk, np.eye(size))
-        if K is not None:
-            symmetrise(K)
-    if supported:
-        matrix.destroy()
-    if not bulk.loads.shape[1]:  # MUMPS wants one right-hand side at least
-        return K, gather_contact(bulk, bulk.loads), np.zeros((0, 0))
-    x = interior_solver(bulk)(bulk.loads)
-    force = times(bulk.stiffness, x) - bulk.loads
-    moved, sign = bulk.young * bulk.moved, bulk.sign
-    own = np.where(sign[:, None] > 0.0, moved.T @ force, bulk.loads.T @ (x + moved))
-    compliance = bulk.comm.allreduce(own)
-    # symmetric among forces and among displacements, antisymmetric between them
-    compliance = 0.5 * (compliance + np.outer(sign, sign) * compliance.T)
-    return K, gather_contact(bulk, force), compliance
-
-
 def _contact_forces(bulk: Bulk, u: Array) -> Array | None:
     """Return K u (2N, n; rank 0) by solves."""
     rows, places = owned_contact(bulk)
     x = np.zeros((len(bulk.loads), u.shape[1]))
     x[rows] = u[places]
     force = times(bulk.stiffness, x)
-    return gather_contact(bulk, force - times(bulk.stiffness, interior_solver(bulk)(force)))
+    return gather_contact(bulk, force - times(bulk.stiffness, solve_interior(bulk, force)))
 
 
 def times(matrix: PETSc.Mat, columns: Array, transposed: bool = False) -> Array:
     """Multiply a matrix by columns, each rank giving and getting its own rows."""
+    if not columns.shape[1]:
+        return columns
     right = _dense(matrix, columns)
     left = (matrix.transposeMatMult if transposed else matrix.matMult)(right)
     product = np.array(left.getDenseArray(readonly=True))
@@ -308,7 +283,7 @@ def back_substitute(bulk: Bulk, load: Array | None, u: Array | None) -> fem.Func
     held = np.zeros((len(bulk.loads), 1))
     held[rows] = bulk.contact.to_global(contact)[places]
     forces = bulk.loads @ factors / bulk.young - times(bulk.stiffness, held)
-    moved = interior_solver(bulk)(forces) + held + bulk.moved @ factors
+    moved = solve_interior(bulk, forces) + held + bulk.moved @ factors
     if bulk.ties is not None:
         moved = times(bulk.ties, moved)
     displacement = fem.Function(bulk.space, name="displacement")

@@ -149,13 +149,6 @@ def _across(spring: Spring, places: Array, beyond: Array, normal: Array) -> Ints
     return found
 
 
-def bolt_compliance(scene: Scene) -> Array:
-    """Return the compliance (m, m) of a scene's bolts; that of a ring of bolts is per radian."""
-    part = 2.0 * np.pi if scene.axisymmetric else 1.0
-    soft = [part / (bolt.stiffness or np.inf) for bolt in scene.bolts]
-    return np.diag(np.array(soft, dtype=float))
-
-
 def closed(
     joined: JoinedBodies, at: Ints, soft: Array, names: Sequence[str], kept: int
 ) -> JoinedBodies:
@@ -202,16 +195,6 @@ def closed(
     )
 
 
-def shifted(joined: JoinedBodies, S: Array) -> JoinedBodies:
-    """Return joined bodies for u' = u + S^T lambda, with S (n_loads, 2N) zero for forces."""
-    if not S.any():
-        return joined
-    cross, stiff = joined.r_star @ S.T, S @ joined.K
-    compliance = joined.compliance - joined.sign[:, None] * cross - cross.T + stiff @ S.T
-    shift = joined.shift - S
-    return replace(joined, r_star=joined.r_star - stiff, compliance=compliance, shift=shift)
-
-
 def driven_gaps(scene: Scene, contact: ContactPoints) -> Array:
     """Return the gap (n_loads, N) at the contact nodes of each load with factor 1."""
     names = scene.load_names
@@ -254,6 +237,15 @@ def with_gaps(joined: JoinedBodies, scene: Scene, contact: ContactPoints) -> Joi
                 "[contact] interference: the body is free to move off the contact, so nothing "
                 "presses; hold it by a [[support]], or remove the interference"
             )
-    overlap = np.where(joined.held, 0.0, np.hstack([np.zeros_like(gaps), gaps]))
+    S = joined.driven + np.where(joined.held, 0.0, np.hstack([np.zeros_like(gaps), gaps]))
+    if not S.any():
+        return joined
     sign = np.where(gaps.any(axis=1), 1.0, joined.sign)
-    return shifted(replace(joined, sign=sign), joined.driven + overlap)
+    cross, stiff = joined.r_star @ S.T, S @ joined.K
+    return replace(
+        joined,
+        sign=sign,
+        r_star=joined.r_star - stiff,
+        compliance=joined.compliance - sign[:, None] * cross - cross.T + stiff @ S.T,
+        shift=joined.shift - S,
+    )

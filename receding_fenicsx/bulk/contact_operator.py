@@ -28,6 +28,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
+from scipy.spatial import cKDTree
 
 from receding_fenicsx.arrays import Array, Ints
 from receding_fenicsx.bulk.contact_nodes import ContactNodes, ContactSide, tangent_of
@@ -170,32 +171,23 @@ def relative_of(
             sides.reverse()
         slave.append(-1 if same else sides[0][1])
         points.append(_points(scene, k, contacts, sides, same))
-    contacts_, ties = points[: len(scene.contacts)], points[len(scene.contacts) :]
+    count = len(scene.contacts)
+    numbered = list(enumerate(points))
+    order = [
+        (k, a, p) for s in (slice(count), slice(count, None)) for a in "tn" for k, p in numbered[s]
+    ]
     on = [
-        sparse.vstack(
-            [
-                part.rows(nodes, body, axis)
-                for some in (contacts_, ties)
-                for axis in "tn"
-                for part in some
-            ]
-        ).tocsr()
+        sparse.vstack([part.rows(nodes, body, axis) for _, axis, part in order]).tocsr()
         for body, nodes in enumerate(contacts)
     ]
-    number = [np.full(len(part.x), k) for k, part in enumerate(points)]
-    n = sum(len(part.x) for part in contacts_)
-    joint, places = (
-        np.concatenate([*head, *head, *tail, *tail])
-        for head, tail in (
-            (number[: len(contacts_)], number[len(contacts_) :]),
-            ([part.places for part in contacts_], [part.places for part in ties]),
-        )
-    )
+    n = sum(len(part.x) for part in points[:count])
+    joint = np.concatenate([np.full(len(part.x), k) for k, _, part in order])
+    places = np.concatenate([part.places for *_, part in order])
     links = tuple(frozenset(k for k, _ in own) for own in numbers)
     relative = Relative(tuple(on), 2 * n, joint, np.array(slave), links, places)
     held = relative.held(np.concatenate([nodes.held for nodes in contacts]))[: 2 * n]
     x, normal, weight = (
-        np.concatenate([getattr(part, name) for part in contacts_])
+        np.concatenate([getattr(part, name) for part in points[:count]])
         for name in ("x", "normal", "weight")
     )
     tangent = tangent_of(normal)
@@ -374,8 +366,7 @@ def _projection(
     total = np.asarray(pi.sum(axis=1)).ravel()
     # a node on the axis of revolution may have no weight; it lies on one of the master
     on_axis = np.flatnonzero(slave.weight <= 1e-9 * slave.weight.max())
-    apart = np.linalg.norm(slave.points[on_axis][:, None] - master.points, axis=2)
-    opposite = np.argmin(apart, axis=1) if len(on_axis) else on_axis
+    opposite = cKDTree(master.points).query(slave.points[on_axis])[1]
     total[on_axis] = np.inf
     # translations to round-off
     exact = sparse.csr_matrix((np.ones(len(on_axis)), (on_axis, opposite)), shape=pi.shape)
@@ -412,19 +403,14 @@ def _held_together(
 
     There the neighbours on both sides do not count, as on a plane of symmetry.
     """
-    found = np.zeros((len(keep), 2), dtype=bool)
     nodes, others = contacts[slave[0]], contacts[master[0]]
-    held, held_there = nodes.held.reshape(2, -1), others.held.reshape(2, -1)
-    near = 1e-6 * np.linalg.norm(np.diff(slave[1].points, axis=0), axis=1).min()
-    for i, k in enumerate(keep):
-        node = slave[1].node[k]
-        apart = np.linalg.norm(master[1].points - slave[1].points[k], axis=1)
-        if not held[:, node].any() or apart.min() > near:
-            continue
-        there = master[1].node[np.argmin(apart)]
-        axes = np.stack([others.tangent[there], others.normal[there]])[held_there[:, there]]
-        for axis, direction in enumerate((nodes.tangent[node], nodes.normal[node])):
-            along = np.abs(axes @ direction)
-            together = len(axes) == 2 or along.max(initial=0.0) > 1.0 - 1e-10
-            found[i, axis] = held[axis, node] and together
-    return found
+    points, node = slave[1].points, slave[1].node[keep]
+    apart, nearest = cKDTree(master[1].points).query(points[keep])
+    there = master[1].node[nearest]
+    near = apart <= 1e-6 * np.linalg.norm(np.diff(points, axis=0), axis=1).min()
+    held, held_there = nodes.held.reshape(2, -1).T[node], others.held.reshape(2, -1).T[there]
+    own = np.stack([nodes.tangent, nodes.normal], axis=1)[node]
+    axes = np.stack([others.tangent, others.normal], axis=1)[there]
+    along = np.abs(np.einsum("nac,nbc->nab", own, axes)) > 1.0 - 1e-10
+    together = (along & held_there[:, None]).any(axis=2) | held_there.all(axis=1, keepdims=True)
+    return near[:, None] & held & together

@@ -13,6 +13,7 @@ from scipy import sparse
 
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.bulk import _dolfinx
+from receding_fenicsx.bulk.body import Bulk
 from receding_fenicsx.bulk.contact_nodes import ContactNodes, ContactSide
 from receding_fenicsx.bulk.join_bodies import CondensedBody, JoinedBodies, common_sign
 from receding_fenicsx.bulk.mesh.grading import Base, graded
@@ -88,17 +89,10 @@ class HalfPlane:
         """Return the stiffness on rank 0; collective."""
 
         def work() -> CondensedBody:
-            found = self.stiffness
-            return CondensedBody(
-                K=found.K,
-                r_star=found.r_star,
-                compliance=found.compliance,
-                sign=self.far.sign,
-                held=self.contact.held,
-                driven=np.zeros_like(found.r_star),
-                modes=self.contact.modes,
-                constraints=self.contact.constraints,
-            )
+            found, nodes = self.stiffness, self.contact
+            K, r_star, driven = found.K, found.r_star, np.zeros_like(found.r_star)
+            more = nodes.held, driven, nodes.modes, nodes.constraints
+            return CondensedBody(K, r_star, found.compliance, self.far.sign, *more)
 
         return on_root(self.comm, work)
 
@@ -192,21 +186,16 @@ def half_plane_of(
     scene: Scene,
     comm: MPI.Comm,
     names: tuple[str, ...],
-    partner: ContactNodes | None = None,
-    surface: Surface | None = None,
+    first: Bulk | HalfPlane | None = None,
 ) -> HalfPlane:
-    """Return a half-plane with its contact nodes.
-
-    Those of the ``partner``, the first body, are on its surface where this is the second one; the
-    first one's ``surface`` is given where that is a half-plane too.
-    """
+    """Return a half-plane with its contact nodes; as the second body it has those of the first."""
     far = _far_field(scene, names)
-    if partner is None:
+    if first is None:
         contact = own_nodes(scene)
         size = float(np.ptp(contact.points[:, 0]))
     else:
-        contact = partner
-        _check_straight(scene, partner)
+        contact = first.contact
+        _check_straight(scene, contact)
         # the length by which the contact nodes' displacement in a rotation was divided
         apart = contact.points - _pivot(contact.points)
         farthest = int(np.argmax(np.abs(apart[:, 0])))
@@ -219,7 +208,9 @@ def half_plane_of(
         constraints=constraints,
         null=scaled(contact.modes @ free_motions(constraints)),
     )
-    if surface is None:
+    if isinstance(first, HalfPlane):
+        surface = first.surface
+    else:
         if sum(len(side.node) for side in contact.sides) > len(contact.node):
             raise InputError(
                 f"body '{scene.body.name}': edges in contact with a half-plane meet; make them one "
@@ -231,9 +222,9 @@ def half_plane_of(
         elements = np.stack([lower, lower + 1], axis=1)
         if along[elements[0, 1]] < along[elements[0, 0]]:
             elements = elements[:, ::-1]
-        surface = surface_of(along, elements, 1 if partner is None else scene.mesh.degree)
+        surface = surface_of(along, elements, 1 if first is None else scene.mesh.degree)
     datum = scene.body.datum or 10.0 * surface.length
-    side = 1 if partner is None else -1
+    side = 1 if first is None else -1
     return HalfPlane(scene, comm, names, contact, size, surface, side, datum, far)
 
 
@@ -411,16 +402,8 @@ def join_half_planes(a: HalfPlane, b: HalfPlane, load_names: tuple[str, ...]) ->
     turned = moved_b @ modes
     every = sparse.identity(count, format="csr")
     none = np.zeros_like(found.r_star)
-    return JoinedBodies(
-        found.K,
-        found.r_star,
-        found.compliance,
-        relative.sign,
-        np.zeros(count, dtype=bool),
-        none,
-        scaled(modes[:, free]),
-        (turned @ on_u - moved_b + modes @ b_on_u, turned @ on_loads + modes @ b_on_loads),
-        ((every, every), (0.0 * every, every)),
-        (np.eye(len(load_names)), none),
-        none,
-    )
+    rest = turned @ on_u - moved_b + modes @ b_on_u, turned @ on_loads + modes @ b_on_loads
+    held, moving = np.zeros(count, dtype=bool), ((every, every), (0.0 * every, every))
+    known = found.K, found.r_star, found.compliance, relative.sign, held, none
+    factors = np.eye(len(load_names)), none
+    return JoinedBodies(*known, scaled(modes[:, free]), rest, moving, factors, none)

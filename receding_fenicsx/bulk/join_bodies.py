@@ -184,21 +184,9 @@ def join(
             f"(at most 1e-11); bring Young's moduli closer together or hold "
             "the stiffer one"
         )
-    follow = y[:, :size], y[:, size:]
-    factors = np.eye(len(sign)), np.zeros_like(r_star)
-    return JoinedBodies(
-        K,
-        r_star,
-        compliance,
-        sign,
-        held,
-        driven[:, :size],
-        rigid,
-        follow,
-        motions,
-        factors,
-        0.0 * r_star,
-    )
+    follow, none = (y[:, :size], y[:, size:]), np.zeros_like(r_star)
+    known = K, r_star, compliance, sign, held, driven[:, :size]
+    return JoinedBodies(*known, rigid, follow, motions, (np.eye(len(sign)), none), none)
 
 
 def common_sign(signs: Array, load_names: tuple[str, ...]) -> Array:

@@ -22,7 +22,6 @@ from receding_fenicsx.bulk.body import Bulk, times
 from receding_fenicsx.bulk.closures import (
     add_links,
     add_springs,
-    bolt_compliance,
     closed,
     with_gaps,
 )
@@ -52,7 +51,6 @@ class Stack:
     parts: tuple[Body, ...]  # the bodies, each with its own part of the scene
     # compliance (m, m) of springs between the bodies, whose unit loads are the last m
     soft: Array = field(default_factory=lambda: np.zeros((0, 0)))
-    pair: tuple[HalfPlane, HalfPlane] | None = None  # both bodies, where both are half-planes
     # their condensed system on rank 0, once they are ``condensed``
     joined: JoinedBodies | None = None
     condensed: bool = False
@@ -89,23 +87,35 @@ class Stack:
         """Condense all bodies, unless they are already, and join them on rank 0; collective."""
         if self.condensed:
             return
-        condensed = [] if self.pair else [part.condensed() for part in self.parts]
+        pair = len(self.parts) == 2 and all(isinstance(p, HalfPlane) for p in self.parts)
+        condensed = None if pair else [part.condensed() for part in self.parts]
         self.joined = on_root(self.comm, lambda: self._joined(condensed))
         self.condensed = True
 
-    def _joined(self, condensed: list[CondensedBody | None]) -> JoinedBodies:
-        """Join the condensed bodies, and close what acts between them; on rank 0."""
-        names, kept = self.load_names, len(self.scene.load_names)
-        if self.pair:
-            joined = join_half_planes(*self.pair, names)
+    def links(self) -> tuple[list[int], Array]:
+        """Return the numbers of the unit loads of bolts, then of springs, and their compliance."""
+        scene, names = self.scene, self.load_names
+        at = [names.index(bolt.name) for bolt in scene.bolts]
+        at += range(len(scene.load_names), len(names))
+        # of a ring of bolts per radian
+        part = 2.0 * np.pi if scene.axisymmetric else 1.0
+        soft = np.array([part / (bolt.stiffness or np.inf) for bolt in scene.bolts])
+        return at, np.asarray(block_diag(np.diag(soft), self.soft))
+
+    def _joined(self, condensed: list[CondensedBody | None] | None) -> JoinedBodies:
+        """Join the condensed bodies, or a pair of half-planes, and close what acts between them."""
+        names = self.load_names
+        if condensed is None:
+            a, b = self.parts
+            assert isinstance(a, HalfPlane) and isinstance(b, HalfPlane)
+            joined = join_half_planes(a, b, names)
         else:
             joined = join([given(part) for part in condensed], self.relative, names)
-        bolts = [bolt.name for bolt in self.scene.bolts]
-        at = [names.index(name) for name in (*bolts, *names[kept:])]
+        at, soft = self.links()
         if at:
-            soft = block_diag(bolt_compliance(self.scene), self.soft)
-            labels = [f"bolt '{name}'" for name in bolts] + ["[[spring]]"] * len(self.soft)
-            joined = closed(joined, np.array(at), soft, labels, kept)
+            labels = [f"bolt '{bolt.name}'" for bolt in self.scene.bolts]
+            labels += ["[[spring]]"] * len(self.soft)
+            joined = closed(joined, np.array(at), soft, labels, len(self.scene.load_names))
         for name, moved in zip(self.scene.load_names, joined.driven, strict=True):
             for dof in np.flatnonzero(joined.held & (moved != 0.0)):
                 x, y = self.contact.points[dof % len(self.contact.x)]
@@ -206,18 +216,13 @@ def build_all(scene: Scene, bodies: tuple[BodyMesh, ...], comm: MPI.Comm | None 
     soft = add_links(scene, built)
     names = next((part.load_names for part in built.values()), scene.load_names)
     parts: list[Body] = []
-    halves: list[HalfPlane] = []
     for body in in_order(scene):
         if body.name in built:
             parts.append(built[body.name])
-            continue
-        nodes = parts[0].contact if parts else None
-        surface = halves[0].surface if halves else None
-        place = comm or bodies[0].mesh.comm
-        halves.append(half_plane_of(part_of(scene, body), place, names, nodes, surface))
-        parts.append(halves[-1])
-    pair = (halves[0], halves[1]) if len(halves) == 2 else None
-    return Stack(scene, tuple(parts), soft, pair)
+        else:
+            place = comm or bodies[0].mesh.comm
+            parts.append(half_plane_of(part_of(scene, body), place, names, *parts))
+    return Stack(scene, tuple(parts), soft)
 
 
 def contact_of(scene: Scene) -> tuple[ContactPoints, list[float]]:
