@@ -233,3 +233,11 @@ def test_a_solver_of_the_users_own_is_taken_by_its_name(monkeypatch: pytest.Monk
     found, known = (evolve(block_system(8, 2), cyclic(1), s) for s in (options, None))
     assert np.array_equal(found.turning_points.Q, known.turning_points.Q)
     assert seen == [options] and found.method == "mine"
+
+
+def test_a_leg_across_the_unloaded_state_has_its_samples_where_they_were_asked_for() -> None:
+    system = small_system(np.eye(2), {"a": [0.1, 1.0]}, 0.3)
+    samples = evolve(system, table(system, [[0], [1]], [[1], [-0.5], [1]], 1)).samples
+    for leg in (0, 1):
+        s = samples.s[(samples.cycle == 1) & (samples.leg == leg)]
+        assert s == pytest.approx(np.arange(1, 41) / 40.0, abs=1e-14)

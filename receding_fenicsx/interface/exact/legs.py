@@ -63,16 +63,16 @@ class LegProblem:
 
         It runs between the places ``s`` of this one, which has had some jumps just before.
         """
-        part = self.place(s[0]), self.place(s[1])
-        total = self.jumps + jumps
+        low, high = s
         return replace(
             self,
             start=start,
             ends=ends,
             force_scale=force_scale,
+            samples=tuple((p - low) / (high - low) for p in self.samples if low < p <= high),
             s_start=0.0,
-            part=part,
-            jumps=total,
+            part=(self.place(low), self.place(high)),
+            jumps=self.jumps + jumps,
         )
 
 

@@ -238,9 +238,8 @@ class BranchedPath:
         if not np.any(force) and not (np.any(inner.load(s)) and np.any(inner.load(target))):
             # from no load or to none, which a walk does not end at
             whole = inner.piece(begun, (inner.load(s), inner.load(target)), scale, (s, target))
-            part = tuple((place - s) / (target - s) for place in inner.samples)
             with suppress(SolveError):
-                found = path.trace(replace(whole, samples=part)).placed(target - s, s)
+                found = path.trace(whole).placed(target - s, s)
                 one = (state for _, state in found.samples)
                 found.samples = list(zip(inner.samples, one, strict=False))
         if found is None:
