@@ -21,8 +21,8 @@ def energy_error(
 ) -> tuple[float, float]:
     """Return the relative error of D + change of (1/2 u K u) + integral lambda r* . du = 0.
 
-    With K u = r - sum lambda r* at both ends, of a leg and load factors (n_loads,) at its ends. The
-    largest energy of a leg, of the earlier ones before, is returned too.
+    With K u = r - sum lambda r* at both ends of a leg. The largest energy of a leg so far is
+    returned too.
     """
     forces = leg.end.r + start.r - (ends[0] + ends[1]) @ system.r_star
     stored = 0.5 * float((leg.end.u - start.u) @ forces)

@@ -34,15 +34,10 @@ def record_of(
     unfinished: tuple[list[Instant], Totals, Uniqueness] = ([], Totals(), Uniqueness()),
     last: Samples | None = None,
 ) -> Record:
-    """Return the record of the whole contact.
+    """Return the record of the whole contact from the finished cycles.
 
-    Args:
-        system: the condensed body.
-        solver: method and tolerances.
-        cycles: the finished cycles.
-        unfinished: ends of the finished legs of a cycle that ended early, the totals and the
-            uniqueness there.
-        last: samples and events of the last finished cycle, where it has none of its own.
+    ``unfinished`` has the ends of the finished legs of a cycle that ended early, the totals and the
+    uniqueness there; ``last`` has samples and events of the last finished cycle, where it has none.
     """
     mirror = mirror_of(system)
     samples = [c.samples for c in cycles if c.samples is not None] + ([last] if last else [])
@@ -54,12 +49,8 @@ def record_of(
     D = np.array([cycle.dissipation for cycle in cycles[1:]]).reshape(-1, system.n)
     # what open nodes move between the ends of a cycle is no slip
     open_ = [cycle.corners[-1].state.state == State.SEPARATION for cycle in cycles]
-    slip = np.array(
-        [
-            np.where(a | b, 0.0, c.slip)
-            for (a, b), c in zip(pairwise(open_), cycles[1:], strict=False)
-        ]
-    ).reshape(-1, system.n)
+    steps = zip(pairwise(open_), cycles[1:], strict=False)
+    slip = np.reshape([np.where(a | b, 0.0, c.slip) for (a, b), c in steps], (-1, system.n))
     return Record(
         **_nodes(system, mirror),
         load_names=system.load_names,
@@ -81,11 +72,7 @@ def record_of(
         dissipation_first_loading=mirror.factor
         * sum(float(c.dissipation.sum()) for c in cycles[:1]),
         steady=Steady(
-            reached=watch.cycle >= 0,
-            cycle=watch.cycle,
-            kind=watch.kind,
-            period=watch.period,
-            change=np.array(watch.change),
+            watch.cycle >= 0, watch.cycle, watch.kind, watch.period, np.array(watch.change)
         ),
         residual_max=totals.residual,
         energy_error_max=totals.energy_error,
@@ -103,12 +90,8 @@ def _uniqueness(mirror: Mirror, found: Uniqueness) -> PathUniqueness:
     _, nodes = mirror.nodes(np.array([i for i in found.nodes if i >= 0], dtype=np.intp))
     known = found.certified or found.cycle >= 0
     return PathUniqueness(
-        certified=found.certified,
+        **{key: getattr(found, key) for key in ("certified", "solutions", "cycle", "leg", "s")},
         margin=found.margin if known else np.nan,
-        solutions=found.solutions,
-        cycle=found.cycle,
-        leg=found.leg,
-        s=found.s,
         nodes=np.sort(nodes),
         first_loading=found.static,
         first_loading_proved=found.proved,
@@ -141,10 +124,9 @@ def states_table(system: ContactSystem, mirror: Mirror, instants: list[Instant])
     """Return the instants as the record's table for the whole contact."""
     n, n_loads = system.n, len(system.load_names)
     weight = mirror.total(system.weight)
-    u = np.array([i.state.u for i in instants]).reshape(-1, 2 * n)
-    r = np.array([i.state.r for i in instants]).reshape(-1, 2 * n)
-    v = np.array([i.v for i in instants]).reshape(-1, n)
-    load = np.array([i.load for i in instants]).reshape(-1, n_loads)
+    u, r = (np.reshape([getattr(i.state, k) for i in instants], (-1, 2 * n)) for k in "ur")
+    v = np.reshape([i.v for i in instants], (-1, n))
+    load = np.reshape([i.load for i in instants], (-1, n_loads))
     state = np.array([i.state.state for i in instants], dtype=np.int8).reshape(-1, n)
     # open nodes carry no force, the rest is round-off; reactions of supports are no tractions
     r[np.tile(state == State.SEPARATION, 2) | system.held] = 0.0

@@ -35,11 +35,9 @@ class Instant(NamedTuple):
 
 
 def event_rows(system: ContactSystem, count: int = 0) -> NDArray[np.void]:
-    """Return rows for so many changes of state of modelled nodes.
+    """Return rows for so many changes of state of modelled nodes, of fields as in `Instant`.
 
-    Their fields are cycle, leg, s and load, as in :class:`Instant`, the node, its old and new
-    state, and the displacements and stresses (6 m,) at the m points of the probes, NaN where they
-    are not known.
+    ``probed`` are displacements and stresses (6 m,) at the m points of the probes, NaN if unknown.
     """
     probed = 0 if system.probes is None else 6 * len(system.probes.names)
     whole = [(key, "<i4") for key in ("cycle", "node", "leg")]
@@ -110,19 +108,15 @@ class FinishedCycle:
 
 
 def steady_watch(
-    system: ContactSystem, solver: SolverOptions, cycles: list[FinishedCycle]
+    system: ContactSystem, solver: SolverOptions, cycles: Iterable[FinishedCycle]
 ) -> SteadyWatch:
     """Return the watch for the steady state after some finished cycles."""
-    watch = new_watch(system, solver.steady_tolerance or STEADY_TOLERANCE)
+    model = frictional_form(system)
+    tolerance = solver.steady_tolerance or STEADY_TOLERANCE
+    watch = SteadyWatch(tolerance, model.K[: model.n], model.law)
     for cycle in cycles:
         watch.add(end_of(cycle))
     return watch
-
-
-def new_watch(system: ContactSystem, tolerance: float) -> SteadyWatch:
-    """Return a watch for the steady state that has seen no cycle."""
-    model = frictional_form(system)
-    return SteadyWatch(tolerance, model.K[: model.n], model.law)
 
 
 def end_of(cycle: FinishedCycle) -> CycleEnd:

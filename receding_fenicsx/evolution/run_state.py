@@ -48,17 +48,10 @@ class Position(NamedTuple):
 
 
 class RunState:
-    """State of an evolving history.
+    """State of an evolving history: its solver, what watches it, and where it stands.
 
-    Attributes:
-        problem: what is evolved.
-        cycles: the finished cycles.
-        model: the condensed body in the 2N form of the solvers.
-        steady: watch for the steady state.
-        solver: the solver, with what it remembers of the legs since the last restart.
-        uniqueness: watch for other paths from the same start.
-        position: where the history stands.
-        corners: ends of the finished legs of the cycle that is being traced.
+    ``model`` is the condensed body in the 2N form of the solvers; ``corners`` are the ends of the
+    finished legs of the cycle that is being traced.
     """
 
     def __init__(self, problem: Problem, cycles: list[FinishedCycle]) -> None:
@@ -77,19 +70,16 @@ class RunState:
         self.corners: list[Instant] = []
         self._images = np.bincount(mirror_of(problem.system).index)
 
-    def restart(self) -> None:
-        """Restart from the end of the last finished cycle with a new solver."""
-        self._restart_after(len(self.cycles) - 1)
+    def restart(self, after: int | None = None) -> None:
+        """Restart with a new solver from the end of a finished cycle, of the last one if None."""
+        self.solver = make_solver(self.model, self.problem.solver, self.problem.chooser)
+        self.position = self._end_of(len(self.cycles) - 1 if after is None else after)
+        self.uniqueness.forget_doubts()
 
     def trace_cycle(self, number: int, sampled: bool = False) -> FinishedCycle:
-        """Trace the legs of the next cycle.
+        """Trace the legs of the next cycle, ``sampled`` even where its number does not ask for it.
 
-        Args:
-            number: its number.
-            sampled: keep samples and events even where they were not asked for by its number.
-
-        Raises:
-            SolveError: a leg has no solution; ``corners`` and ``position`` tell how far it came.
+        SolveError: a leg has no solution; ``corners`` and ``position`` tell how far it came.
         """
         dissipation = np.zeros(self.problem.system.n)
         samples = Samples() if sampled or self.problem.is_sampled(number) else None
@@ -112,37 +102,27 @@ class RunState:
                     chooser.unsure.add((number, k, 1.0))
                 for choice in chooser.choices if chooser is not None else ():
                     if (choice.cycle, choice.leg) == (number, k):
-                        at, found = (number, k, choice.s), self.uniqueness.found
-                        found = found.with_doubt(at, choice.nodes, choice.solutions)
-                        self.uniqueness.found = found
+                        doubt = (number, k, choice.s), choice.nodes, choice.solutions
+                        self.uniqueness.found = self.uniqueness.found.with_doubt(*doubt)
             self.position = Position(leg.end, b, totals)
             dissipation += leg.dissipation
             self.corners.append(instant(self.problem.system, (number, k, 1.0), b, leg.end))
         corners, self.corners = self.corners, []
-        return FinishedCycle(
-            corners=corners,
-            dissipation=dissipation,
-            slip=corners[-1].v - start.v,
-            totals=self.position.totals,
-            samples=samples,
-            uniqueness=self.uniqueness.found,
-        )
+        slip, totals = corners[-1].v - start.v, self.position.totals
+        return FinishedCycle(corners, dissipation, slip, totals, samples, self.uniqueness.found)
 
     def sample_finished(self) -> None:
         """Keep the samples of those finished cycles for which they are asked for, and no others.
 
         A resumed run may ask for other cycles than it began with.
         """
-        moved = False
         for number, cycle in enumerate(self.cycles):
             if not self.problem.is_sampled(number):
                 self.cycles[number] = replace(cycle, samples=None)
             elif cycle.samples is None:
-                self._restart_after(number - 1)
+                self.restart(number - 1)
                 self.cycles[number] = replace(cycle, samples=self._sample(number))
-                moved = True
-        if moved:
-            self.restart()
+                self.restart()
 
     def sample_last(self) -> Samples | None:
         """Trace the last cycle once more for its samples, unless it has them or others were asked.
@@ -154,11 +134,6 @@ class RunState:
             return None
         self.position = self._end_of(number - 1)
         return self._sample(number)
-
-    def _restart_after(self, number: int) -> None:
-        self.solver = make_solver(self.model, self.problem.solver, self.problem.chooser)
-        self.position = self._end_of(number)
-        self.uniqueness.forget_doubts()
 
     def _end_of(self, number: int) -> Position:
         """Return the end of a finished cycle, or rest for -1."""
@@ -227,7 +202,10 @@ class RunState:
             error, scale = energy_error(self.model, self.position.state, ends, leg, scale)
             if self.problem.solver.method == "events":
                 check_energy(self.model, error, ends[1])
-        _log_leg(leg, error)
+        for s, node, old, new in leg.events if log.isEnabledFor(logging.DEBUG) else ():
+            names = STATE_NAMES[State(old)], STATE_NAMES[State(new)]
+            log.debug("s = %.9f: node %d, %s to %s", s, node, *names)
+        log.debug("end of a leg: residual %.1e, energy error %.1e", leg.residual, error)
         return Totals(
             force_scale=leg.force_scale,
             energy_scale=scale,
@@ -246,11 +224,6 @@ def stick_at_rest(model: ContactSystem, start: ContactState, leg: Leg) -> None:
     Whether such a node sticks or begins to slip at the very end is decided by round-off, for half a
     body otherwise than for the whole one. It sticks as long as it has not moved on the leg; where
     the next leg moves it, it slips from that one's start.
-
-    Args:
-        model: the condensed body in 2N form.
-        start: state at the leg's start.
-        leg: the leg; its end and its events are changed.
     """
     # its force changes by less than the distance at which a node counts as on its limit
     none = ON_LIMIT * leg.force_scale / model.local_stiffness[0]
@@ -271,13 +244,3 @@ def stick_at_rest(model: ContactSystem, start: ContactState, leg: Leg) -> None:
         ]
         leg.end = stuck[0]
         leg.samples = [(s, one) for (s, _), one in zip(leg.samples, stuck[1:], strict=True)]
-
-
-def _log_leg(leg: Leg, error: float) -> None:
-    """Log every change of state of a leg, its residual and its energy error."""
-    if not log.isEnabledFor(logging.DEBUG):
-        return
-    for s, node, old, new in leg.events:
-        names = STATE_NAMES[State(old)], STATE_NAMES[State(new)]
-        log.debug("s = %.9f: node %d, %s to %s", s, node, *names)
-    log.debug("end of a leg: residual %.1e, energy error %.1e", leg.residual, error)

@@ -85,12 +85,6 @@ class Solver(Protocol):
     def static_leg(self, start: ContactState, ends: tuple[Array, Array], force_scale: float) -> Leg:
         """Solve one static problem at the end of a leg; slip is counted from ``start``.
 
-        Args:
-            start: state at the leg's start.
-            ends: load factors at its start and at its end.
-            force_scale: largest nodal force of the history so far.
-
-        Raises:
-            SolveError: no state that satisfies the contact law was found.
+        Arguments and errors are those of :meth:`trace_leg`.
         """
         ...

@@ -10,7 +10,13 @@ from itertools import count, pairwise
 import numpy as np
 
 from receding_fenicsx.errors import SolveError
-from receding_fenicsx.evolution.instants import FinishedCycle, Instant, end_of, instant, new_watch
+from receding_fenicsx.evolution.instants import (
+    FinishedCycle,
+    Instant,
+    end_of,
+    instant,
+    steady_watch,
+)
 from receding_fenicsx.evolution.limit.tail import NoLimit, Tail, follow, trace
 from receding_fenicsx.evolution.problem import Problem
 from receding_fenicsx.evolution.record import Record
@@ -48,17 +54,14 @@ class LimitSearch:
     """Searches for the limit between the cycles of a history.
 
     What it does follows from the cycle's number and the cycles before alone, so that a resumed run
-    repeats it.
-
-    Attributes:
-        limit: what has been found so far.
-        steady: the steady state that was found, None before.
-        searched: cycles that all searches have played, those that failed too.
+    repeats it. ``limit`` is what has been found so far, ``steady`` the steady state, None before;
+    ``searched`` counts the cycles that all searches have played, those that failed too.
     """
 
     def __init__(self, problem: Problem, cycles: list[FinishedCycle]) -> None:
         """Repeat the searches that a run made before it was resumed after some cycles."""
         self.problem = problem
+        self._tolerance = problem.solver.steady_tolerance or LIMIT_CYCLE_TOLERANCE
         self.limit = Limit(False, -1, 0, np.nan, -1, "the search has not begun")
         self.steady: Steady | None = None
         self.searched = 0
@@ -75,15 +78,11 @@ class LimitSearch:
                 self.limit, self.steady = before, None
 
     def is_due(self, number: int) -> bool:
-        """Return whether the limit is searched for before a cycle is played.
-
-        The map of a tail is that of cones: other laws are played on.
-        """
-        played = number - 1
-        if self.problem.system.has_branches:
+        """Return whether the limit is searched for before a cycle is played."""
+        # the map of a tail is that of cones: other laws are played on
+        if self.problem.system.has_branches or number <= FIRST_SEARCH:
             return False
-        last = number == self.problem.history.cycles
-        return played >= FIRST_SEARCH and (last or is_step(played))
+        return number == self.problem.history.cycles or is_step(number - 1)
 
     def found(self, cycles: list[FinishedCycle], progress: Progress | None) -> bool:
         """Search for the cycle that repeats itself; add it to the finished ones if it was found."""
@@ -123,17 +122,12 @@ class LimitSearch:
                 f"the cycle that was found changes its forces by {watch.change[0]:.1e} and "
                 f"displacements by {np.abs(cycle.slip).max():.1e}"
             )
-        self.limit = Limit(
-            reached=True,
-            cycle=number,
-            cycles_played=-1,
-            residual=watch.change[0],
-            unique=-1 if in_steps else 1,
-            reason="load steps play a cycle of their own from the limit of the exact path"
+        why = (
+            "load steps play a cycle of their own from the limit of the exact path"
             if in_steps
-            else "the cycles played last go on in the same order of events and come to this one",
-            jumped=True,
+            else "the cycles played last go on in the same order of events and come to this one"
         )
+        self.limit = Limit(True, number, -1, watch.change[0], -1 if in_steps else 1, why, True)
         change = np.append(np.array(trial.steady.change), watch.change[0])
         self.steady = Steady(True, number, watch.kind, watch.period, change)
         return cycle
@@ -143,14 +137,14 @@ class LimitSearch:
 
         Cycles to come in which releases have another order than in this one are played.
         """
-        loop, solver = self.problem.history.loop, self.problem.solver
+        loop = self.problem.history.loop
         if carries_nothing(start, force) or any(
             zero_crossing(self._model, leg) for leg in pairwise(loop)
         ):
             raise NoLimit("the contact is unloaded in the cycle, and begins anew")
         self.searched += 1
         cycle = trace(self._segments, start, loop, force)
-        tolerance = (solver.steady_tolerance or LIMIT_CYCLE_TOLERANCE) * force
+        tolerance = self._tolerance * force
         tail = follow(cycle, force, tolerance)
         k = np.concatenate(self._model.local_stiffness)
         for u, after in tail.others:
@@ -195,8 +189,7 @@ class LimitSearch:
         """
         problem, number, start = self.problem, len(trial.cycles), trial.position
         in_steps = problem.solver.method != "events"
-        bound = problem.solver.steady_tolerance or LIMIT_CYCLE_TOLERANCE
-        bound *= start.totals.force_scale
+        bound = self._tolerance * start.totals.force_scale
         r = reactions(self._model, start.load, tail.u)
         state = ContactState(tail.u, r, start.state.state)
         for check in range(MAX_CHECKS):
@@ -232,7 +225,7 @@ class LimitSearch:
     def _watch(self, ends: list[Instant], cycle: FinishedCycle) -> SteadyWatch:
         """Return the watch that has seen the cycle and the next, or its changes once more.
 
-        The ends are its start, its end, and that of the next where this was played.
+        ``ends`` are its start, its end, and that of the next where this was played.
         """
         problem, (begin, end) = self.problem, ends[:2]
         r, v, seen = begin.state.r, begin.v, [(i.state.r, i.v) for i in ends]
@@ -242,7 +235,7 @@ class LimitSearch:
             # drifts
             gain[np.abs(gain) <= 1e-10 * np.abs(end.state.u).max()] = 0.0
             seen = [(r + k * (end.state.r - r), v + k * gain) for k in range(3)]
-        watch = new_watch(problem.system, problem.solver.steady_tolerance or LIMIT_CYCLE_TOLERANCE)
+        watch = steady_watch(problem.system, problem.solver, ())
         for r, v in seen:
             watch.add(end_of(cycle)._replace(r=r, v=v))
         return watch

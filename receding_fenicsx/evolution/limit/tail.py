@@ -215,16 +215,7 @@ class TracedCycle:
 
     @cached_property
     def events(self) -> MovingEvents:
-        """How its events move.
-
-        In given states the rates q do not depend on the displacements, so that a change S (4N,) of
-        the quantities at a fixed load is constant between events. An event e, where quantity l(e)
-        reaches zero, moves by ds_e, and so S changes there:
-
-            q_l ds_e = -S_l,    S <- S + (q_before - q_after) ds_e,
-
-        one triangular system for all events of the cycle. A corner does not move.
-        """
+        """How its events move: the triangular system of :mod:`receding_fenicsx.evolution.limit`."""
         at = np.array([j for j, stop in enumerate(self.stops) if stop.label >= 0], dtype=np.intp)
         label = np.array([self.stops[j].label for j in at], dtype=np.intp)
         q = np.array([stop.q for stop in self.stops])
@@ -266,10 +257,7 @@ class TracedCycle:
         """Return the slips (k, R) of nodes released in runs, in their direction, as forces.
 
         They are those from the release to the end of the run, which no order of the releases
-        changes.
-
-        Args:
-            by: (k, E) what the events move in k cycles.
+        changes, where the events move by (k, E).
         """
         n, events = self.segments.system.n, self.events
         begins = np.flatnonzero(self.releases)
@@ -316,10 +304,7 @@ def quantities(segments: Segments, u: Array, r: Array) -> Array:
 
 
 def trace(segments: Segments, start: ContactState, loop: Array, force: float) -> TracedCycle:
-    """Trace one cycle of load factors (m + 1, n_loads).
-
-    SolveError: the path ends, or its residual is above its tolerance.
-    """
+    """Trace one cycle of load factors (m + 1, n_loads); SolveError: the path ends."""
     # loads Numba, which takes longer than all the rest
     from receding_fenicsx.interface.exact.compilation import loop_of
     from receding_fenicsx.interface.exact.walk import Walk
