@@ -39,7 +39,7 @@ from receding_fenicsx.store.workspace import CASES, CaseFile, interruption, lock
 from receding_fenicsx.studies.accuracy import meshes, study
 from receding_fenicsx.studies.accuracy.study import Solved
 from receding_fenicsx.studies.runner import Kind, Runner, StudyOptions, check_workers, on_ranks
-from receding_fenicsx.studies.starts import check_starts, starts_summary, steady_states
+from receding_fenicsx.studies.starts import starts_summary, steady_states
 from receding_fenicsx.timing import Countdown, Say, Timer
 
 if TYPE_CHECKING:
@@ -113,7 +113,10 @@ def run(
     if options.tolerance is not None:
         scene = replace(scene, accuracy=replace(scene.accuracy, tolerance=options.tolerance))
     validate(scene)
-    check_starts(scene, options.starts)
+    if options.starts and options.starts < 2:
+        raise InputError(f"--starts: {options.starts} given; give at least 2, or leave it out")
+    if options.starts and scene.history.until != "limit":
+        raise InputError('--starts: needs [history] until = "limit"; set it, or leave out --starts')
     comm = comm or world()
     check_workers(options.workers, comm)
     if scene.accuracy.tolerance is not None and options.system_file is not None:
@@ -193,12 +196,13 @@ def _found(
 
     # bolts have their preloads on coarser meshes too, not the shortenings of this one
     own, coarse = replace(found.scene, bolts=scene.bolts), None
-    if options.error and found.failure is None:
-        with resumable(folder, "on a coarser mesh"), timer("errors"):
+    if found.failure is not None or not (options.error or own.fatigue):
+        return found
+    with resumable(folder, "on a coarser mesh"), timer("errors"):
+        if options.error:
             kept = study.Meshes(comm, folder)
             found.extra |= study.errors_of_run(own, found.record, on_mesh, kept)
-    if own.fatigue is not None and found.failure is None:
-        with resumable(folder, "on a coarser mesh"), timer("errors"):
+        if own.fatigue is not None:
             with suppress(MeshMisfit):  # none fits
                 partner = meshes.partner(own, comm)
                 coarse = None if partner is None else on_mesh(partner, evolve)

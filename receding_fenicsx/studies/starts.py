@@ -125,13 +125,8 @@ def steady_states(
     if lost:
         raise SolveError(lost)
     x = mirror_of(system).odd(system.x)
-    none: dict[str, Any] = {
-        "kind": "failed",
-        "dissipation": np.nan,
-        "cycles": 0,
-        "state": [0] * len(x),
-    }
-    found = [outcome.cells or none for outcome in outcomes]
+    none = {"kind": "failed", "dissipation": np.nan, "cycles": 0, "state": [0] * len(x)}
+    found: list[dict[str, Any]] = [outcome.cells or none for outcome in outcomes]
     pairs = zip(named, outcomes, strict=True)
     return SteadyStates(
         x,
@@ -233,17 +228,6 @@ def steady_states_figure(states: SteadyStates) -> Figure:
             handles=style.state_patches(found), loc="outside upper center", ncols=len(found)
         )
     return figure
-
-
-# -- starts of a run ----------------------------------------------------------------------------
-
-
-def check_starts(scene: Scene, starts: int) -> None:
-    """Raise InputError unless a scene can be run from so many starts; 0 asks for none."""
-    if starts and starts < 2:
-        raise InputError(f"--starts: {starts} given; give at least 2, or leave it out")
-    if starts and scene.history.until != "limit":
-        raise InputError('--starts: needs [history] until = "limit"; set it, or leave out --starts')
 
 
 def starts_summary(states: SteadyStates) -> dict[str, Any]:

@@ -42,6 +42,7 @@ from receding_fenicsx.store.run_folder import write_csv
 from receding_fenicsx.store.workspace import Case, Outcome
 from receding_fenicsx.studies.run import shared_system
 from receding_fenicsx.studies.runner import Kind, Runner, Study, StudyOptions, run_study
+from receding_fenicsx.studies.wear.study import wear_numbers
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -118,9 +119,9 @@ class SweepTable:
         """Return the number of cases, and the first rows with the most important columns."""
         filled = {name for row in self.rows for name, cell in row.items() if cell is not None}
         measured = [name for name in self.columns[len(self.keys) : -1] if name in filled]
-        first = ("steady", "steady_cycle", "dissipation_last_cycle", "stick_half_width_at_minimum")
-        headlines = (*first, "p_max_at_maximum", "residual_max")
-        names = [name for name in headlines if name in measured] or measured[:5]
+        names = ["steady", "steady_cycle", "dissipation_last_cycle", "stick_half_width_at_minimum"]
+        names += ["p_max_at_maximum", "residual_max"]
+        names = [name for name in names if name in measured] or measured[:5]
         names = [*self.keys, *names, *([ERROR] if self.failed else [])]
         most = 20
 
@@ -259,8 +260,6 @@ def play_scene(
         scene = replace(scene, output=OutputOptions(1, (), checkpoint_cycles=every))
     cells = cells_of((measure or measure_record)(evolve(system, scene)), taken)
     if wears and (scene.wear.coefficient or scene.wear.archard):
-        from receding_fenicsx.studies.wear.study import wear_numbers
-
         cells |= wear_numbers(system, scene)
     return cells
 

@@ -108,10 +108,20 @@ def test_the_figure_draws_damping_ratio_and_frequency_of_a_mode_else_d_and_stiff
 ) -> None:
     a, D = np.array([0.2, 0.5, 1.0]), np.array([0.3, 0.9, 7.0])
     k, masing = np.array([9.0, 8.0, 5.0]), np.array([0.2, 1.0, 8.0])
-    backbone = Backbone(np.zeros(2), np.zeros(2), np.zeros(2), 1.5, "")
-    nothing = SweepTable(("amplitude",), (tuple(a),), ())
-    kinds = ("cyclic slip",) * 3
-    curve = rf.JointCurve(drive, a, D, 0.1 * D, k, masing, a, kinds, backbone, nothing)
+    # by Masing's rule 8 times the work, where nothing moves
+    backbone = Backbone(np.append(0.0, a), np.zeros(4), np.append(0.0, masing / 8.0), 1.5, "")
+    tables = [
+        SweepTable(
+            ("amplitude",),
+            (tuple(a),),
+            tuple(
+                {"dissipation": d, "stiffness": each, "error": ""}
+                for d, each in zip(found, k, strict=True)
+            ),
+        )
+        for found in (D, 1.1 * D)
+    ]
+    curve = rf.JointCurve(drive, tables, backbone)
     left, right = joint_figure(curve).axes
     assert (left.get_xscale(), left.get_yscale(), right.get_xscale()) == ("log",) * 3
     assert "at 1.5" in repr(curve)

@@ -17,7 +17,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -142,7 +142,6 @@ def first_loading(
     return Backbone(load, displacement, work, low if reason else np.inf, reason)
 
 
-@dataclass(frozen=True, repr=False)
 class JointCurve:
     """Dissipation and stiffness over the amplitude; arrays over the n amplitudes.
 
@@ -162,17 +161,28 @@ class JointCurve:
         linear: (k,) angular frequencies of the stuck joint, with a mode as drive; else empty.
     """
 
-    drive: str
-    amplitude: Array
-    dissipation: Array
-    estimate: Array
-    stiffness: Array
-    masing: Array
-    slip: Array
-    kind: tuple[str, ...]
-    backbone: Backbone
-    table: SweepTable
-    linear: Array = field(default_factory=lambda: np.zeros(0))
+    def __init__(
+        self,
+        drive: str,
+        tables: Sequence[SweepTable],
+        backbone: Backbone,
+        linear: Array = np.zeros(0),
+    ) -> None:
+        """Collect the sweep over the amplitude, and if there is one that on a coarser mesh."""
+        self.drive, self.backbone, self.linear, self.table = drive, backbone, linear, tables[0]
+
+        def column(name: str, table: SweepTable = tables[0]) -> Array:
+            return np.array([row.get(name) for row in table.rows], dtype=float)
+
+        self.amplitude: Array = np.array(self.table.labels[0], dtype=float)
+        self.dissipation, self.stiffness = column("dissipation"), column("stiffness")
+        self.slip, self.masing = column("slip"), backbone.masing(self.amplitude)
+        self.kind = tuple(row.get("kind") or "failed" for row in self.table.rows)
+        alive = np.where(self.dissipation > 0.0, self.dissipation, np.nan)
+        coarse = column("dissipation", tables[1]) if tables[1:] else np.nan * alive
+        # a single change may be small by chance
+        change = np.pad(np.abs(1.0 - coarse / alive), 1, constant_values=np.nan)
+        self.estimate = alive * np.fmax(np.fmax(change[:-2], change[1:-1]), change[2:])
 
     @property
     def masing_defect(self) -> Array:
@@ -385,7 +395,7 @@ def joint_curve(
             outcomes = runner.outcomes(cases, play_scene if given is None else _play_system)
             n = len(values)
             tables = [g.table(outcomes[k * n : k * n + n]) for k, g in enumerate(grids)]
-            curve = _curve(drive, values, tables, backbone, omega)
+            curve = JointCurve(drive, tables, backbone, omega)
             runner.write(lambda: _files(scene.title if isinstance(scene, Scene) else "", curve))
             return curve
 
@@ -424,25 +434,6 @@ def _driven(scene: Scene, drive: str, values: Array) -> Scene:
     history = HistoryOptions("harmonic", constant=held, cycles=1000, until="limit")
     harmonic = {drive: Harmonic(amplitude=float(values[0]))}
     return replace(scene, history=replace(history, harmonic=harmonic), output=OutputOptions(1, ()))
-
-
-def _curve(
-    drive: str, amplitude: Array, tables: list[SweepTable], backbone: Backbone, omega: Array
-) -> JointCurve:
-    """Return the curve of the tables on both meshes, or on one, and of the first loading."""
-
-    def column(name: str, table: SweepTable = tables[0]) -> Array:
-        return np.array([row.get(name) for row in table.rows], dtype=float)
-
-    D, kinds = column("dissipation"), (row.get("kind") or "failed" for row in tables[0].rows)
-    alive = np.where(D > 0.0, D, np.nan)
-    coarse = column("dissipation", tables[1]) if tables[1:] else np.full(len(D), np.nan)
-    # a single change may be small by chance
-    change = np.pad(np.abs(1.0 - coarse / alive), 1, constant_values=np.nan)
-    estimate = alive * np.fmax(np.fmax(change[:-2], change[1:-1]), change[2:])
-    masing, stiffness, slip = backbone.masing(amplitude), column("stiffness"), column("slip")
-    numbers = drive, amplitude, D, estimate, stiffness, masing, slip
-    return JointCurve(*numbers, tuple(kinds), backbone, tables[0], omega)
 
 
 def _files(title: str, curve: JointCurve) -> dict[str, Any]:
