@@ -45,8 +45,7 @@ from .exchange.reduced import reduced_model as reduced_model, ReducedModel as Re
 # Run
 from .studies.run import run as run, RunOptions as RunOptions
 from .evolution.evolve import evolve as evolve
-from .evolution.solvers import Solver as Solver
-from .evolution.solvers import SOLVERS as SOLVERS
+from .evolution.solvers import Solver as Solver, SOLVERS as SOLVERS
 from .interface.system import Leg as Leg
 from .evolution.record import Record as Record
 from .evolution.probes import ProbeHistory as ProbeHistory
@@ -66,12 +65,10 @@ from .interface.branches.critical_friction import (
 
 # Sweep
 from .studies.runner import StudyOptions as StudyOptions
-from .studies.sweep import sweep as sweep
-from .studies.sweep import SweepTable as SweepTable
+from .studies.sweep import sweep as sweep, SweepTable as SweepTable
 
 # Joints
-from .studies.joint.curve import joint_curve as joint_curve
-from .studies.joint.curve import JointCurve as JointCurve
+from .studies.joint.curve import joint_curve as joint_curve, JointCurve as JointCurve
 from .studies.joint.fits import (
     fit_iwan as fit_iwan,
     fit_jenkins as fit_jenkins,
@@ -119,8 +116,7 @@ from .studies.accuracy.estimate import (
 # Report and pictures
 from .output.report.summary import summarise as summarise
 from .store.run_folder import read_summary as read_summary
-from .output.report.summary import run_table as run_table
-from .output.report.html import write_report as write_report
+from .output.report.summary import run_table as run_table, write_report as write_report
 from .output.plots import figures as figures, style as style
 from .pictures import (
     plot as plot,
@@ -136,8 +132,7 @@ from .interface.shakedown.limits import (
     ShakedownLimits as ShakedownLimits,
 )
 from .scene.model import ShakedownOptions as ShakedownOptions
-from .studies.shakedown.study import shakedown as shakedown
-from .studies.shakedown.study import ShakedownStudy as ShakedownStudy
+from .studies.shakedown.study import shakedown as shakedown, ShakedownStudy as ShakedownStudy
 from .studies.shakedown.exact_cycles import opening_limit as opening_limit
 from .studies.shakedown.exact_cycles import range_history as range_history
 from .studies.starts import steady_states as steady_states, SteadyStates as SteadyStates

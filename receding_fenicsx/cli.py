@@ -1,7 +1,7 @@
 """The command line, ``receding-fenicsx``; under ``mpirun`` all ranks run it together.
 
 Each command is a function: its arguments, their types and defaults, and its docstring are the
-options and the help. Libraries are imported when a command needs them.
+options and the help. Libraries are imported when a command needs them: names of ``rf`` are lazy.
 """
 
 from __future__ import annotations
@@ -18,7 +18,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from cyclopts import App, Parameter
 from rich.console import Console
 
-from receding_fenicsx import __version__
+import receding_fenicsx as rf
+from receding_fenicsx.atomic import check_file
 from receding_fenicsx.environment import MPI_VARIABLES
 from receding_fenicsx.errors import InputError, SolveError, ToleranceNotMet
 from receding_fenicsx.mpi import given, leave, on_root
@@ -37,13 +38,10 @@ from receding_fenicsx.timing import Say
 if TYPE_CHECKING:
     from mpi4py import MPI
 
-    from receding_fenicsx.scene.model import Scene
-    from receding_fenicsx.studies.runner import StudyOptions
-
 app = App(
     name=PROGRAM,
     help="Frictional receding contact under cyclic loading.",
-    version=__version__,
+    version=rf.__version__,
     version_flags=["--version"],
     # no --no-OPTION; "default: False" tells nothing
     default_parameter=Parameter(negative="", show_default=lambda value: value or None),
@@ -88,6 +86,9 @@ def main(argv: Sequence[str] | None = None) -> int:
 # -- options of several commands -----------------------------------------------------------------
 
 Verbose = Annotated[int, Parameter(alias="-v", count=True)]
+Overwrite = Annotated[bool, Parameter(help="replace what an earlier command wrote there")]
+Cycle = Annotated[int, Parameter(help="cycle number; 0 is the first loading")]
+Leg = Annotated[str, Parameter(help="leg of the cycle: loading, unloading, or its number from 0")]
 SceneFile = Annotated[str, Parameter(name="SCENE", help="scene file (TOML)")]
 Folder = Annotated[Path, Parameter(name="DIR", help="run folder")]
 
@@ -101,18 +102,15 @@ class Study:
     """table.key=value: change a value of the scene (load.NAME.key=value for loads); repeatable"""
     out: Path
     """folder of the results; an HDF5 file of condense"""
-    overwrite: bool = False
-    """replace what an earlier command wrote there"""
+    overwrite: Overwrite = False
     verbose: Verbose = 0
     """log stages, cycles, residuals and timings; twice: every change of state too"""
 
     @contextlib.contextmanager
-    def started(self, scene: str) -> Iterator[tuple[Scene, MPI.Comm, Say]]:
+    def started(self, scene: str) -> Iterator[tuple[rf.Scene, MPI.Comm, Say]]:
         """Yield the scene, all ranks, and what shows the progress."""
         with progress(self.verbose) as say:
-            from receding_fenicsx.scene.toml_file import read_scene
-
-            read = read_scene(scene, self.set)
+            read = rf.read_scene(scene, self.set)
             yield read, require_mpi(), say
 
 
@@ -130,23 +128,21 @@ class Cases(Study):
     """i/n: run the i-th of n shares of the cases only; other jobs run the others in the same
     folder, and the last one writes the results"""
 
-    def options(self, scene: str, say: Say) -> StudyOptions:
+    def options(self, scene: str, say: Say) -> rf.StudyOptions:
         """Return the options of the study; files among values are in the folder of the scene."""
-        from receding_fenicsx.studies.runner import StudyOptions
-
         share = re.fullmatch(r"([0-9]+)/([0-9]+)", self.shard)
         if share is None:
             raise InputError(f"--shard {self.shard}: must be i/n, such as 1/4")
         shares = None if self.shard == "1/1" else (int(share[1]), int(share[2]))
-        return StudyOptions(
+        return rf.StudyOptions(
             self.overwrite, self.resume, None, Path(scene).parent, shares, progress=say
         )
 
-    def told(self, file: str) -> str:
-        """Return where the results are, or which share is finished."""
+    def show(self, found: object, file: str) -> None:
+        """Print the result, which rank 0 has, and where it is, or which share is finished."""
         path, share = self.out / file, f"share {self.shard} is finished; the last one writes"
-        written = "written to" if path.is_file() else share
-        return f"{written} {path}"
+        if found is not None:
+            print(f"{found}\n{'written to' if path.is_file() else share} {path}")
 
 
 # -- commands ------------------------------------------------------------------------------------
@@ -185,15 +181,12 @@ def run(
     """
     with study.started(scene) as (read, comm, say):
         from receding_fenicsx.output.report.run import unmet
-        from receding_fenicsx.output.report.summary import run_table
-        from receding_fenicsx.scene.validate import validate
-        from receding_fenicsx.store.run_folder import has_run, is_finished, read_summary
-        from receding_fenicsx.studies import run as studies
+        from receding_fenicsx.store.run_folder import has_run, is_finished
 
         out, finished = study.out, False
         if tolerance is not None:
             read = replace(read, accuracy=replace(read.accuracy, tolerance=tolerance))
-            validate(read)
+            rf.validate(read)
         if resume:
             if study.overwrite or system is not None:
                 other = "overwrite" if study.overwrite else "system"
@@ -207,7 +200,7 @@ def run(
             if is_root(comm) and not has_run(out):
                 print(f"{PROGRAM}: {out}: nothing to resume, starting from rest", file=sys.stderr)
         if not finished:
-            options = studies.RunOptions(
+            options = rf.RunOptions(
                 overwrite=study.overwrite,
                 pictures=pictures != "none",
                 snapshots=None if pictures is None else pictures == "all",
@@ -221,10 +214,10 @@ def run(
                 progress=say,
             )
             with contextlib.suppress(ToleranceNotMet):  # raised below, after the table
-                studies.run(read, out, options, comm)
-    summary = read_summary(out / "summary.json") if is_root(comm) else {}
+                rf.run(read, out, options, comm)
+    summary = rf.read_summary(out / "summary.json") if is_root(comm) else {}
     if is_root(comm):
-        print(run_table(summary))
+        print(rf.run_table(summary))
         print(f"{out}: this run was finished already" if finished else f"written to {out}")
     reason = comm.bcast(unmet(summary))
     if reason:
@@ -235,13 +228,9 @@ def run(
 def condense(scene: SceneFile, /, study: Study) -> None:
     """Condense the body to its contact nodes and save the system."""
     with study.started(scene) as (read, comm, say):
-        from receding_fenicsx.atomic import check_file
-        from receding_fenicsx.store.hdf5 import write_system
-        from receding_fenicsx.studies import run as studies
-
         on_root(comm, lambda: check_file(study.out, study.overwrite))
-        system = studies.condense(read, comm, say, whole=True)
-        on_root(comm, lambda: write_system(study.out, given(system), study.overwrite))
+        system = rf.condense(read, comm, say, whole=True)
+        on_root(comm, lambda: rf.write_system(study.out, given(system), study.overwrite))
     if system is not None:
         which = "half" if system.half else "whole"
         print(f"{system.n} contact nodes of the {which} body, written to {study.out}")
@@ -260,12 +249,10 @@ def sweep(scene: SceneFile, /, study: Cases, *, over: Sequence[str]) -> int:
     """
     with study.started(scene) as (read, comm, say):
         from receding_fenicsx.studies.sweep import read_over
-        from receding_fenicsx.studies.sweep import sweep as sweep_scene
 
         options = study.options(scene, say)
-        table = sweep_scene(read, read_over(list(over)), study.out, study.workers, options=options)
-    if table is not None:
-        print(f"{table!r}\n{study.told('sweep.csv')}")
+        table = rf.sweep(read, read_over(list(over)), study.out, study.workers, options=options)
+    study.show(table, "sweep.csv")
     none_left = table is not None and len(table.failed) == len(table.rows)
     return int(comm.bcast(none_left))
 
@@ -274,12 +261,8 @@ def sweep(scene: SceneFile, /, study: Cases, *, over: Sequence[str]) -> int:
 def shakedown(scene: SceneFile, /, study: Cases) -> None:
     """Find the load range up to which the contact stops slipping."""
     with study.started(scene) as (read, _, say):
-        from receding_fenicsx.studies.shakedown import study as studies
-
-        options = study.options(scene, say)
-        found = studies.shakedown(read, study.out, study.workers, options)
-    if found is not None:
-        print(f"{found}\n{study.told('shakedown.json')}")
+        found = rf.shakedown(read, study.out, study.workers, study.options(scene, say))
+    study.show(found, "shakedown.json")
 
 
 @app.command
@@ -292,11 +275,8 @@ def wear(scene: SceneFile, /, study: Study, *, resume: bool = False) -> None:
         resume: continue an interrupted study, or one for fewer cycles
     """
     with study.started(scene) as (read, _, say):
-        from receding_fenicsx.studies.runner import StudyOptions
-        from receding_fenicsx.studies.wear.study import wear as worn
-
-        options = StudyOptions(study.overwrite, resume, progress=say)
-        found = worn(read, study.out, options)
+        options = rf.StudyOptions(study.overwrite, resume, progress=say)
+        found = rf.wear(read, study.out, options)
     if found is not None:
         print(f"{found}\nwritten to {study.out}")
 
@@ -326,19 +306,14 @@ def joint(
     with progress(study.verbose) as say:
         import numpy as np
 
-        from receding_fenicsx.scene.toml_file import read_scene
-        from receding_fenicsx.store.hdf5 import read_system
-        from receding_fenicsx.studies.joint.curve import joint_curve
-
         is_system = scene.endswith(".h5") and not study.set
-        read: Any = read_system(Path(scene)) if is_system else read_scene(scene, study.set)
+        read: Any = rf.read_system(Path(scene)) if is_system else rf.read_scene(scene, study.set)
         if not 0.0 < smallest <= largest < np.inf or count < 1:
             raise InputError("joint: needs 0 < --from <= --to, and a --count of at least 1")
         amplitudes, comm = np.geomspace(smallest, largest, count), require_mpi()
         options = study.options(scene, say)
-        curve = joint_curve(read, drive, amplitudes, study.out, study.workers, options)
-    if curve is not None:
-        print(f"{curve!r}\n{study.told('joint.csv')}")
+        curve = rf.joint_curve(read, drive, amplitudes, study.out, study.workers, options)
+    study.show(curve, "joint.csv")
     failed = [] if curve is None else [row["error"] for row in curve.table.failed]
     reason = failed[0] if curve is not None and len(failed) == len(curve.table) else ""
     if reason := comm.bcast(reason):
@@ -348,30 +323,23 @@ def joint(
 @app.command
 def plot(folder: Folder, /) -> None:
     """Draw the figures of a finished run again, as PNG and PDF."""
-    from receding_fenicsx import pictures
-    from receding_fenicsx.store.hdf5 import read_record
-
-    record = read_record(folder / "record.h5")
+    record = rf.read_record(folder / "record.h5")
     if is_root(world()):
-        print(*pictures.plot(record, folder / "figures"), sep="\n")
+        print(*rf.plot(record, folder / "figures"), sep="\n")
 
 
 @app.command
 def snapshot(
-    folder: Folder, /, *, cycle: int, leg: str, at: float = 1.0, verbose: Verbose = 0
+    folder: Folder, /, *, cycle: Cycle, leg: Leg, at: float = 1.0, verbose: Verbose = 0
 ) -> None:
     """Draw the body of a finished run at one instant.
 
     Args:
-        cycle: cycle number; 0 is the first loading
-        leg: leg of the cycle: loading, unloading, or its number from 0
         at: position along the leg, 0 to 1
         verbose: log stages and timings
     """
     with progress(verbose) as say:
-        from receding_fenicsx import pictures
-
-        made = pictures.snapshot(folder, cycle, leg, at, require_mpi(), say)
+        made = rf.snapshot(folder, cycle, leg, at, require_mpi(), say)
     if made:
         print(*made, sep="\n")
 
@@ -381,21 +349,18 @@ def animate(
     folder: Folder,
     /,
     *,
-    cycle: int,
+    cycle: Cycle,
     frames: int = 60,
     stress: Literal["max_shear", "von_mises", "sxx", "syy", "sxy"] = "max_shear",
 ) -> None:
     """Make an animation of one cycle of a finished run.
 
     Args:
-        cycle: cycle number; 0 is the first loading
         frames: number of frames
         stress: quantity shown; max_shear is drawn as fringes
     """
     with progress() as say:
-        from receding_fenicsx import pictures
-
-        made = pictures.animate(folder, cycle, frames, stress, require_mpi(), say)
+        made = rf.animate(folder, cycle, frames, stress, require_mpi(), say)
     if made:
         print(*made, sep="\n")
 
@@ -406,11 +371,11 @@ def export(
     /,
     *,
     out: Path,
-    overwrite: bool = False,
+    overwrite: Overwrite = False,
     matrices: bool = False,
     reduced: bool = False,
-    cycle: int = 0,
-    leg: str = "0",
+    cycle: Cycle = 0,
+    leg: Leg = "0",
     at: float = 1.0,
     since: float | None = None,
 ) -> None:
@@ -419,17 +384,13 @@ def export(
     Args:
         source: run folder, file of a saved system, or with --reduced a scene
         out: HDF5 file; folder of --matrices
-        overwrite: replace what an earlier command wrote there
         matrices: write K, r* and the nodes of the system as MatrixMarket and CSV
         reduced: write mass, stiffness and contact of the joint, reduced to its contact nodes and
             [mode] count modes (Craig and Bampton)
-        cycle: cycle number of the load step; 0 is the first loading
-        leg: leg of the cycle: loading, unloading, or its number from 0
         at: end of the load step along the leg, 0 to 1
         since: start of the load step; default: 1 / solver.steps_per_leg before its end
     """
     from receding_fenicsx.exchange.importing import export_matrices
-    from receding_fenicsx.store import fclib
 
     if reduced:
         # PETSc starts on all ranks together
@@ -441,7 +402,7 @@ def export(
         elif matrices:
             export_matrices(source, out, overwrite)
         else:
-            told = fclib.export(source, out, (cycle, leg, at), since, overwrite)
+            told = rf.export(source, out, (cycle, leg, at), since, overwrite)
             print(f"{told}, written to {out}")
 
     on_root(require_mpi() if reduced else world(), work)
@@ -453,14 +414,13 @@ def import_(
     /,
     *,
     out: str,
-    overwrite: bool = False,
+    overwrite: Overwrite = False,
 ) -> None:
     """Make a system of matrices of Abaqus, CalculiX or others (MatrixMarket).
 
     Args:
         specification: names of matrices and nodes (TOML)
         out: HDF5 file of the system
-        overwrite: replace an earlier file
     """
     from receding_fenicsx.exchange.importing import import_file
 
@@ -474,22 +434,19 @@ def check(scene: SceneFile, /, *, set: Sequence[str] = ()) -> None:
     Args:
         set: table.key=value: change a value of the scene; repeatable
     """
-    from receding_fenicsx.scene.history import history_from_scene
     from receding_fenicsx.scene.symmetry import is_mirror_symmetric
-    from receding_fenicsx.scene.toml_file import read_scene
-    from receding_fenicsx.scene.validate import scene_warnings
     from receding_fenicsx.studies import run as study
 
-    read, comm = read_scene(scene, set), require_mpi()
+    read, comm = rf.read_scene(scene, set), require_mpi()
     half = read.solver.symmetry == "auto" and is_mirror_symmetric(read)
     nodes = study.check(read, comm)
     if is_root(comm):
         print(
             f"{scene}: can be modelled; {nodes} contact nodes, "
             f"{'half of the' if half else 'the whole'} body, loads {', '.join(read.load_names)}, "
-            f"{history_from_scene(read).cycles} cycles"
+            f"{rf.history_from_scene(read).cycles} cycles"
         )
-        for text in scene_warnings(read):
+        for text in rf.scene_warnings(read):
             print(f"warning: {text}")
 
 

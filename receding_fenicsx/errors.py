@@ -21,12 +21,7 @@ class InputError(RecedingError):
 
 
 class InputErrors(InputError):
-    """Several errors of one file or scene, each in one line."""
-
-    @property
-    def messages(self) -> tuple[str, ...]:
-        """The lines."""
-        return self.args
+    """Several errors of one file or scene, each in one line: its ``args``."""
 
     def __str__(self) -> str:
         """Return one line for each error."""
@@ -70,11 +65,7 @@ class Interrupted(KeyboardInterrupt):
         exit_code: 128 + the signal's number, by the shell's convention.
     """
 
-    def __init__(self, message: str, exit_code: int) -> None:
+    def __init__(self, message: str, exit_code: int = 130) -> None:
         """Set the message, which says what is kept and how to resume, and the exit code."""
-        super().__init__(message, exit_code)
+        super().__init__(message)
         self.exit_code = exit_code
-
-    def __str__(self) -> str:
-        """Return the message alone."""
-        return str(self.args[0])

@@ -146,10 +146,9 @@ def draw_run(
     pdf: bool = False,
     say: Say | None = None,
 ) -> None:
-    """Draw the figures of a run and, with ``body``, the default snapshots of the body; collective.
+    """Draw the figures of a run and, with ``body``, snapshots of rank 0's record; collective.
 
-    System, record and folder are those of rank 0. Not ``everything``: only the pictures that answer
-    the scene's question.
+    Not ``everything``: only the pictures that answer the scene's question.
     """
     from receding_fenicsx.output.plots import figures
     from receding_fenicsx.output.snapshots.draw import snapshots
@@ -170,10 +169,7 @@ def draw_run(
 
 @contextlib.contextmanager
 def picture_body(scene: Scene, comm: MPI.Comm) -> Iterator[Stack]:
-    """Yield the body on a mesh for pictures: the same contact nodes, finer inside.
-
-    Fringes and the stresses near the ends of a load need a finer mesh than the contact.
-    """
+    """Yield the body on a mesh for pictures: the same contact nodes, finer inside for fringes."""
     # a mesh of the user's own is not refined, a half-plane has none
     if all(body.is_rectangle for body in scene.bodies):
         cells = scene.mesh.contact_elements**2 * scene.body.height / scene.body.width
@@ -190,10 +186,9 @@ def picture_body(scene: Scene, comm: MPI.Comm) -> Iterator[Stack]:
 def default_instants(
     scene: Scene, system: ContactSystem, record: Record, everything: bool = True
 ) -> list[Instant]:
-    """Return the turning points at which a run draws the body.
+    """Return the instants at which a run draws the body: up to six of cycles 0, 1 and the last.
 
-    With ``everything`` up to six loaded ones of each of cycles 0, 1 and the last, else the one of
-    the last loaded cycle with the largest loads.
+    Not ``everything``: the one of the last loaded cycle with the largest loads.
     """
     table = record.turning_points
     loaded = np.any(table.load != 0.0, axis=1)
@@ -222,6 +217,6 @@ def shown_instant(
 def plot(record: Record, folder: Path) -> list[Path]:
     """Draw all figures of a run into ``folder`` and write its report; return the files."""
     from receding_fenicsx.output.plots import figures
-    from receding_fenicsx.output.report import html
+    from receding_fenicsx.output.report.summary import write_report
 
-    return [*figures.plot_all(record, folder), html.write_report(folder.parent, record.scene_toml)]
+    return [*figures.plot_all(record, folder), write_report(folder.parent, record.scene_toml)]

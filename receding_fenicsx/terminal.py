@@ -63,12 +63,9 @@ def catch_termination() -> None:
 
 def log_to_terminal(comm: MPI.Comm | None) -> None:
     """Show warnings on rank 0; commands with -v show more."""
-    logger = logging.getLogger("receding_fenicsx")
-    for handler in logger.handlers[:]:
-        logger.removeHandler(handler)
-    logger.propagate = False
-    logger.addHandler(_Lines() if is_root(comm) else logging.NullHandler())
-    logger.handlers[0].setFormatter(logging.Formatter("%(asctime)s %(message)s", "%H:%M:%S"))
+    logger, handler = logging.getLogger("receding_fenicsx"), _Lines()
+    handler.setFormatter(logging.Formatter("%(asctime)s %(message)s", "%H:%M:%S"))
+    logger.handlers, logger.propagate = [handler if is_root(comm) else logging.NullHandler()], False
     logger.setLevel(logging.WARNING)
 
 
@@ -108,7 +105,7 @@ def ending(error: BaseException) -> tuple[int, str]:
     unusable = errno.ENAMETOOLONG, errno.EACCES, errno.EPERM, errno.ENOTDIR, errno.ELOOP
     match error:
         case InputErrors():
-            return error.exit_code, "\n".join(f"error: {line}" for line in error.messages)
+            return error.exit_code, "\n".join(f"error: {line}" for line in error.args)
         case CycloptsError():
             see = " ".join([PROGRAM, *(error.command_chain or ()), "--help"])
             return 2, f"error: {' '.join(str(error).split())} See {see}"

@@ -103,7 +103,6 @@ def result(pool: str, job: Future[T], seconds: float | None = None) -> T:
     try:
         return job.result(seconds)
     except BrokenExecutor as error:
-        end(pool)
         found = re.search(r"(\w+)\((-?\d+)\)", str(error))
         if found is None:
             raise WorkerEnded("its process ended") from None

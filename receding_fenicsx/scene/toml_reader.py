@@ -69,7 +69,7 @@ def scene_of(raw: dict[str, Any]) -> Scene:
     try:
         scene: Scene = convert(Scene, values, lambda place: _label(values, place))
     except InputErrors as error:
-        messages += error.messages
+        messages += error.args
     if messages:
         raise InputErrors(*messages)
     return scene

@@ -157,10 +157,8 @@ def run(
                         place = mpi.given(folder) / "figures" if comm.rank == 0 else Path()
                         mpi.on_root(comm, lambda: draw_search(found.extra["accuracy"], place))
             write_costs()
-            from receding_fenicsx.output.report import html
-
             scene_toml = "" if record is None else record.scene_toml
-            mpi.on_root(comm, lambda: html.write_report(mpi.given(folder), scene_toml))
+            mpi.on_root(comm, lambda: summary.write_report(mpi.given(folder), scene_toml))
     if failure is not None:
         raise failure
     return record

@@ -17,7 +17,7 @@ from receding_fenicsx.bulk.mesh.raw_mesh import RawMesh, line_of, with_radii
 from receding_fenicsx.bulk.stack import build_all
 from receding_fenicsx.evolution.instants import Instant
 from receding_fenicsx.interface.law import MIRRORED
-from receding_fenicsx.output.plots.labels import scales_of
+from receding_fenicsx.output.plots.labels import Scales
 from receding_fenicsx.output.report.contact import zones_header
 from receding_fenicsx.output.snapshots.view import WholeContact, whole_contact
 from receding_fenicsx.studies import run as study
@@ -83,7 +83,7 @@ def test_a_fit_is_shown_over_its_whole_length_in_balance(
     x, table = record.x, record.turning_points
     length = np.hypot(L, taper)
     assert [x[0], x[-1]] == pytest.approx([-0.5 * length, 0.5 * length])
-    assert not record.begins_on_axis and not scales_of(record).radial
+    assert not record.begins_on_axis and not Scales(record).radial
     # z upwards, n into the shaft: t = (taper, L) / length, n = (-L, taper) / length
     pressure = (float(-np.sign(taper)) or 1.0) * table.load[:, record.load_names.index("push")]
     axial = (table.Q.sum(axis=1) * L + table.P.sum(axis=1) * taper) / length

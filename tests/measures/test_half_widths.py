@@ -17,8 +17,7 @@ from receding_fenicsx.measures.ends import contact_betas, half_width_estimates
 from receding_fenicsx.measures.limit_nodes import shown_states
 from receding_fenicsx.mpi import given
 from receding_fenicsx.output.plots.series import slip_lines
-from receding_fenicsx.output.report.html import report_html
-from receding_fenicsx.output.report.summary import SECTIONS, summarise
+from receding_fenicsx.output.report.summary import SECTIONS, report_html, summarise
 from receding_fenicsx.scene.model import Contact, HistoryOptions, Load, SolverOptions
 from receding_fenicsx.scene.toml_file import read_scene, to_toml
 from receding_fenicsx.store.run_folder import write_summary

@@ -22,7 +22,7 @@ import receding_fenicsx as rf
 from receding_fenicsx.measures.limit_nodes import limit_nodes
 from receding_fenicsx.output.plots.series import slip_lines
 from receding_fenicsx.output.plots.zone_map import timelines_of, zone_map
-from receding_fenicsx.output.report.html import report_html
+from receding_fenicsx.output.report.summary import report_html
 
 pytestmark = pytest.mark.one_rank
 
@@ -286,6 +286,8 @@ def test_the_same_record_gives_the_same_files_of_the_width_asked_for(tmp_path: P
         f"tractions_first_loading.{ending}" for ending in ("png", "pdf")
     ]
     assert first[1].startswith(b"%PDF")
+    with pytest.raises(rf.InputError, match=r"no format 'docx'; use one of .*pdf.*png"):
+        rf.figures.plot_all(record("monotonic"), tmp_path, "docx")
     assert [p.read_bytes() for p in rf.figures.plot_all(record("monotonic"), tmp_path)] == first
     image = Image.open(made[0])
     assert image.size[0] == pytest.approx(rf.style.COLUMN * rf.style.DPI, abs=12)

@@ -25,8 +25,8 @@ from receding_fenicsx.output.report.contact import (
     extremes_of,
     uniqueness_rows,
 )
-from receding_fenicsx.output.report.html import report_html
 from receding_fenicsx.output.report.run import loose_warnings
+from receding_fenicsx.output.report.summary import report_html
 from receding_fenicsx.store.run_folder import write_summary
 
 pytestmark = pytest.mark.one_rank

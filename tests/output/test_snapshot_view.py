@@ -71,7 +71,7 @@ def test_view_is_over_the_height_and_the_pressure_that_acts(symmetry: str) -> No
     # below the load the body is pressed by the pressure
     above = np.isclose(view.points[:, 1], 1.0) & (np.abs(view.points[:, 0]) < 0.8)
     assert view.stress["syy"][above] == pytest.approx(-1.0, abs=0.1)
-    assert (view.length_symbol, view.pressure_symbol) == ("h", "p_{0}")
+    assert (view.x_label, view.pressure_symbol) == ("$x/h$", "p_{0}")
     assert view.caption == r"first unloading, $p_{0} = \frac{1}{3}\,p_{0}^{\,\mathrm{max}}$"
     (load,) = view.arrows
     # the largest load's arrow is 0.24 of the height long

@@ -17,7 +17,7 @@ from matplotlib.lines import Line2D
 from matplotlib.text import Text
 
 import receding_fenicsx as rf
-from receding_fenicsx.output.plots.labels import kind_of, length_of, scales_of, three_digits
+from receding_fenicsx.output.plots.labels import Scales, kind_of, length_of, three_digits
 from receding_fenicsx.studies import run as study
 
 pytestmark = pytest.mark.one_rank
@@ -218,7 +218,8 @@ def test_a_load_and_its_conjugate_have_the_units_whose_product_is_work(
     assert kind.size == size
     # work for unit thickness: stress times area
     assert np.add(kind.unit, kind.conjugate_unit).tolist() == [1, 2]
-    scales = replace(scales_of(odd("plane strain")), kinds=(kind,), units=UNITS, length_symbol="")
+    scales = Scales(odd("plane strain"))
+    scales.kinds, scales.units, scales.nondimensional = [kind], UNITS, False
     assert scales.load_unit(0) == unit
     assert scales.conjugate(0, prescribed=False)[1] == f"$ ({conjugate})"
 

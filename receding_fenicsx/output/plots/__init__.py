@@ -4,7 +4,7 @@
 2. ``traction_plots`` (with probes), ``zone_plots`` and ``cycle_plots`` draw them; ``study_plots``
    draws those of branches and of searches for a tolerance.
 3. Their data come from ``series`` and ``zone_map``.
-4. ``labels.scales_of`` chooses units and labels; ``style`` has colours, fonts and sizes.
+4. ``labels.Scales`` chooses units and labels; ``style`` has colours, fonts and sizes.
 """
 
 import lazy_loader

@@ -19,14 +19,14 @@ from receding_fenicsx.arrays import Array
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.output.plots import series, style
-from receding_fenicsx.output.plots.labels import MOST_TOLD, Scales, is_word, load_symbol, scales_of
+from receding_fenicsx.output.plots.labels import MOST_TOLD, Scales, is_word, load_symbol
 from receding_fenicsx.output.plots.series import Loop
 
 
 @mpl.rc_context(style.RC)
 def slip_per_cycle(record: Record) -> Figure:
     """Draw the slip increment of each cycle at some nodes, with fitted powers of N."""
-    scales = scales_of(record)
+    scales = Scales(record)
     unit, symbol = scales.elastic(r"|\Delta v_i|", 1, 1)
     lines = series.slip_lines(record, scales.length, unit)
     if not lines:
@@ -83,7 +83,7 @@ def dissipation_per_cycle(record: Record, stepped: Record | None = None) -> Figu
 @mpl.rc_context(style.RC)
 def dissipation_density(record: Record) -> Figure:
     """Draw the dissipation per contact area in the first and the last cycle."""
-    scales = scales_of(record)
+    scales = Scales(record)
     unit, symbol = scales.elastic("d", 2, 1)
     density, used = record.cycles.dissipation_density / unit, record.weight > 0.0
     figure = style.new_figure(style.COLUMN, 2.4)
@@ -94,7 +94,7 @@ def dissipation_density(record: Record) -> Figure:
     for row, colour, width in zip(rows, style.SERIES_COLOURS, widths, strict=False):
         x, label = record.x[used] / scales.length, f"cycle {row + 1}"
         axes.plot(x, density[row][used], color=colour, lw=width, label=label)
-    axes.set_xlim(*scales.ends(record.x))
+    axes.set_xlim(*scales.ends)
     axes.set_ylim(0.0, None)
     axes.ticklabel_format(axis="y", scilimits=(-2, 3), useMathText=True)
     axes.set(xlabel=scales.x_label, ylabel=f"dissipation density\n{symbol}")
@@ -106,12 +106,11 @@ def dissipation_density(record: Record) -> Figure:
 def hysteresis(record: Record, cycles: int | Sequence[int] | None = None) -> Figure:
     """Draw each load against its work-conjugate quantity; the areas of the loops are work.
 
-    Forces and stresses are drawn upwards, displacements along, also where they are prescribed.
-    There is a row for each load that changes in the cycles, by default first loading, first and
-    last cycle. Right of each loop is its difference from the chord, the straight line between the
-    extreme loads of the last loop.
+    Forces and stresses are drawn upwards, displacements along. There is a row for each load that
+    changes; cycles are by default first loading, first and last cycle. Right of each loop is its
+    difference from the chord between the extreme loads of the last loop.
     """
-    scales, paths = scales_of(record), series.paths_of(record, cycles)
+    scales, paths = Scales(record), series.paths_of(record, cycles)
     moves, looks = moving_loads(paths), _looks(paths)
     if not moves:
         raise InputError(
@@ -165,13 +164,12 @@ def trajectories(
     nodes: int | Sequence[int] | None = None,
     cycles: int | Sequence[int] | None = None,
 ) -> Figure:
-    """Draw paths of nodes in the planes of tractions (q, p) and displacements (v, w).
+    """Draw paths of nodes: above (q, p) with the friction cone, below (v, w) with plane w = -g0.
 
-    Above is (q, p) with the friction cone |q| <= f p, below (v, w) with the plane w = -g0; dots are
-    turning points. Each node has a column; by default there are representative nodes, and first
-    loading, first and last cycle.
+    Dots are turning points. By default there are representative nodes, and first loading, first and
+    last cycle.
     """
-    scales, paths = scales_of(record), series.paths_of(record, cycles)
+    scales, paths = Scales(record), series.paths_of(record, cycles)
     if nodes is None:
         chosen = series.representative_nodes(record)
         if not chosen:
@@ -247,10 +245,7 @@ def _without_round_off(values: Array, largest: float) -> Array:
 
 
 def moving_loads(paths: Sequence[Loop]) -> list[int]:
-    """Return the loads that change within the paths and have known displacements.
-
-    None of more than ``MOST_TOLD``, such as the unit loads of one that travels.
-    """
+    """Return the loads that change and whose displacements are known; none if too many to tell."""
     loops = [path for path in paths if path.cycle] or paths
     found = [
         k
@@ -272,14 +267,10 @@ def _draw_path(
 
 def _looks(paths: Sequence[Loop]) -> list[dict[str, Any]]:
     """Return name, colour and width of cycles: earlier ones are wider, to be seen below later."""
-    looks: list[dict[str, Any]] = []
+    looks = {0: {"label": "first loading", "color": style.GUIDE_COLOUR, "lw": 1.4}}
     numbers = [path.cycle for path in paths if path.cycle]
-    for path in paths:
-        if path.cycle == 0:
-            looks.append({"label": "first loading", "color": style.GUIDE_COLOUR, "lw": 1.4})
-            continue
-        place = numbers.index(path.cycle)
+    for place, cycle in enumerate(numbers):
         colour = style.SERIES_COLOURS[place % len(style.SERIES_COLOURS)]
         width = 0.8 + min(1.4 * (len(numbers) - 1 - place), 4.2)
-        looks.append({"label": f"cycle {path.cycle}", "color": colour, "lw": width})
-    return looks
+        looks[cycle] = {"label": f"cycle {cycle}", "color": colour, "lw": width}
+    return [looks[path.cycle] for path in paths]

@@ -75,8 +75,7 @@ Draw = Callable[[Record, Any], Figure]
 class figure:
     """Register a function ``draw(record, found)`` as a figure of every record that has data for it.
 
-    ``needs`` returns from a record what the figure shows, such as instants: the second argument
-    ``found`` of ``draw``. None, False or an empty sequence: the figure is omitted.
+    ``needs`` returns ``found`` from a record; without it the figure is omitted.
     """
 
     name: str  # of the file, without ending
@@ -107,9 +106,8 @@ def plot_all(
 ) -> list[Path]:
     """Draw and save the figures that a record has data for; existing files are replaced.
 
-    With several contact edges the figures of each edge are in a folder of its name. Formats are
-    endings of files. ``say`` is called with the name of each figure; not ``everything`` draws those
-    only that answer a scene's question.
+    With several contact edges the figures of each are in a folder of its name. Formats are endings
+    of files. Not ``everything``: only those that answer a scene's question.
     """
     folder = Path(folder)
     formats = (formats,) if isinstance(formats, str) else tuple(formats)

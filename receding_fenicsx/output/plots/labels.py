@@ -9,7 +9,6 @@ the area of a loop is still the work.
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
 from math import hypot
 from typing import NamedTuple
 
@@ -18,7 +17,6 @@ import numpy as np
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.evolution.moment import Moment
 from receding_fenicsx.evolution.record import Record
-from receding_fenicsx.interface.law import MIRRORED
 from receding_fenicsx.output.plots.series import first_unloading, is_unloading, leg_ends, phases
 from receding_fenicsx.scene.model import FREE, Load, Scene
 from receding_fenicsx.scene.options import Units, in_unit
@@ -44,13 +42,9 @@ def load_symbol(name: str) -> str:
     if found and (len(found[2]) == 0 or found[2].isdigit()):
         return found[1] + (f"_{{{found[2]}}}" if found[2] else "")
     # letters that are commands in Matplotlib's mathematics
-    commands = {
-        **{letter: f"\\{letter}" for letter in "_%${} "},
-        **{"\\": r"\backslash ", "^": r"\wedge ", "~": r"\sim ", "#": r"\sharp "},
-        **{'"': "''", "`": "'"},
-    }
-    short = shown_name(name).replace(r"\$", "$")
-    word = "".join(commands.get(letter, letter) for letter in short)
+    commands = {letter: f"\\{letter}" for letter in "_%${} "} | {'"': "''", "`": "'"}
+    commands |= {"\\": r"\backslash ", "^": r"\wedge ", "~": r"\sim ", "#": r"\sharp "}
+    word = shown_name(name).replace(r"\$", "$").translate(str.maketrans(commands))
     return rf"\mathrm{{{word}}}"
 
 
@@ -78,19 +72,20 @@ def kind_of(scene: Scene | None, name: str, axisymmetric: bool) -> LoadKind:
     """Return the kind of a load; forces and work are those of the full circle if axisymmetric."""
     # work is stress times area in the plane, for unit thickness, or stress times volume
     lengths = 3 if axisymmetric else 2
-    if scene and name in [bolt.name for bolt in scene.bolts]:
-        return LoadKind(1.0, (0, 1), "force of the bolt", (1, lengths - 1), "F")
     units = [unit for load in scene.loads for unit in load.units] if scene else []
     parts = [_size_and_kind(unit) for unit in units if unit.name == name]
     size, kind = parts[0] if len({*parts}) == 1 else (0.0, "factor")
     if (len(parts) > 1 and kind in ("force", "displacement")) or size == 0.0:
         size, kind = 1.0, "factor"
+    if scene and name in [bolt.name for bolt in scene.bolts]:
+        kind = "bolt"
     displaced = "displaced volume" if axisymmetric else "displaced area"
     unit, conjugate, symbol = {
         "force": ((1, lengths - 1), "displacement along the force", r"\delta"),
         "stress": ((1, 0), displaced, r"\delta"),
         "tension": ((1, 0), "area conjugate to the tension", r"\delta"),
         "displacement": ((0, 1), "force on the edge", "F"),
+        "bolt": ((0, 1), "force of the bolt", "F"),
         "factor": ((0, 0), "work over load factor", "U"),
     }[kind]
     return LoadKind(size, unit, conjugate, (1 - unit[0], lengths - unit[1]), symbol)
@@ -112,23 +107,25 @@ def _size_and_kind(load: Load) -> tuple[float, str]:
     return (hypot(*numbers) if len(numbers) == len(values) else 0.0), kind
 
 
-@dataclass(frozen=True)
 class Scales:
-    """Units of the figures of a record."""
+    """Units of the figures of a record: those of the scene, else its height and pressure."""
 
-    length: float  # unit of length: height of a rectangle, or 1
-    length_symbol: str  # "h", or ""
-    pressure: float  # pressure of the only load at factor 1; 1 if there is none
-    pressure_symbol: str  # its symbol; "" if tractions are not divided by it
-    load_max: Array  # (n_loads,) largest absolute factor of each load over the history, or 1
-    young: float  # Young's modulus; 0 if unknown
-    symmetric: bool  # whether all states are mirror-symmetric about x = 0
-    axisymmetric: bool  # whether forces and work are those of the full circle
-    radial: bool  # whether positions are radii
-    begins_on_axis: bool  # whether the contact edge begins on the axis r = 0
-    # units of the scene; with a unit of length (or stress) no length (or stress) is nondimensional
-    units: Units
-    kinds: tuple[LoadKind, ...]
+    def __init__(self, record: Record) -> None:
+        """Choose them; what the scene has a unit of is never nondimensional."""
+        scene, names, length = record.scene, record.load_names, length_of(record.scene)
+        self.record, self.length, self.length_symbol = record, length or 1.0, "h" if length else ""
+        # pressure of the only load at factor 1, and its symbol; "": tractions are not divided by it
+        self.pressure, symbol = pressure_of(scene, names)
+        self.pressure_symbol, self.divided = symbol, f"/{symbol}" if symbol else ""
+        largest = np.abs(record.turning_points.load).max(axis=0, initial=0.0)
+        self.load_max = np.where(largest > 0.0, largest, 1.0)  # (n_loads,)
+        self.young = scene.material_of(scene.body).young if scene is not None else 0.0
+        self.axisymmetric = record.axisymmetric  # forces and work are those of the full circle
+        # whether positions are radii
+        self.radial = record.radius is not None and np.allclose(record.x, record.radius)
+        self.units = scene.units if scene is not None else Units()
+        self.nondimensional = bool(length and self.pressure_symbol and self.young > 0.0)
+        self.kinds = [kind_of(scene, name, record.axisymmetric) for name in names]
 
     @property
     def x_label(self) -> str:
@@ -144,15 +141,11 @@ class Scales:
         """Return a label with the unit stress^a length^b, if it is divided by nothing."""
         return label if divided else in_unit(label, shown_unit(self.units.product(stress, length)))
 
-    def ends(self, x: Array) -> tuple[float, float]:
-        """Range of positions x that figures show, over the length scale."""
-        first = 0.0 if self.begins_on_axis else float(x[0])
-        return first / self.length, float(x[-1]) / self.length
-
     @property
-    def divided(self) -> str:
-        """What symbols of tractions at an instant are divided by; "" for nothing."""
-        return f"/{self.pressure_symbol}" if self.pressure_symbol else ""
+    def ends(self) -> tuple[float, float]:
+        """Range of positions x that figures show, over the length scale."""
+        first = 0.0 if self.record.begins_on_axis else float(self.record.x[0])
+        return first / self.length, float(self.record.x[-1]) / self.length
 
     def peak_traction(self, symbol: str) -> tuple[float, str]:
         """Return the unit of a traction at several instants, and its label."""
@@ -174,14 +167,10 @@ class Scales:
         return self._unit_of(self.kinds[k].unit)
 
     def conjugate(self, k: int, prescribed: bool) -> tuple[float, str, bool]:
-        """Return the unit of the work-conjugate quantity of a load in figures, and its label.
-
-        The label is what follows the symbol. Also returned is whether it is on the vertical axis,
-        as a force is, or the work over a prescribed displacement.
-        """
+        """Return unit and end of the label of what is conjugate to a load, and if it is upright."""
         kind = self.kinds[k]
         unit, behind = kind.size, in_unit("$", self._unit_of(kind.conjugate_unit))
-        if not prescribed and self._nondimensional():
+        if not prescribed and self.nondimensional:
             # conjugate to the pressure, not to its factor: an area, or the volume of a circle
             unit, label = self.elastic("", 1, 3 if self.axisymmetric else 2)
             unit, behind = unit * self.pressure, label[1:]
@@ -195,45 +184,17 @@ class Scales:
         return shown_unit(self.units.product(*powers))
 
     def elastic(self, symbol: str, pressures: int, lengths: int) -> tuple[float, str]:
-        """Return the unit p^a h^b / E of a quantity, with the largest pressure p, and its label.
+        """Return the unit p^a h^b / E of a quantity, p the largest pressure, and its label.
 
-        Displacements have a = b = 1, energies per contact area a = 2, b = 1. Without a length, a
-        pressure or Young's modulus the unit is that of the scene.
+        It is that of the scene where h, p or E is not known.
         """
-        if not self._nondimensional():
+        if not self.nondimensional:
             return 1.0, self.with_unit(f"${symbol}$", "", pressures - 1, lengths)
         p, top = self.pressure * float(self.load_max[0]), peak(self.pressure_symbol)
         top = top if pressures == 1 else f"({top})^{pressures}"
         height = self.length_symbol + (f"^{lengths}" if lengths > 1 else "")
         unit = p**pressures * self.length**lengths / self.young
         return unit, rf"${symbol}\,E/({top}\,{height})$"
-
-    def _nondimensional(self) -> bool:
-        return bool(self.length_symbol and self.pressure_symbol and self.young > 0.0)
-
-
-def scales_of(record: Record) -> Scales:
-    """Return the units of a record: those of the scene, else its height and pressure."""
-    scene, length = record.scene, length_of(record.scene)
-    pressure, symbol = pressure_of(scene, record.load_names)
-    largest = np.abs(record.turning_points.load).max(axis=0, initial=0.0)
-    x, tables = record.x, (record.turning_points.state, record.samples.state)
-    centred = len(x) > 0 and np.abs(x + x[::-1]).max() <= 1e-9 * np.ptp(x)
-    mirrored = (np.array_equal(MIRRORED[state][:, ::-1], state) for state in tables)
-    return Scales(
-        length=length or 1.0,
-        length_symbol="h" if length else "",
-        pressure=pressure,
-        pressure_symbol=symbol,
-        load_max=np.where(largest > 0.0, largest, 1.0),
-        young=scene.material_of(scene.body).young if scene is not None else 0.0,
-        symmetric=bool(centred) and all(mirrored),
-        axisymmetric=record.axisymmetric,
-        radial=record.radius is not None and np.allclose(record.x, record.radius),
-        begins_on_axis=record.begins_on_axis,
-        units=scene.units if scene is not None else Units(),
-        kinds=tuple(kind_of(scene, name, record.axisymmetric) for name in record.load_names),
-    )
 
 
 def position_label(length_symbol: str, radial: bool, units: Units) -> str:
@@ -250,11 +211,7 @@ def shown_unit(unit: str | None) -> str:
 
 
 def length_of(scene: Scene | None) -> float:
-    """Return the height of a rectangular body if it is the natural length; else 0.
-
-    It is not where the scene has a unit of length, where the contact edge is upright, or where two
-    rectangles have different heights.
-    """
+    """Return the height of rectangles of one height on level edges; 0 with a unit of length."""
     if scene is None or scene.units.length or not scene.body.is_rectangle:
         return 0.0
     upright = any(contact.edge.endswith(("left", "right")) for contact in scene.contacts)
@@ -263,10 +220,7 @@ def length_of(scene: Scene | None) -> float:
 
 
 def pressure_of(scene: Scene | None, load_names: tuple[str, ...]) -> tuple[float, str]:
-    """Return the pressure of the only load at factor 1 and its symbol.
-
-    Without such a pressure, and in a scene with a unit of stress, they are 1 and "".
-    """
+    """Return the pressure of the only load and its symbol; without it, or with units, 1 and ""."""
     if scene is None or not scene.loads or len(load_names) != 1 or scene.units.stress:
         return 1.0, ""
     value = scene.loads[0].pressure
@@ -277,15 +231,15 @@ def pressure_of(scene: Scene | None, load_names: tuple[str, ...]) -> tuple[float
     return float(value), load_symbol(load_names[0])
 
 
-def load_pieces(record: Record, moment: Moment, scales: Scales) -> tuple[str, list[str]]:
+def load_pieces(moment: Moment, scales: Scales) -> tuple[str, list[str]]:
     """Return the name of the leg of an instant, and a text for each load there."""
-    found, names = [], tuple(moment.load)
+    found, names, record = [], tuple(moment.load), scales.record
     for k in told_loads(record.scene, names, np.array([*moment.load.values()])):
         part = moment.load[names[k]] / scales.load_axis(k, names[k])[0]
         if unit := scales.load_unit(k):
             found.append(f"{load_text(names[k])} ${three_digits(part)}$ {unit}")
         else:
-            found.append(describe_factors((names[k],), np.array([part])))
+            found.append(describe_factor(names[k], part))
     return _place(record, moment.cycle, moment.leg, moment.s), found
 
 
@@ -297,10 +251,10 @@ def told_loads(scene: Scene | None, names: tuple[str, ...], load: Array) -> list
     return told or list(range(len(names)))
 
 
-def leg_pieces(record: Record, cycle: int, leg: int, scales: Scales) -> list[str]:
+def leg_pieces(cycle: int, leg: int, scales: Scales) -> list[str]:
     """Return the name of a leg; with several loads also the range of each load that changes."""
-    text, moves = _place(record, cycle, leg, 1.0), []
-    ends = leg_ends(record, cycle, leg)
+    record, moves = scales.record, []
+    text, ends = _place(record, cycle, leg, 1.0), leg_ends(record, cycle, leg)
     for k, name in enumerate(record.load_names if len(record.load_names) > 1 else ()):
         one, (begin, end) = scales.load_axis(k, name)[0], (float(end[k]) for end in ends)
         if begin != end:
@@ -309,21 +263,17 @@ def leg_pieces(record: Record, cycle: int, leg: int, scales: Scales) -> list[str
     return [f"{text}: {moves[0]}", *moves[1:]] if moves else [text]
 
 
-def describe_factors(names: tuple[str, ...], parts: Array) -> str:
-    """Describe load factors as parts of their largest values."""
+def describe_factor(name: str, part: float) -> str:
+    """Describe a load factor as a part of its largest value."""
+    symbol = load_symbol(name)
+    if is_word(name):
+        return f"{shown_name(name)} at ${three_digits(part)}$ of its largest"
+    if part == 0.0:
+        return f"${symbol} = 0$"
     known = {-1.0: "-", 1.0: "", 1.0 / 3.0: r"\frac{1}{3}\,", 2.0 / 3.0: r"\frac{2}{3}\,"}
-    found = []
-    for name, part in zip(names, parts.tolist(), strict=True):
-        symbol = load_symbol(name)
-        if is_word(name):
-            found.append(f"{shown_name(name)} at ${three_digits(part)}$ of its largest")
-        elif part == 0.0:
-            found.append(f"${symbol} = 0$")
-        else:
-            near = [text for value, text in known.items() if abs(value - part) < 1e-9]
-            times = near[0] if near else rf"{three_digits(part)}\,"
-            found.append(f"${symbol} = {times}{peak(symbol)}$")
-    return ", ".join(found)
+    near = [text for value, text in known.items() if abs(value - part) < 1e-9]
+    times = near[0] if near else rf"{three_digits(part)}\,"
+    return f"${symbol} = {times}{peak(symbol)}$"
 
 
 def _place(record: Record, cycle: int, leg: int, s: float) -> str:

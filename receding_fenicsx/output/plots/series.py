@@ -48,11 +48,7 @@ def first_unloading(record: Record) -> tuple[int, int] | None:
 
 
 def phases(record: Record) -> Array | None:
-    """Return the angles in degrees at the ends of the legs of a cycle, from its start on.
-
-    None where the history is not harmonic, or where its loads are in phase or opposite: its two
-    legs are not an ellipse.
-    """
+    """Return the angles in degrees at the ends of a cycle's legs; None unless it is an ellipse."""
     scene = record.scene
     if scene is None or scene.history.kind != "harmonic" or is_straight(scene.history):
         return None
@@ -121,12 +117,9 @@ class Loop:
     turning: NDArray[np.bool_]  # (n,) True at turning points
 
     def area(self) -> Array:
-        r"""(n_loads,) work of each load over the closed cycle.
+        r"""(n_loads,) work of each load over the closed cycle; their sum is the dissipation.
 
-        For a force it is the integral of the load factor over its displacement; for a prescribed
-        displacement, the integral of its conjugate over the load factor. The sum over the loads is
-        the dissipation of the closed cycle. The trapezoidal rule on the samples is exact if no node
-        changes its state between two samples.
+        The trapezoidal rule on the samples is exact if no node changes its state between them.
         """
         mean = 0.5 * (self.load[1:] + self.load[:-1])
         return -self.load_sign * np.sum(mean * np.diff(self.displacement, axis=0), axis=0)
@@ -140,18 +133,29 @@ def loop_of(record: Record, cycle: int) -> Loop:
     turning = np.append(before, np.flatnonzero(ends))
     inside = (samples.cycle == cycle) & (samples.s > 0.0) & (samples.s < 1.0)
     inside &= np.isin(samples.leg, points.leg[ends])
-
-    def join(name: str) -> Array:
-        return np.concatenate([getattr(points, name)[turning], getattr(samples, name)[inside]])
-
-    order = np.lexsort([join(name) for name in ("s", "leg", "cycle")])
     # at rest all is zero, but for an initial slip
     slipped = record.scene is not None and record.scene.history.initial_slip is not None
     rest = 0 if len(before) or slipped else 1
-    names = "load", "load_displacement", "p", "q", "v", "w"
-    load, moved, p, q, v, w = (np.pad(join(k)[order], [(rest, 0), (0, 0)]) for k in names)
+    order, (load, moved, p, q, v, w) = in_time(record, rest, turning, inside)
     turns = np.pad(order < len(turning), (rest, 0))
     return Loop(cycle, load, moved, record.load_sign, p, q, v, w, turns)
+
+
+def in_time(
+    record: Record, rest: int = 1, turning: Any = slice(None), inside: Any = slice(None)
+) -> tuple[Ints, list[Array]]:
+    """Return the order in time of turning points and samples, and loads, U, p, q, v, w in it.
+
+    Before them are rows of zeros: the state at ``rest``.
+    """
+
+    def join(name: str) -> Array:
+        tables = (record.turning_points, turning), (record.samples, inside)
+        return np.concatenate([getattr(table, name)[rows] for table, rows in tables])
+
+    order = np.lexsort([join(name) for name in ("s", "leg", "cycle")])
+    names = "load", "load_displacement", "p", "q", "v", "w"
+    return order, [np.pad(join(name)[order], [(rest, 0), (0, 0)]) for name in names]
 
 
 def paths_of(record: Record, cycles: int | Iterable[int] | None = None) -> list[Loop]:
@@ -165,9 +169,8 @@ def paths_of(record: Record, cycles: int | Iterable[int] | None = None) -> list[
 def representative_nodes(record: Record) -> list[int]:
     """Choose up to 4 nodes with different paths, x > 0 if half of the body was modelled.
 
-    Of those in contact in the last sampled cycle: the one with the largest dissipation, the middle
-    one of those that also separate, the middle one of those that always stick, and others between
-    them.
+    In the last sampled cycle: the one with the largest dissipation, the middle ones of those that
+    separate and of those that always stick, and others between them.
     """
     rows = np.isin(record.samples.cycle, sampled_cycles(record)[-1:])
     state, force = record.samples.state[rows], record.samples.P[rows]
@@ -206,10 +209,9 @@ class SlipLine:
 
 
 def slip_lines(record: Record, length: float = 1.0, unit: float = 1.0) -> list[SlipLine]:
-    """Return slip per cycle over ``unit`` at up to 4 representative nodes, with fitted powers of N.
+    """Return slip per cycle over ``unit`` at up to 4 nodes that slip in every fitted cycle.
 
-    Nodes with 0.5 <= |x|/length <= 0.8 are representative where any of them slips in every fitted
-    cycle, otherwise all that do. None are returned when there are too few cycles.
+    Those with 0.5 <= x/length <= 0.8 if there are any; none when there are too few cycles.
     """
     cycles = fitted_cycles(record)
     size = np.abs(record.cycles.slip_increment)
@@ -233,9 +235,7 @@ def slip_lines(record: Record, length: float = 1.0, unit: float = 1.0) -> list[S
 
 
 def fitted_cycles(record: Record) -> Ints:
-    """Return the cycles of the fits: 4 to 20, or the later half of fewer.
-
-    Earlier cycles do not follow a power law, later increments are small.
-    """
+    """Return the cycles of the fits: 4 to 20, or the later half of fewer."""
+    # earlier cycles do not follow a power law, later increments are small
     n = len(record.cycles.slip_increment)
     return np.arange(4, 21) if n >= 20 else np.arange(max(n // 2, 1), n + 1)

@@ -12,16 +12,16 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter
 
-from receding_fenicsx.arrays import Array
 from receding_fenicsx.atomic import make_folder
 from receding_fenicsx.errors import InputError
-from receding_fenicsx.evolution.branches import Branch, BranchTree
+from receding_fenicsx.evolution.branches import BranchTree
 from receding_fenicsx.interface.branches.critical_friction import CriticalFriction
 from receding_fenicsx.interface.law import State
 from receding_fenicsx.interface.mirror import mirror_of
 from receding_fenicsx.interface.system import ContactSystem
 from receding_fenicsx.output.plots import style
 from receding_fenicsx.output.plots.labels import is_word, load_symbol, load_text
+from receding_fenicsx.output.plots.series import in_time
 
 
 @mpl.rc_context(style.RC)
@@ -31,7 +31,7 @@ def branches(tree: BranchTree) -> Figure:
     A cross is the last turning point of a branch that ends on the next leg. Samples are drawn where
     the records have them. Each branch is shifted a little, as parts of them may coincide.
     """
-    paths = [_path(branch) for branch in tree.branches[:12]]
+    paths = [in_time(branch.record)[1][:2] for branch in tree.branches[:12]]  # from rest
     names = tree[0].record.load_names
     moves = [k for k in range(len(names)) if any(np.any(load[:, k]) for load, _ in paths)]
     if not moves:
@@ -63,25 +63,12 @@ def branches(tree: BranchTree) -> Figure:
     return figure
 
 
-def _path(branch: Branch) -> tuple[Array, Array]:
-    """Return load factors and load displacements (n, n_loads) along a branch, from rest."""
-    tables = branch.record.turning_points, branch.record.samples
-
-    def all_of(key: str) -> Array:
-        return np.concatenate([getattr(table, key) for table in tables])
-
-    order = np.lexsort([all_of(key) for key in ("s", "leg", "cycle")])
-    from_rest = [(1, 0), (0, 0)]
-    load, moved = (np.pad(all_of(k)[order], from_rest) for k in ("load", "load_displacement"))
-    return load, moved
-
-
 @mpl.rc_context(style.RC)
 def slip_mode(system: ContactSystem, critical: CriticalFriction) -> Figure:
     """Draw the slip mode at critical friction over the contact edge.
 
-    Above, the displacements of the mode: v as lines in the colour of the assumed direction of slip,
-    the gap of open nodes as a grey area. Below, the changes of the tractions, p and q.
+    Above v as lines in the colour of the assumed direction of slip, and the gap of open nodes;
+    below the changes of p and q.
     """
     if not critical.mode.any():
         raise InputError("slip_mode: no slip mode was found; the contact has no coupling")
@@ -121,10 +108,7 @@ def slip_mode(system: ContactSystem, critical: CriticalFriction) -> Figure:
 
 @mpl.rc_context(style.RC)
 def draw_search(search: Mapping[str, Any], folder: Path) -> None:
-    """Draw a search, the key "accuracy" of a summary, as ``accuracy.png`` in a folder.
-
-    Shown are twice the relative estimates of the asked numbers over the seconds since the start.
-    """
+    """Draw twice the estimates of a search over its seconds as ``accuracy.png`` in a folder."""
     way, tolerance = search["way"], search["tolerance"]
     seconds = np.cumsum([level["seconds"] for level in way])
     last = way[-1]["numbers"]

@@ -30,6 +30,7 @@ from numpy.typing import ArrayLike
 
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.atomic import new_file
+from receding_fenicsx.errors import InputError
 from receding_fenicsx.evolution.description import STATE_COLOURS as STATE_COLOURS
 from receding_fenicsx.interface.law import STATE_NAMES, State
 from receding_fenicsx.interface.measures.zones import FRICTIONLESS_CONTACT
@@ -95,6 +96,9 @@ def new_figure(width: float, height: float) -> Figure:
 def save(figure: Figure, path: Path) -> None:
     """Save a figure in the format of the path's ending, without the date."""
     ending, dpi = path.suffix[1:], figure.dpi
+    if ending not in FigureCanvasAgg.filetypes:
+        known = ", ".join(sorted(FigureCanvasAgg.filetypes))
+        raise InputError(f"{path}: figures have no format '{ending}'; use one of {known}")
     date = {"pdf": "CreationDate", "svg": "Date"}.get(ending)
     # the PDF writer warns about the dates inside some systems' fonts
     logging.getLogger("fontTools").setLevel(logging.ERROR)
@@ -136,10 +140,7 @@ def phase_axis(axis: Axis) -> None:
 
 
 def wrapped(pieces: Sequence[str], inches: float) -> str:
-    """Join pieces of a label by commas, with a new line where one becomes wider than this.
-
-    A line begins with a new piece; a piece that is wider itself is broken at its spaces.
-    """
+    """Join pieces of a label by commas, in lines of this width; wider pieces break at spaces."""
     lines: list[str] = []
     for n, piece in enumerate(pieces):
         text = piece + ("," if n + 1 < len(pieces) else "")
@@ -161,11 +162,7 @@ def _width(text: str) -> float:
 
 
 def state_patches(states: Iterable[int], friction: ArrayLike = True) -> list[Patch]:
-    """Return legend entries of states, in order.
-
-    Closed nodes without friction have the state of stick; it is called contact if there is no
-    friction anywhere, and both if there is somewhere.
-    """
+    """Return legend entries of states, in order; without friction stick is called contact."""
     labels = {state: f"{state.value}  {STATE_NAMES[state]}" for state in State}
     if not np.all(friction):
         both = f"{labels[State.STICK]}, or {FRICTIONLESS_CONTACT} without friction"

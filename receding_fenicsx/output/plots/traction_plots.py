@@ -12,7 +12,6 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
-from numpy.typing import NDArray
 
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.errors import InputError
@@ -24,7 +23,7 @@ from receding_fenicsx.interface.measures.zones import zones
 from receding_fenicsx.measures.fatigue import fatigue, short_cracks
 from receding_fenicsx.measures.limit_nodes import shown_states
 from receding_fenicsx.output.plots import style
-from receding_fenicsx.output.plots.labels import Scales, load_pieces, scales_of
+from receding_fenicsx.output.plots.labels import Scales, load_pieces
 from receding_fenicsx.output.plots.series import phases
 
 
@@ -35,7 +34,7 @@ def tractions(record: Record, moments: Moment | Sequence[Moment]) -> Figure:
     Instants are those of the record, such as ``record.at(9, "minimum")``; states are shown as
     :func:`~receding_fenicsx.measures.limit_nodes.shown_states` returns them.
     """
-    scales = scales_of(record)
+    scales = Scales(record)
     moments = [moments] if isinstance(moments, Moment) else moments
     if not isinstance(moments, Sequence) or {type(moment) for moment in moments} != {Moment}:
         raise InputError(
@@ -45,7 +44,7 @@ def tractions(record: Record, moments: Moment | Sequence[Moment]) -> Figure:
     panels, texts = len(moments), []
     for n, moment in enumerate(moments):
         # the leg and its load, or below it several loads; 2.9 inches are a panel's width
-        leg, loads = load_pieces(record, moment, scales)
+        leg, loads = load_pieces(moment, scales)
         head = [leg] if len(loads) > 1 else []
         rest = style.wrapped(loads if head else [leg, *loads], 2.9)
         texts.append(style.panel_title(n, panels, "\n".join([*head, rest])))
@@ -59,7 +58,14 @@ def tractions(record: Record, moments: Moment | Sequence[Moment]) -> Figure:
     for n, moment in enumerate(shown):
         band = figure.add_subplot(grid[2 * n], sharex=axes)
         axes = figure.add_subplot(grid[2 * n + 1], sharex=band)
-        _draw_band(band, record, moment.state, scales)
+        for name, a, b in zones(x, moment.state, record.begins_on_axis):
+            kind = style.STATE_OF_NAME[name]
+            band.axvspan(a, b, fc=style.STATE_COLOURS[kind], ec="black", lw=0.4)
+            if b - a > 0.03 * np.ptp(x):  # room for the number
+                look: dict[str, Any] = {"ha": "center", "va": "center", "fontsize": 7.5}
+                band.text(0.5 * (a + b), 0.46, str(int(kind)), color=style.STATE_INKS[kind], **look)
+        band.set_ylim(0.0, 1.0)
+        band.tick_params(axis="both", length=0.0, labelleft=False, labelbottom=False)
         band.set_title(texts[n], pad=6.0)
         unit, used = 1.0, record.weight > 0.0
         if scales.pressure_symbol:  # the pressure acting then
@@ -68,7 +74,7 @@ def tractions(record: Record, moments: Moment | Sequence[Moment]) -> Figure:
         shear, law = q if friction else None, record.traction_law(unit)[used]
         guides = [begin for _, begin, _ in zones(x, moment.state)[1:]]
         label = draw_tractions(axes, x[used], p, shear, law, guides, scales.divided)
-        axes.set_xlim(*scales.ends(record.x))
+        axes.set_xlim(*scales.ends)
         style.ticks(axes.yaxis, 7)
         axes.set_ylabel(scales.with_unit(label, scales.divided, stress=1))
         axes.tick_params(labelbottom=n == panels - 1)
@@ -93,21 +99,6 @@ def tractions(record: Record, moments: Moment | Sequence[Moment]) -> Figure:
     return figure
 
 
-def _draw_band(axes: Axes, record: Record, state: NDArray[np.int8], scales: Scales) -> None:
-    """Draw the states as a band of colours with their numbers."""
-    x = record.x / scales.length
-    for name, a, b in zones(x, state, record.begins_on_axis):
-        kind = style.STATE_OF_NAME[name]
-        axes.axvspan(a, b, fc=style.STATE_COLOURS[kind], ec="black", lw=0.4)
-        if b - a > 0.03 * np.ptp(x):  # room for the number
-            place: dict[str, Any] = {"ha": "center", "va": "center", "fontsize": 7.5}
-            axes.text(0.5 * (a + b), 0.46, str(int(kind)), color=style.STATE_INKS[kind], **place)
-    axes.set_ylim(0.0, 1.0)
-    axes.tick_params(
-        left=False, right=False, bottom=False, top=False, labelleft=False, labelbottom=False
-    )
-
-
 def draw_tractions(
     axes: Axes,
     x: Array,
@@ -117,10 +108,7 @@ def draw_tractions(
     guides: list[float],
     divided: str,
 ) -> str:
-    """Draw p over x, and with friction q and the cone; return the label of the axis.
-
-    ``guides`` are ends of zones, ``divided`` is behind the symbols.
-    """
+    """Draw p over x, with friction q and the cone, and ends of zones; return the axis' label."""
     low, high = law.limits(p)
     axes.axhline(0.0, color="black", lw=0.4)
     for place in guides:
@@ -138,10 +126,10 @@ def draw_tractions(
 def probe_stresses(record: Record, name: str) -> Figure:
     """Draw the stresses at a probe.
 
-    Of one point: along the load path of the first loading, of cycle 1 and of the last cycle. Of
-    several: against the distance along them, at turning points of the last cycle.
+    Of one point along the first loading, cycle 1 and the last cycle; of several points over the
+    distance along them, at turning points of the last cycle.
     """
-    scales, probe, angles = scales_of(record), record.probe(name), phases(record)
+    scales, probe, angles = Scales(record), record.probe(name), phases(record)
     draw = _along_path if len(probe.points) == 1 else _along_points
     stresses = np.concatenate([probe.stress, probe.von_mises[..., None]], axis=-1)
     figure, first = draw(probe, stresses, scales, angles)

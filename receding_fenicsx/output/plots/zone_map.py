@@ -127,18 +127,13 @@ def _from_samples(record: Record, cycle: int, leg: int) -> list[list[Change]]:
 def _order(run: NDArray[np.intp], old: NDArray[np.int8], new: NDArray[np.int8]) -> Array:
     """Return when, in [0, 1], the nodes of a group change, as the end of a zone passes them."""
     n = len(run)
-    left, right = run[0] - 1, run[-1] + 1
     forward = (np.arange(n) + 0.5) / n
-    sides = [k for k in (left, right) if 0 <= k < len(old)]
-    joins = [k for k in sides if old[k] == new[run[0]]]
-    leaves = [k for k in sides if new[k] == old[run[0]]]
-    if len(joins) == 2:
-        return np.minimum(forward, forward[::-1]) * 2.0
-    if len(joins) == 1:
-        return forward if joins == [left] else forward[::-1]
-    if len(leaves) == 1:
-        return forward[::-1] if leaves == [left] else forward
-    return np.full(n, 0.5)
+    both = (run[0] - 1, forward), (run[-1] + 1, forward[::-1])
+    sides = [(k, s) for k, s in both if 0 <= k < len(old)]
+    if joins := [s for k, s in sides if old[k] == new[run[0]]]:
+        return np.asarray(np.minimum.reduce(joins) * len(joins))
+    leaves = [s[::-1] for k, s in sides if new[k] == old[run[0]]]
+    return leaves[0] if len(leaves) == 1 else np.full(n, 0.5)
 
 
 @dataclass(frozen=True)
@@ -161,14 +156,9 @@ def zone_map(
     stuck: NDArray[np.bool_] | None = None,
     flicker: float = 0.0,
 ) -> ZoneMap:
-    """Map the zones of one leg, or those of all legs of a cycle.
-
-    The other arguments are those of :func:`timelines_of`.
-    """
+    """Map the zones of one leg, or those of all legs of a cycle; see :func:`timelines_of`."""
     legs, x = legs_of(record, cycle) if leg is None else [(cycle, leg)], record.x
-    lines: list[list[Timeline]] = []
-    pieces: list[tuple[State, Array]] = []
-    found: list[Array] = []
+    lines, pieces, found = list[list[Timeline]](), list[tuple[State, Array]](), list[Array]()
     for n, where in enumerate(legs):
         row = [Timeline(t.state, n + t.s) for t in timelines_of(record, *where, stuck, flicker)]
         lines.append(row)

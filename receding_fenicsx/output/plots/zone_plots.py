@@ -21,7 +21,7 @@ from scipy import ndimage
 
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.evolution.record import Record
-from receding_fenicsx.interface.law import State
+from receding_fenicsx.interface.law import MIRRORED, State
 from receding_fenicsx.measures.limit_nodes import (
     NEGLIGIBLE_SLIP,
     LimitNodes,
@@ -29,7 +29,7 @@ from receding_fenicsx.measures.limit_nodes import (
     limit_nodes,
 )
 from receding_fenicsx.output.plots import series, style
-from receding_fenicsx.output.plots.labels import MOST_TOLD, Scales, leg_pieces, load_text, scales_of
+from receding_fenicsx.output.plots.labels import MOST_TOLD, Scales, leg_pieces, load_text
 from receding_fenicsx.output.plots.zone_map import zone_map
 
 MAX_PANELS = 6
@@ -40,12 +40,11 @@ MAX_PANELS = 6
 def zone_maps(record: Record, legs: int | list[tuple[int, int]], columns: int = 1) -> Figure:
     """Draw zone maps of legs that have samples, one panel each; of a symmetric contact x >= 0 only.
 
-    Legs are a list of (cycle, leg), or a cycle for all its legs; one of more than ``MAX_PANELS``
-    legs is one map, see :func:`cycle_maps`. With more than one column in a row the figure is as
-    wide as a page, and each cycle begins a row. Nodes whose slip in a settled cycle is negligible
-    are shown as sticking; a dashed line shows where they reach the friction limit.
+    Legs are a list of (cycle, leg), or a cycle for all its legs: of more than ``MAX_PANELS`` one
+    map, see :func:`cycle_maps`. With several columns each cycle begins a row. Nodes whose slip in a
+    settled cycle is negligible stick, a dashed line shows where they reach the friction limit.
     """
-    scales, shown_legs = scales_of(record), series.requested_legs(record, legs)
+    scales, shown_legs = Scales(record), series.requested_legs(record, legs)
     if not isinstance(legs, list) and len(shown_legs) > MAX_PANELS:
         return cycle_maps(record, [shown_legs[0][0]])
     places = [(0, 0)]
@@ -60,7 +59,7 @@ def zone_maps(record: Record, legs: int | list[tuple[int, int]], columns: int = 
     wide = inches[0] - (0.25 if columns == 1 else 0.45)
     titles = []
     for n, where in enumerate(shown_legs):
-        text = style.wrapped(leg_pieces(record, *where, scales), wide)
+        text = style.wrapped(leg_pieces(*where, scales), wide)
         titles.append(style.panel_title(n, len(shown_legs), text))
     lines = 1 + max(title.count("\n") for title in titles)
     figure = style.new_figure(width, 0.9 + (inches[1] + 0.1 + 0.15 * lines) * rows)
@@ -92,12 +91,11 @@ def zone_maps(record: Record, legs: int | list[tuple[int, int]], columns: int = 
 
 @mpl.rc_context(style.RC)
 def cycle_maps(record: Record, cycles: int | Sequence[int]) -> Figure:
-    """Draw the zones along one or several whole cycles, with the loads beside them.
+    """Draw the zones along whole cycles with the loads beside them, legs of equal heights upwards.
 
-    All legs of a cycle are stacked upwards, each of the same height; those of a harmonic history
-    are drawn over the phase. Zones are shown as those of :func:`zone_maps`.
+    Those of a harmonic history are drawn over the phase.
     """
-    scales, chosen = scales_of(record), series.requested_cycles(record, cycles)
+    scales, chosen = Scales(record), series.requested_cycles(record, cycles)
     angles = series.phases(record) if chosen[0] else None
     # inches: height of the axes, width of the axes of the loads
     height = float(np.clip(0.22 * len(series.legs_of(record, chosen[-1])), 3.0, 5.6))
@@ -151,11 +149,8 @@ def _draw_loads(axes: Axes, record: Record, cycle: int, scales: Scales, at: Arra
 # of the lines where nodes reach the friction limit without slip
 _DASHED: dict[str, Any] = {"color": "black", "dashes": (3, 1.5), "lw": 1.0}
 
-_Drawn = tuple[set[State], LimitNodes | None]
-"""States that a panel shows, and the nodes that it shows at the friction limit."""
 
-
-def _add_legends(figure: Figure, record: Record, drawn: Sequence[_Drawn], ncols: int) -> None:
+def _add_legends(figure: Figure, record: Record, drawn: list[Any], ncols: int) -> None:
     """Name the states shown below the panels, the dashed lines above them."""
     dashed = [limit for _, limit in drawn if limit is not None]
     if dashed:
@@ -177,8 +172,8 @@ def _draw_zones(
     ends: Array,
     scales: Scales,
     inches: tuple[float, float],
-) -> _Drawn:
-    """Draw the zones of one or all legs of a cycle between these values at the ends of the legs."""
+) -> tuple[set[State], LimitNodes | None]:
+    """Draw zones of legs between values at their ends; return states and nodes at the limit."""
     limit = limit_nodes(record, cycle) if is_settled(record, cycle) else None
     one = legs[0] if len(legs) == 1 else None
     # with elements of degree 2 single nodes at the ends of zones change between stick and slip, and
@@ -199,9 +194,12 @@ def _draw_zones(
     # boundaries of thin legs are thinner
     width, lines = min(0.6, 20.0 * height), list(place(drawn.boundaries))
     axes.add_collection(LineCollection(lines, colors="black", linewidths=width, capstyle="round"))
-    half = scales.symmetric and record.x[0] < 0.0
+    # of a symmetric contact, whose states are all mirror images, x >= 0 is shown
+    centred = np.abs(record.x + record.x[::-1]).max() <= 1e-9 * np.ptp(record.x)
+    tables = record.turning_points.state, record.samples.state
+    half = centred and all(np.array_equal(MIRRORED[state][:, ::-1], state) for state in tables)
     low, high = 0.0 if half else record.x[0], record.x[-1]
-    axes.set_xlim(0.0 if scales.begins_on_axis else low / scales.length, high / scales.length)
+    axes.set_xlim(0.0 if half else scales.ends[0], scales.ends[1])
     axes.set_ylim(float(ends.min()), float(ends.max()))
     style.ticks(axes.xaxis, 5)
     axes.set_axisbelow(False)
@@ -246,8 +244,7 @@ def _numbers(
     """Yield the numbers of the 24 deepest zones of a raster of 100 points an inch.
 
     Each is its state, the point of the number, the point that an arrow from it points to (the same
-    where the number is inside), and the state on which the number is written. Very small zones have
-    no number; thin ones only with ``arrows``.
+    where the number is inside), and the state below the number. Thin zones need ``arrows``.
     """
     rows, columns = np.indices(raster.shape)
     room = np.full(raster.shape, np.inf)

@@ -3,5 +3,5 @@
 1. A :class:`~receding_fenicsx.output.report.section.Section` makes its keys of the summary from a
    record, and its table and its lines for the console from the summary.
 2. ``summary.SECTIONS`` lists those of ``contact`` and ``run``; ``summarise`` returns all keys.
-3. Two renderers: ``summary.run_table`` for the console, ``html.write_report`` for the page.
+3. Two renderers: ``summary.run_table`` for the console, ``write_report`` for the page.
 """

@@ -53,10 +53,9 @@ def turning_points(record: Record) -> dict[str, Any]:
 
 
 def headline_points(summary: Summary) -> list[Summary]:
-    """Return the turning points of cycles 0, 1 and the last, of many legs those at extreme loads.
+    """Return the turning points of cycles 0, 1 and the last.
 
-    In a cycle of more than 12 legs these are where a load factor is the smallest or the largest of
-    the cycle, and the end of the cycle.
+    In a cycle of more than 12 legs those at extreme load factors, and the end of the cycle.
     """
     points = summary["turning_points"]
     found = []
@@ -104,8 +103,7 @@ def tell_points(summary: Summary) -> Told:
 def console_table(summary: Summary, most: int) -> list[str]:
     """Return a table of at most so many turning points: of the last cycle, then of cycles 0 and 1.
 
-    Columns that do not fit the console are left out. Half widths are the fitted ones where all that
-    are shown are fitted.
+    Half widths are the fitted ones where all are; columns that do not fit are left out.
     """
     points = headline_points(summary)
     rank = {1: 2, 0: 1} | {p["cycle"]: 0 for p in points[-1:]}
@@ -200,9 +198,6 @@ def _format(values: Sequence[float]) -> str:
         return "z.4f"
     places = 4 - math.floor(math.log10(largest))
     return f"z.{places}f" if 0 <= places <= 8 else "z.4e"
-
-
-# -- checks ----------------------------------------------------------------------------------------
 
 
 def checks(record: Record) -> dict[str, Any]:
@@ -325,8 +320,6 @@ def tell_checks(summary: Summary) -> Told:
     residual = f"largest residual {summary['residual_max']:.1e}, {counted} {summary[counted]}"
     return Told(rows, [*lines, residual])
 
-
-# -- fatigue parameters: the worst point of each -------------------------------------------------
 
 CRITERIA = {
     "swt": "Smith, Watson and Topper",

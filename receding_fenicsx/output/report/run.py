@@ -32,9 +32,6 @@ def model(record: Record) -> dict[str, Any]:
     }
 
 
-# -- warnings ------------------------------------------------------------------------------------
-
-
 def warnings(record: Record) -> dict[str, Any]:
     """Return the warnings on the scene and on the record."""
     scene, found, ends = record.scene, [], np.array([0, -1])
@@ -89,9 +86,6 @@ def tell_warnings(summary: Summary) -> Told:
     return Told([[text] for text in found], [f"warning: {text}" for text in found])
 
 
-# -- forces of bolts and of prescribed displacements ---------------------------------------------
-
-
 def _bolts(record: Record) -> dict[str, list[float]]:
     """Return each bolt's force at the turning points."""
     names = [bolt.name for bolt in record.scene.bolts] if record.scene else []
@@ -122,9 +116,6 @@ def tell_forces(summary: Summary) -> Told:
     found = ", ".join(f"{who} {low:.4g} to {high:.4g}" for who, low, high, _ in rows)
     lines = [f"smallest and largest force: {found}"] if rows else []
     return Told([["", "smallest", "largest", "last"], *rows], lines)
-
-
-# -- space errors, and the search for a mesh that meets a tolerance ------------------------------
 
 
 def _error(found: Summary, empty: str) -> str:
@@ -207,9 +198,6 @@ def tell_costs(summary: Summary) -> Told:
     return Told(rows, [f"{sum(times.values()):.1f} s{drawn}, {memory} MB"])
 
 
-# -- cycles ----------------------------------------------------------------------------------------
-
-
 def cycles(record: Record) -> dict[str, Any]:
     """Return dissipation and largest slip of each cycle."""
     slip = np.abs(record.cycles.slip_increment).max(axis=1, initial=0.0)
@@ -239,9 +227,6 @@ def ratio_words(summary: Summary) -> list[list[str]]:
     if not D or not D[0] or not summary.get("dissipates", True):
         return []
     return [[f"dissipation of cycle {len(D)} over cycle 1", f"{D[-1] / D[0]:.5f}"]]
-
-
-# -- steady state --------------------------------------------------------------------------------
 
 
 def steady_state(record: Record) -> dict[str, Any]:

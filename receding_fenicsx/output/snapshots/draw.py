@@ -67,11 +67,7 @@ def snapshots(
     quantities: tuple[Quantity, ...] = QUANTITIES,
     say: Say | None = None,
 ) -> list[Path] | None:
-    """Draw the body at some instants, one picture for each stress; collective.
-
-    The pictures go to ``folder``, the fields for ParaView to ``fields`` next to it. Rank 0 gets the
-    files.
-    """
+    """Draw stresses at instants into a folder; write ``fields`` beside it; collective."""
     comm, beside = bulk.comm, folder.parent / "fields"
 
     def prepare() -> None:
@@ -88,6 +84,7 @@ def snapshots(
 
     def draw() -> list[Path]:
         history, files = history_from_scene(bulk.scene), [beside / f"{n}.xdmf" for n in names]
+        # all fields first: they need no graphics library
         for now, file, fields in zip(instants, files, map(given, solved), strict=True):
             legs = len(history.path if now.cycle == 0 else history.loop) - 1
             merged = merge_axis(fields) if bulk.body.half else fields

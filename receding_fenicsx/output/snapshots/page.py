@@ -20,7 +20,7 @@ from receding_fenicsx.arrays import Array
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.interface.measures.zones import zones
 from receding_fenicsx.output.plots import style
-from receding_fenicsx.output.plots.labels import MOST_TOLD, position_label
+from receding_fenicsx.output.plots.labels import MOST_TOLD
 from receding_fenicsx.output.plots.traction_plots import draw_tractions
 from receding_fenicsx.output.snapshots.render import Pixels
 from receding_fenicsx.output.snapshots.view import Strip, View, outline
@@ -72,11 +72,7 @@ class Colours:
 def colours_of(
     values: Array, quantity: Quantity, pressure_symbol: str, areas: Array | None = None
 ) -> Colours:
-    """Choose the colours and the contour lines (none for fringes) of a field (n,).
-
-    Its vertices have the areas (n,), by default equal ones; it is divided by a pressure unless the
-    symbol of that is empty.
-    """
+    """Choose colours and contour lines (not of fringes) of a field (n,) at vertices with areas."""
     # a large body is almost free of stress far from its load: less than 0.02 of the largest does
     # not affect the range, from whose ends half a per cent of the area may lie beyond, as singular
     # points would take most of it
@@ -213,10 +209,7 @@ def compose(
     clock: Clock | None = None,
     values: Array | None = None,
 ) -> Figure:
-    """Draw the page around the image of the field, whose values have contour lines.
-
-    ``clock`` is its position in a film.
-    """
+    """Draw the page around the image of the field, whose values have contour lines."""
     figure = Figure(figsize=(style.PAGE, FOOT + layout.height + 0.3), dpi=layout.dpi)
     body = _axes_at(figure, (LEFT, FOOT, WIDTH, layout.height))
     # one pixel of the image for each of the page, behind the axes
@@ -232,7 +225,17 @@ def compose(
     body.set_xlim(layout.window[0], layout.window[1])
     body.set_ylim(layout.window[2], layout.window[3])
     body.set_axis_off()
-    _draw_outlines(body, view)
+    edges = outline(view.cells)
+    before, after = list(view.points[edges]), list(view.moved[edges])
+    dashed: dict[str, Any] = {"colors": style.GUIDE_COLOUR, "linestyles": [(0, (3, 2))]}
+    body.add_collection(LineCollection(before, linewidths=0.6, zorder=2, **dashed))
+    whole = LineCollection(after, colors="black", capstyle="round", linewidths=0.8, zorder=3)
+    body.add_collection(whole)
+    for strip in view.strips:
+        if strip.rigid:
+            _draw_plane(body, view, strip)
+        else:
+            _draw_line(body, strip)
     _draw_loads(body, view)
     _draw_tractions(_axes_at(figure, (LEFT, LOW, WIDTH, TRACTIONS)), view, layout, clock)
     if clock is not None:
@@ -326,9 +329,8 @@ def _draw_tractions(axes: Axes, view: View, layout: Layout, clock: Clock | None)
     # one place in all pictures of a film
     place = "best" if clock is None else clock.legend
     axes.legend(loc=place, borderaxespad=0.2, handlelength=1.2)  # type: ignore[call-overload]
-    label = position_label(view.length_symbol, view.radial, view.own_units)
     which = f" on {strip.name}" if len(view.strips) > 1 else ""
-    axes.set_xlabel(label + which, labelpad=1.0)
+    axes.set_xlabel(view.x_label + which, labelpad=1.0)
     axes.set_ylabel(in_unit(curves, view.stress_unit))
     style.ticks(axes.yaxis, 5)
 
@@ -336,24 +338,8 @@ def _draw_tractions(axes: Axes, view: View, layout: Layout, clock: Clock | None)
 # -- outlines, contact and loads -----------------------------------------------------------------
 
 
-def _draw_outlines(axes: Axes, view: View) -> None:
-    """Draw the undeformed and the deformed outline, and planes and states of contact edges."""
-    edges = outline(view.cells)
-    before, after = list(view.points[edges]), list(view.moved[edges])
-    dashed: dict[str, Any] = {"colors": style.GUIDE_COLOUR, "linestyles": [(0, (3, 2))]}
-    axes.add_collection(LineCollection(before, linewidths=0.6, zorder=2, **dashed))
-    whole = LineCollection(after, colors="black", capstyle="round", linewidths=0.8, zorder=3)
-    axes.add_collection(whole)
-    for strip in view.strips:
-        if strip.rigid:
-            _draw_plane(axes, view, strip)
-            _draw_band(axes, view, strip)
-        else:
-            _draw_line(axes, strip)
-
-
 def _draw_plane(axes: Axes, view: View, strip: Strip) -> None:
-    """Draw the rigid plane below a contact edge, beyond it if it is the only contact edge."""
+    """Draw the rigid plane below a contact edge, and the states with their numbers below it."""
     direction, first = strip.direction, strip.place[0]
     shown = view.points if len(view.strips) == 1 else strip.place
     along = (shown - first) @ direction
@@ -366,6 +352,21 @@ def _draw_plane(axes: Axes, view: View, strip: Strip) -> None:
         plane = np.vstack([flat[:1], plane, flat[1:]])
     plane = plane - 0.01 * view.size * strip.normal
     axes.plot(plane[:, 0], plane[:, 1], color="black", lw=1.3, zorder=4, clip_on=view.near)
+    foot = first - strip.x[0] * direction
+    inner, outer = (depth * strip.normal for depth in band_depths(view, strip))
+    boxes, fills = [], []
+    for name, a, b in zones(strip.x, strip.state):
+        state = style.STATE_OF_NAME[name]
+        ends = foot + np.array([[a], [b]]) * direction
+        boxes.append(np.vstack([ends - inner, ends[::-1] - outer]))
+        fills.append(style.STATE_COLOURS[state])
+        if b - a > 0.025 * np.ptp(strip.x):  # room for the number
+            look: dict[str, Any] = {"ha": "center", "va": "center_baseline", "fontsize": 7.0}
+            look |= {"xytext": (0.0, -0.3), "textcoords": "offset points", "zorder": 6}
+            look["color"] = style.STATE_INKS[state]
+            axes.annotate(str(int(state)), boxes[-1].mean(axis=0), **look)
+    band: dict[str, Any] = {"edgecolors": "black", "linewidths": 0.4, "zorder": 5}
+    axes.add_collection(PolyCollection(boxes, facecolors=fills, **band))
 
 
 def _draw_line(axes: Axes, strip: Strip) -> None:
@@ -379,26 +380,6 @@ def _draw_line(axes: Axes, strip: Strip) -> None:
     for look, width, zorder in (("black", 4.4, 4), (colours, 3.4, 5)):
         line = LineCollection(pieces, colors=look, linewidths=width, capstyle="butt", zorder=zorder)
         axes.add_collection(line)
-
-
-def _draw_band(axes: Axes, view: View, strip: Strip) -> None:
-    """Draw the states as a band below the plane, with their numbers."""
-    foot = strip.place[0] - strip.x[0] * strip.direction
-    inner, outer = (depth * strip.normal for depth in band_depths(view, strip))
-    boxes, fills = [], []
-    for name, a, b in zones(strip.x, strip.state):
-        state = style.STATE_OF_NAME[name]
-        ends = foot + np.array([[a], [b]]) * strip.direction
-        boxes.append(np.vstack([ends - inner, ends[::-1] - outer]))
-        fills.append(style.STATE_COLOURS[state])
-        if b - a > 0.025 * np.ptp(strip.x):  # room for the number
-            look: dict[str, Any] = {"ha": "center", "va": "center_baseline", "fontsize": 7.0}
-            look |= {"xytext": (0.0, -0.3), "textcoords": "offset points", "zorder": 6}
-            look["color"] = style.STATE_INKS[state]
-            axes.annotate(str(int(state)), boxes[-1].mean(axis=0), **look)
-    axes.add_collection(
-        PolyCollection(boxes, facecolors=fills, edgecolors="black", linewidths=0.4, zorder=5)
-    )
 
 
 def _draw_loads(axes: Axes, view: View) -> None:

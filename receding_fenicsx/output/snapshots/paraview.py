@@ -84,10 +84,7 @@ def grid_of(fields: Fields, contact: WholeContact) -> Grid:
 
 
 def write_instant(file: Path, grid: Grid, time: float) -> None:
-    """Write an instant as XDMF file, with its numbers in an HDF5 file beside it.
-
-    The series of all instants of the folder is written anew.
-    """
+    """Write an instant as XDMF, its numbers as HDF5, and anew the series of all in the folder."""
     data = file.with_suffix(".h5")
     element = ET.Element("Grid", Name=file.stem, GridType="Uniform")
     cells = str(len(grid.in_cells["part"]))

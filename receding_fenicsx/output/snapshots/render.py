@@ -24,7 +24,7 @@ Pixels = NDArray[np.uint8]
 
 def start() -> None:
     """Start the process that renders; it loads its libraries while others compute."""
-    workers.submit("renderer", _prepare)
+    workers.submit("renderer", lambda: bool(_window()))
 
 
 def render(
@@ -36,11 +36,10 @@ def render(
     window: tuple[float, float, float, float],
     size: tuple[int, int],
 ) -> Pixels:
-    """Return the image of a field that is linear in each triangle, white beside the mesh.
+    """Return the image of a field at vertices (n, 2) of cells (m, 3 or 4), white beside them.
 
-    The mesh has vertices (n, 2) and cells (m, 3 or 4); ``limits`` are the values of the first and
-    the last colour, ``window`` is what is shown (left, right, bottom, top), ``size`` is in pixels.
-    Where off-screen rendering does not work, RecedingError is raised.
+    ``limits`` are the values of the first and the last colour, ``window`` is what is shown (left,
+    right, bottom, top), ``size`` is in pixels. RecedingError: no off-screen rendering.
     """
     try:
         picture = points, cells, values, limits, colours, window, size
@@ -52,10 +51,6 @@ def render(
             f"off-screen rendering failed ({reason}); install libosmesa6 (or libegl1), "
             "then see receding-fenicsx doctor"
         ) from None
-
-
-def _prepare() -> None:
-    _window()
 
 
 @cache

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -18,7 +18,6 @@ from receding_fenicsx.output.plots import labels
 from receding_fenicsx.scene import history
 from receding_fenicsx.scene.model import Load, Scene
 from receding_fenicsx.scene.one_body import in_order
-from receding_fenicsx.scene.options import Units as SceneUnits
 from receding_fenicsx.scene.profiles import directions, evaluate
 from receding_fenicsx.scene.symmetry import HORIZONTAL, edge_points, edge_range
 
@@ -46,12 +45,12 @@ def merge_axis(fields: Fields) -> Fields:
     def mean(values: Array) -> Array:
         return np.bincount(target, values, minlength=len(target))[used] / count[used]
 
-    return Fields(
+    return replace(
+        fields,
         points=points[used],
         cells=np.searchsorted(used, target[fields.cells]),
         displacement=np.stack([mean(part) for part in fields.displacement.T], axis=1),
         stress={name: mean(values) for name, values in fields.stress.items()},
-        cell_stress=fields.cell_stress,
         body=None if fields.body is None else fields.body[used],
     )
 
@@ -214,16 +213,10 @@ class View:
     q: Array  # (N,)
     f: Friction  # friction, forward and backward, of the N nodes on the first contact edge
     arrows: list[Arrows]  # arrows of the loads
-    length_symbol: str  # symbol of the unit; "" for the scene's own unit
-    pressure_symbol: str
+    x_label: str  # label of positions along the first contact edge
+    pressure_symbol: str  # symbol of the unit of stress; "" for the scene's own unit
+    stress_unit: str  # this unit; "" if it is not known or stresses are nondimensional
     caption: str  # description of the instant
-    radial: bool  # whether positions along the first contact edge are radii
-    own_units: SceneUnits  # units of the scene
-
-    @property
-    def stress_unit(self) -> str:
-        """Unit of the stresses as text; "" if it is not known or they are nondimensional."""
-        return "" if self.pressure_symbol else labels.shown_unit(self.own_units.stress)
 
     @property
     def x(self) -> Array:
@@ -247,6 +240,8 @@ def view_of(bulk: Stack, fields: Fields, instant: Instant, units: Units | None =
     size, near = _size(bulk, fields)
     strips, p, q, f = _contact(bulk, fields, instant, units, unit)
     arrows = load_arrows(scene, fields, instant.load, units.factor, size)
+    first = strips[0]
+    radial = scene.axisymmetric and np.allclose(np.abs(first.place[:, 0]), np.abs(first.x))
     return View(
         points=fields.points / unit,
         moved=(fields.points + units.factor * fields.displacement) / unit,
@@ -260,12 +255,10 @@ def view_of(bulk: Stack, fields: Fields, instant: Instant, units: Units | None =
         q=q,
         f=f,
         arrows=[Arrows(a.tails / unit, a.heads / unit, a.joined) for a in arrows],
-        length_symbol="h" if length else "",
+        x_label=labels.position_label("h" if length else "", radial, scene.units),
         pressure_symbol=units.symbol,
+        stress_unit="" if units.symbol else labels.shown_unit(scene.units.stress),
         caption=_caption(scene, instant),
-        radial=scene.axisymmetric
-        and np.allclose(np.abs(strips[0].place[:, 0]), np.abs(strips[0].x)),
-        own_units=scene.units,
     )
 
 
@@ -298,11 +291,7 @@ def _contact(
 
 
 def units_of(bulk: Stack, fields: list[Fields], load: Array, symbol: str = "") -> Units:
-    """Choose the units of one picture, or of several pictures with the same units.
-
-    Stresses are divided by the pressure at these load factors, whose symbol is by default that of
-    the load.
-    """
+    """Choose the units of pictures; stresses are over the pressure at a load, with this symbol."""
     size, _ = _size(bulk, fields[0])
     largest = max(float(np.linalg.norm(f.displacement, axis=1).max()) for f in fields)
     factor = 1.0
@@ -338,7 +327,7 @@ def _caption(scene: Scene, instant: Instant) -> str:
     way = labels.name_leg(instant.cycle, instant.leg, falls, first, plain)
     parts = instant.load / largest_factors(scene)
     told = labels.told_loads(scene, names, instant.load)
-    return f"{way}, {labels.describe_factors(tuple(names[k] for k in told), parts[told])}"
+    return ", ".join([way, *(labels.describe_factor(names[k], float(parts[k])) for k in told)])
 
 
 # -- arrows of loads -----------------------------------------------------------------------------
