@@ -1,4 +1,4 @@
-"""Reports of a run: ``summary.json``, the console and ``report.html``, section by section.
+"""Reports of a run: ``summary.json``, the console and the file report.html, section by section.
 
 1. A :class:`~receding_fenicsx.output.report.section.Section` makes its keys of the summary from a
    record, and its table and its lines for the console from the summary.

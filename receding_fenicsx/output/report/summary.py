@@ -1,4 +1,4 @@
-"""Sections of a report in their order; their numbers, the console, and ``report.html``.
+"""Sections of a report in their order; their numbers, the console, and the file report.html.
 
 The page holds all pictures of a run and refers to no other file.
 """
@@ -38,7 +38,7 @@ SECTIONS = {
         Section("Versions", lambda summary: Told(list(summary.get("versions", {}).items()))),
     )
 }
-"""Sections in the order of ``report.html``; pictures stand behind the turning points."""
+"""Sections in the order of the file report.html; pictures stand behind the turning points."""
 
 
 def summarise(record: Record, extra: Mapping[str, Any] | None = None) -> dict[str, Any]:
@@ -90,7 +90,7 @@ def _wrapped(lines: Sequence[str]) -> list[str]:
 
 
 def write_report(folder: Path, scene_toml: str) -> Path:
-    """Write ``report.html`` from ``summary.json``, figures and snapshots of a run."""
+    """Write the file report.html from ``summary.json``, figures and snapshots of a run."""
     path = Path(folder) / "report.html"
     pictures = {
         kind: sorted((Path(folder) / kind).rglob("*.png")) for kind in ("figures", "snapshots")
