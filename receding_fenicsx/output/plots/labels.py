@@ -42,8 +42,9 @@ def load_symbol(name: str) -> str:
     if found and (len(found[2]) == 0 or found[2].isdigit()):
         return found[1] + (f"_{{{found[2]}}}" if found[2] else "")
     # letters that are commands in Matplotlib's mathematics
-    commands = {letter: f"\\{letter}" for letter in "_%${} "} | {'"': "''", "`": "'"}
+    commands: dict[str, str | int | None] = {letter: f"\\{letter}" for letter in "_%${} "}
     commands |= {"\\": r"\backslash ", "^": r"\wedge ", "~": r"\sim ", "#": r"\sharp "}
+    commands |= {'"': "''", "`": "'"}
     word = shown_name(name).replace(r"\$", "$").translate(str.maketrans(commands))
     return rf"\mathrm{{{word}}}"
 
