@@ -31,7 +31,7 @@ from stack_problems import FAMILIES
 
 from receding_fenicsx.evolution.evolve import evolve
 from receding_fenicsx.evolution.record import Record
-from receding_fenicsx.interface.load_steps.steps import StepTrials
+from receding_fenicsx.interface.load_steps.path import GaussSeidelPath
 from receding_fenicsx.scene.model import OutputOptions, SolverOptions
 
 pytestmark = pytest.mark.one_rank
@@ -297,6 +297,6 @@ def test_a_jump_that_is_not_counted_is_seen() -> None:
 
 
 def test_load_steps_that_jump_silently_are_seen(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(StepTrials, "is_straight", lambda *step: True)
+    monkeypatch.setattr(GaussSeidelPath, "_is_straight", lambda *step: True)
     options = SolverOptions(method="gauss-seidel", steps_per_leg=STEPS)
     assert "jumps silently" in judge(Problem(0, *one_node(), options, ())).said

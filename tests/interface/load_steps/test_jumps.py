@@ -13,7 +13,7 @@ from receding_fenicsx.interface.exact.legs import LegProblem, unchanged
 from receding_fenicsx.interface.exact.walk import Walk
 from receding_fenicsx.interface.gauss_seidel.sweeps import GaussSeidelOptions
 from receding_fenicsx.interface.law import State
-from receding_fenicsx.interface.load_steps.steps import StepTrials
+from receding_fenicsx.interface.load_steps.path import GaussSeidelPath
 from receding_fenicsx.interface.system import ContactState
 from receding_fenicsx.scene.model import SolverOptions
 
@@ -94,7 +94,7 @@ def test_a_step_to_rest_is_taken_near_the_exact_path_only(
         raise SolveError("lost accuracy")
 
     monkeypatch.setattr(Walk, "finish", lost)
-    monkeypatch.setattr(StepTrials, "is_straight", lambda *step: False)
+    monkeypatch.setattr(GaussSeidelPath, "_is_straight", lambda *step: False)
     free = small_system(np.diag([1.0, 0.0]), {"a": [1.0, 1.0]}, 0.5, rigid=[[0.0, 1.0]])
     pressed = ContactState(
         np.array([-0.5, 0.0]), np.array([0.5, 1.0]), np.array([State.BACKWARD_SLIP], dtype=np.int8)
@@ -102,6 +102,6 @@ def test_a_step_to_rest_is_taken_near_the_exact_path_only(
     problem = LegProblem(pressed, (np.ones(1), np.zeros(1)), 1.0)
     leg = unchanged(problem)
     end = ContactState(np.array([-0.5 * off, 0.0]), np.zeros(2), np.array([State.STICK], np.int8))
-    monkeypatch.setattr(StepTrials, "_solve", lambda *part: replace(leg, end=end))
-    found, s = StepTrials(free, GaussSeidelOptions()).attempt(problem, leg, 0.0, 1.0)
+    monkeypatch.setattr(GaussSeidelPath, "_solve", lambda *part: replace(leg, end=end))
+    found, s = GaussSeidelPath(free, GaussSeidelOptions(), 1).attempt(problem, leg, 0.0, 1.0)
     assert (found is not None, s) == ((True, 1.0) if taken else (False, 0.5))
