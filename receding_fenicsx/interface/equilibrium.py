@@ -10,7 +10,7 @@ slides or tips over, whatever the path before.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import scipy.optimize
@@ -25,32 +25,12 @@ RESULTANT = 1e-13
 """Resultant along a rigid motion, over the sum of all held reactions, that is none."""
 
 
-@dataclass(frozen=True)
-class Limit:
-    """Where equilibrium ends on a leg.
+class Limit(NamedTuple):
+    """Where equilibrium ends on a leg."""
 
-    Attributes:
-        s: place on the leg.
-        loads: load factors there, for messages.
-        kind: "lift-off", "gross sliding" or "overturning".
-    """
-
-    s: float
-    loads: str
-    kind: str
-
-    @property
-    def text(self) -> str:
-        """What to tell the user."""
-        what = {
-            "lift-off": "nothing presses the body on any more",
-            "gross sliding": "friction cannot hold the loads",
-            "overturning": "the body tips over the end of its contact",
-        }[self.kind]
-        return (
-            f"{self.kind} at {self.loads}: {what}, no contact forces balance the "
-            "loads beyond; change their course, or add a [[support]]"
-        )
+    s: float  # place on the leg
+    kind: str  # "lift-off", "gross sliding" or "overturning"
+    text: str  # what to tell the user
 
 
 def furthest(system: ContactSystem, a: Array, b: Array) -> Limit | None:
@@ -65,13 +45,21 @@ def furthest(system: ContactSystem, a: Array, b: Array) -> Limit | None:
         return None
     load = (1.0 - with_friction) * a + with_friction * b
     if _reach(system, a, b, bounded=False) > with_friction + SHORT:
-        kind = "gross sliding"
+        kind, what = "gross sliding", "friction cannot hold the loads"
     else:
-        pressure = float((load @ system.r_star)[system.n :] @ _lift(system))
+        kind, what = "overturning", "the body tips over the end of its contact"
+        # the rigid motion nearest to lifting all nodes alike
+        target = np.repeat([0.0, 1.0], system.n)
+        motion = system.rigid @ np.linalg.lstsq(system.rigid, target, rcond=None)[0]
+        pressure = float((load @ system.r_star)[system.n :] @ motion[system.n :])
         size = float(np.abs(np.vstack([a, b]) @ system.r_star).sum(axis=1).max())
-        lifts = _lift(system).any() and pressure <= 1e-8 * size
-        kind = "lift-off" if lifts else "overturning"
-    return Limit(with_friction, system.load_text(load), kind)
+        if np.abs(motion - target).max() <= 1e-9 and pressure <= 1e-8 * size:
+            kind, what = "lift-off", "nothing presses the body on any more"
+    text = (
+        f"{kind} at {system.load_text(load)}: {what}, no contact forces balance the loads beyond; "
+        "change their course, or add a [[support]]"
+    )
+    return Limit(with_friction, kind, text)
 
 
 def is_balanced(system: ContactSystem, load: Array, end: ContactState) -> bool:
@@ -83,15 +71,6 @@ def is_balanced(system: ContactSystem, load: Array, end: ContactState) -> bool:
     elastic = end.r - load @ system.r_star
     carried = float(np.abs(system.rigid.T @ elastic).max(initial=0.0))
     return carried <= RESULTANT * float(np.abs(end.r).sum() + np.abs(elastic).sum())
-
-
-def _lift(system: ContactSystem) -> Array:
-    """Return (N,) normal part of the rigid motion nearest to lifting all nodes alike; may be 0."""
-    n = system.n
-    target = np.repeat([0.0, 1.0], n)
-    weights = np.linalg.lstsq(system.rigid, target, rcond=None)[0]
-    motion = system.rigid @ weights
-    return motion[n:] if np.abs(motion - target).max() <= 1e-9 else np.zeros(n)
 
 
 def _reach(system: ContactSystem, a: Array, b: Array, bounded: bool = True) -> float:

@@ -218,13 +218,9 @@ def limit_distances(
 
     At a slipping node one of them is zero and the other A + B: as a difference of Q and f P it
     would carry the round-off of Q, which a small f P does not bear. Both are zero at an open node,
-    and at one that a support holds normally, which has no limit.
-
-    Args:
-        friction: (N,) coefficients of friction.
-        nodes: (N,) nodes with friction, and smooth ones, at which P stands in place of A.
-        state: (N,) states.
-        r: (2N,) reactions [Q; P], or their rates; or (2N, k) of several, all else (N, 1).
+    and at one that a support holds normally, which has no limit. ``nodes`` are those with friction,
+    and smooth ones, at which P stands in place of A. Reactions or their rates r are (2N,), or
+    (2N, k) of several, all else (N, 1).
     """
     frictional, smooth = nodes
     n = len(state)

@@ -33,11 +33,6 @@ def round_off(system: ContactSystem, u: Array, force_scale: float) -> float:
     return float(np.finfo(float).eps * (np.abs(system.K) @ np.abs(u)).max()) / force_scale
 
 
-REACHABLE_AT_MOST = 1e-6
-"""Residual, over the largest force, above which no round-off excuses it: that of a body which has
-moved far without limit, tipping over, would let pass anything."""
-
-
 def reachable(system: ContactSystem, u: Array, force_scale: float) -> float:
     """Return the relative residual that is accepted for round-off."""
     return limit_excuse(system, ROUND_OFFS * round_off(system, u, force_scale), [u], force_scale)
@@ -46,19 +41,20 @@ def reachable(system: ContactSystem, u: Array, force_scale: float) -> float:
 def limit_excuse(
     system: ContactSystem, excused: float, u: list[Array], force_scale: float
 ) -> float:
-    """Return a residual that round-off excuses, cut off at ``REACHABLE_AT_MOST``.
+    """Return a residual that round-off excuses, cut off at 1e-6 of the largest force.
 
-    The largest force is that of the contact or an elastic one, K u less its own round-off: soft
-    springs may carry the loads of a body whose contact is open.
+    Beyond, that of a body which has moved far, tipping over, would let pass anything. The largest
+    force is that of the contact or an elastic one, K u less its own round-off: soft springs may
+    carry the loads of a body whose contact is open.
     """
-    if not excused > REACHABLE_AT_MOST:
+    if not excused > 1e-6:
         return excused
     elastic = (
         float(np.abs(system.K @ at).max()) / force_scale
         - ROUND_OFFS * round_off(system, at, force_scale)
         for at in u
     )
-    return min(excused, REACHABLE_AT_MOST * max(1.0, *elastic))
+    return min(excused, 1e-6 * max(1.0, *elastic))
 
 
 def is_carried_by_round_off(system: ContactSystem, u: Array, force_scale: float) -> bool:
@@ -86,19 +82,12 @@ def law_residual(
 
     Normal: P - max(0, P - k_n g). Tangential: Q - clip(Q - k_t dv, -f_forward P+, f_backward P+),
     P+ = max(P, 0). Both vanish exactly when Signorini's and Coulomb's conditions hold (eqs. 4 to
-    10). With a cohesion or a shear limit the clip is to those limits, 0 at open nodes.
+    10). With a cohesion or a shear limit the clip is to those limits, 0 at open nodes: cohesion
+    acts where a node ``touches`` (N,). The slip dv (N,) is that of the step or segment, from the
+    point of first contact for a node that was open at its start; ``stiffness`` are k_t and k_n.
 
-    Args:
-        system: the condensed body, ``kind = "frictional"``.
-        r: (2N,) reactions, or (k, 2N) of k instants.
-        u: (2N,) or (k, 2N) displacements.
-        slip: (N,) or (k, N) tangential displacement of the step or segment, from the point of
-            first contact for a node that was open at its start.
-        stiffness: (N,) tangential and normal stiffness that weigh a displacement against a force.
-        touches: (N,) nodes in contact, where a cohesion acts.
-
-    Returns:
-        (2N,) or (k, 2N) absolute residual, tangential part first; zero at held degrees of freedom.
+    Returned are absolute values (2N,), tangential part first, zero at held degrees of freedom; or
+    (k, 2N) of k instants.
     """
     n = system.n
     k_t, k_n = stiffness

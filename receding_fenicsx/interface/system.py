@@ -330,15 +330,7 @@ class Leg:
 
 
 def reactions(system: ContactSystem, load: Array, u: Array) -> Array:
-    """Return r = sum_k lambda_k r*_k + K u (eq. 11), evaluated afresh.
-
-    Args:
-        system: the condensed body.
-        load: (n_loads,) load factors.
-        u: displacements in the order of ``system.K``.
-
-    Returns:
-        Reactions in the same order.
+    """Return r = sum_k lambda_k r*_k + K u (eq. 11), evaluated afresh, in the order of K.
 
     One node of stiffness K_tt = 2, K_nn = 4 that a load pushes down by 3; moved by v = 1/2 its
     reactions are Q = 2 / 2 and P = 3:
@@ -355,18 +347,22 @@ def reactions(system: ContactSystem, load: Array, u: Array) -> Array:
 
 
 def neutral_motions(rigid: Array, kept: NDArray[np.bool_]) -> Array:
-    """Return (2N, k) orthonormal rigid motions that leave the kept freedoms where they are.
-
-    Args:
-        rigid: (2N, n) rigid motions that supports leave.
-        kept: (2N,) freedoms whose displacement is given.
-    """
+    """Return (2N, k) orthonormal ones of rigid motions (2N, n) that leave kept freedoms (2N,)."""
     if rigid.shape[1] == 0:
         return rigid
     given = rigid[kept]
     _, size, right = np.linalg.svd(given, full_matrices=len(given) < rigid.shape[1])
     motions = rigid @ right[int(np.count_nonzero(size > RIGID_TOLERANCE)) :].T
     return np.linalg.qr(motions)[0] if motions.size else motions
+
+
+def pinned_stiffness(system: ContactSystem, free: NDArray[np.intp]) -> Array:
+    """Return K of freedoms that move freely; rigid motions of these alone are made stiff."""
+    kept = np.ones(len(system.K), dtype=bool)
+    kept[free] = False
+    motions = neutral_motions(system.rigid, kept)[free]
+    pinned = float(system.diagonal.max(initial=0.0)) * motions @ motions.T
+    return np.asarray(system.K[np.ix_(free, free)] + pinned)
 
 
 def has_rigid(rigid: Array, motion: Array) -> bool:
@@ -380,10 +376,7 @@ def has_rigid(rigid: Array, motion: Array) -> bool:
 def softest_motion(K: Array, held: NDArray[np.bool_], rigid: Array) -> float:
     """Return the stiffness of the softest motion that is not free, over that of the stiffest.
 
-    Args:
-        K: (2N, 2N) stiffness, or (N, N) without tangential freedoms.
-        held: (2N,) freedoms that supports hold.
-        rigid: (2N, n) rigid motions that supports leave.
+    K is (2N, 2N), or (N, N) without tangential freedoms; ``held`` and ``rigid`` are of all 2N.
     """
     held, rigid = held[-len(K) :], rigid[-len(K) :]
     free = np.linalg.matrix_rank(rigid) if rigid.size else 0
@@ -401,13 +394,8 @@ def eliminate_tangential(system: ContactSystem) -> ContactSystem:
     With Q = 0 eq. (11) gives v = -K_tt^+ (K_tn w + sum lambda Q*), hence
     K = K_nn - K_nt K_tt^+ K_tn and r* = P* - K_nt K_tt^+ Q*. Bodies that are free to slide have
     rigid motions in K_tt; they are pinned at v = 0 on average, which is allowed only when no load
-    has a resultant along them.
-
-    Args:
-        system: ``kind = "frictional"``, f = 0 everywhere.
-
-    Returns:
-        The system of ``kind = "normal"`` with its ``slip_map``.
+    has a resultant along them. The system returned is of ``kind = "normal"``, with its
+    ``slip_map``.
 
     Raises:
         InputError: if a load pushes a body along a rigid motion that nothing resists.

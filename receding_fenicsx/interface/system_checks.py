@@ -33,53 +33,36 @@ def check_system(system: ContactSystem) -> None:
             )
     names = {key: (getattr(system, key), tuple) for key in ("load_names", "edge_names")}
     flags = {key: (getattr(system, key), bool, np.bool_) for key in ("half", "axisymmetric")}
-    probes = system.probes
+    probes, text = system.probes, (system.scene_toml, str)
     check_types(
-        "contact system",
-        scene_toml=(system.scene_toml, str),
-        probes=(probes, ProbeMatrix, None),
-        **names,
-        **flags,
+        "contact system", scene_toml=text, probes=(probes, ProbeMatrix, None), **names, **flags
     )
     if system.kind not in ("frictional", "normal") or system.x.ndim != 1:
         raise InputError('the contact system needs kind = "frictional" or "normal", and x (N,)')
     n, loads = system.n, len(system.load_names)
     m = 2 * n if system.kind == "frictional" else n
-    shapes = {
+    nodal = ("weight", "f", "f_backward", "cohesion", "shear_limit", "g0", "edge")
+    shapes: dict[str, tuple[int, ...]] = {
         "points": (n, 2),
-        "weight": (n,),
         "K": (m, m),
         "r_star": (loads, m),
-        "f": (n,),
-        "f_backward": (n,),
-        "cohesion": (n,),
-        "shear_limit": (n,),
-        "g0": (n,),
         "held": (2 * n,),
-        "edge": (n,),
         "slip_map": (n, n + loads),
+        # as many motions as it has columns
+        "rigid": (2 * n, system.rigid.size // max(2 * n, 1)),
+        **dict.fromkeys(nodal, (n,)),
     }
-    for name, shape in shapes.items():
-        array = getattr(system, name)
-        if array is None:
-            continue
-        if array.shape != shape:
+    found = [(name, getattr(system, name), shape) for name, shape in shapes.items()]
+    if probes is not None:
+        k = len(probes.names)
+        found += [("probes.points", probes.points, (k, 2))]
+        found += [("probes.rows", probes.rows, (k, 6, 2 * n + loads))]
+    for name, array, shape in found:
+        if array is not None and array.shape != shape:
             raise InputError(
                 f"{name} of the contact system has shape {array.shape}, expected {shape}: "
                 f"{n} nodes, {loads} loads"
             )
-    if probes is not None:
-        wanted = (len(probes.names), 6, 2 * n + loads)
-        if probes.rows.shape != wanted or probes.points.shape != (len(probes.names), 2):
-            raise InputError(
-                f"probes of the contact system have rows of shape {probes.rows.shape}, expected "
-                f"{wanted}: points, 6 components, 2 * {n} nodes and {loads} loads"
-            )
-    if system.rigid.ndim != 2 or len(system.rigid) != 2 * n:
-        raise InputError(
-            f"rigid of the contact system has shape {system.rigid.shape}, expected ({2 * n}, "
-            "number of rigid motions)"
-        )
     for name in ("x", "weight", "f", "g0", "f_backward", "cohesion", "shear_limit"):
         if (values := getattr(system, name)) is not None:
             _check_nodes(system, name, values, name != "x")
@@ -120,9 +103,7 @@ def check_system(system: ContactSystem) -> None:
 def check_range(system: ContactSystem, factors: Array) -> None:
     """Raise where forces, displacements or energies would leave the range of the numbers.
 
-    Args:
-        system: the condensed body.
-        factors: (n, n_loads) load factors that it is to bear.
+    ``factors`` are the (n, n_loads) load factors that the body is to bear.
 
     Raises:
         InputError: they would.
@@ -132,8 +113,7 @@ def check_range(system: ContactSystem, factors: Array) -> None:
     stiffness = float(np.abs(system.K).max(initial=0.0))
     if not force or not stiffness:
         return
-    energy = force * (force / stiffness)
-    sizes = {"forces": force, "stiffnesses": stiffness, "energies": energy}
+    sizes = {"forces": force, "stiffnesses": stiffness, "energies": force * (force / stiffness)}
     for name, size in sizes.items():
         if not SMALLEST < size < LARGEST:
             raise InputError(

@@ -127,8 +127,7 @@ class Chooser:
             for kind in (1, A, B):
                 labels = kind * segments.system.n + undecided.nodes
                 point.y[labels[point.y[labels] <= found.on_limit[labels]]] = 0.0
-        segment = ways[number].end
-        return segment
+        return ways[number].end
 
     def _solutions(self, place: tuple[int, int, float], *problem: Any) -> NDArray[np.int8]:
         """Return (k, N) solutions of a rate problem; note the place where there may be others."""
@@ -169,8 +168,7 @@ class Chooser:
             option = _static_option(segments, start, other)
             if not any(option.equals(known) for known in ways):
                 ways.append(option)
-        end = ways[self._take(place, problem.ends[0], ways)].end
-        return end
+        return ways[self._take(place, problem.ends[0], ways)].end
 
     def _take(self, place: tuple[int, int, float], load: Array, options: list[_Option]) -> int:
         """Return the index of the continuation to take; note the choice where there are several."""
@@ -214,14 +212,10 @@ class Chooser:
 
     def text(self) -> str:
         """Return in words which choices were made."""
-        if not self.log and self.unsure:
-            place = "cycle {}, leg {}, at s = {:.6g}".format(*min(self.unsure))
-            return (
-                "no choice between continuations was found on the way, but not all were searched "
-                f"(first in {place})"
-            )
         if not self.log:
-            return "no choice between several continuations was made on the way"
+            text = "no choice between several continuations was made on the way"
+            place = "cycle {}, leg {}, s = {:.6g}".format(*min(self.unsure, default=(0, 0, 0.0)))
+            return text + f", but not all were searched (first in {place})" * bool(self.unsure)
         parts = [
             f"cycle {c.cycle}, leg {c.leg}, s = {c.s:.6g} (nodes {list(c.nodes)[:3]}, "
             f"{c.taken} of {c.solutions})"

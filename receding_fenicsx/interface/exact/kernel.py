@@ -557,7 +557,7 @@ def follow(contact: Contact, matrix: Matrix, memory: Memory, way: Way, path: Pat
             if way.asks_choice and not count[CHOSEN]:
                 return CHOICE
         for k in range(len(path.imbalance)):
-            if abs(path.imbalance[k]) > way.accepted:
+            if abs(path.imbalance[k]) > path.place[3]:
                 return BALANCE
         ends = first >= left - END_TOLERANCE
         if not ends and left - first <= way.unloading and not count[ASKED]:
@@ -583,6 +583,6 @@ def follow(contact: Contact, matrix: Matrix, memory: Memory, way: Way, path: Pat
             tied(contact, way, path, i)
         count[FIRST], count[HIT], count[ROUNDS], count[GIVEN] = count[EVENTS], label, 0, 0
         count[STUCK] = count[CHOSEN] = count[ASKED] = 0
-        y[label] = 0.0
+        y[label], path.place[3] = 0.0, way.accepted
         new = state_after(state[i], 1 << kind, contact.frictional[i], q[i])
         mark = put(contact, way, path, i, new, mark)

@@ -81,7 +81,9 @@ class Path(NamedTuple):
     # y, state: (4N,) quantities and (N,) states
     y: Array
     state: NDArray[np.int8]
-    place: Array  # s, where the last events without progress began, and the way to the next event
+    # s, where the last events without progress began, the way to the next event, and the imbalance
+    # that is accepted up to there
+    place: Array
     counts: Ints  # see ``COUNTS``
     dissipation: Array  # (N,) frictional dissipation
     work: Array  # (n_loads,) integral of lambda_k r*_k . du

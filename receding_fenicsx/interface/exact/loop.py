@@ -215,7 +215,7 @@ class Loop:
     def path(self, problem: LegProblem, traced: bool) -> kernel_data.Path:
         """Return a path that stands at the start of a leg."""
         start, n, samples = problem.start, self.system.n, len(problem.samples)
-        a = problem.ends[0]
+        a, accepted = problem.ends[0], self._accepted * problem.force_scale
         if self.last is not None and self.last[0] is start:
             y = self.last[1].copy()  # another walk may begin here too
         else:
@@ -226,7 +226,7 @@ class Loop:
         return kernel_data.Path(
             y=y,
             state=start.state.astype(np.int8),
-            place=np.array([problem.s_start, problem.s_start, 0.0]),
+            place=np.array([problem.s_start, problem.s_start, 0.0, accepted]),
             counts=counts,
             dissipation=np.zeros(n),
             work=np.zeros(len(a)),

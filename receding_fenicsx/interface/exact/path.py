@@ -47,9 +47,6 @@ if TYPE_CHECKING:
 LOW_FRICTION = 1e-5
 """Coefficient of friction below which a path that ends may have been lost in round-off of f P."""
 
-LEFT_TO_NEXT_LEG = 1e-11
-"""Part of a leg before its end in which a missing continuation is left to the next leg."""
-
 
 class EventPath:
     """Follows legs exactly; keeps the tableau and the rates of known states from leg to leg.
@@ -209,11 +206,9 @@ class EventPath:
         short = stops_short(self.segments, b)
         try:
             walk.run(1.0 - REMAINING_LOAD if short else 1.0)
-        except NoQuasiStaticContinuation:
-            at_end = LEFT_TO_NEXT_LEG if np.any(b) else UNLOADING_ROUND_OFF
+        except (NoQuasiStaticContinuation, NoEquilibrium) as error:
             place = walk.s
-            if place >= 1.0 - at_end:
-                # at the end itself only round-off decides: left to the next leg
+            if ends_with_leg(walk, error):
                 walk.path.place[0] = 1.0
                 leg = walk.stop_here()
                 y = self.segments.values(leg.end)
@@ -222,7 +217,7 @@ class EventPath:
                     return leg
                 # springs far softer than the body move it there
                 walk.path.place[0] = place
-            if self.on_jump != "static" or not resolved:
+            if self.on_jump != "static" or not resolved or isinstance(error, NoEquilibrium):
                 raise
             return self._jump(walk, problem)
         leg = walk.finish(at_rest=short)
@@ -263,6 +258,16 @@ class EventPath:
         """Return the place on a leg where equilibrium ends, infinite where it does not."""
         limit = self.limit(*ends)
         return np.inf if limit is None else limit.s
+
+
+def ends_with_leg(walk: Walk, error: SolveError) -> bool:
+    """Return whether a path ends so near the end of its leg that the next leg has to decide.
+
+    There only round-off says that no way leads on, or that no pressure is left.
+    """
+    at_end = 1e-11 if np.any(walk.problem.ends[1]) else UNLOADING_ROUND_OFF
+    lifts = isinstance(error, NoEquilibrium) and carries_nothing(walk.here(), walk.force_scale)
+    return walk.s >= 1.0 - at_end and (lifts or isinstance(error, NoQuasiStaticContinuation))
 
 
 def _low_friction_node(segments: Segments) -> int | None:

@@ -107,7 +107,7 @@ class Walk:
             if request == kernel.ROOM:
                 self.path = self.loop.enlarged(self.path)
             elif request == kernel.BALANCE:
-                way = way._replace(accepted=self._balanced(way.accepted))
+                self._balanced()
             elif request == kernel.UNDECIDED:
                 way = self._decided(way)
             elif request == kernel.CHOICE:
@@ -193,15 +193,23 @@ class Walk:
         if chosen is not segment:
             self._give(way, before, states.point.state, chosen)
 
-    def _balanced(self, accepted: float) -> float:
-        """Remove the imbalance of forces and displacements; return what is accepted from here."""
-        path, load = self.path, self.problem.load(self.s)
+    def _balanced(self) -> None:
+        """Remove the imbalance of forces and displacements."""
+        path, load, (a, b) = self.path, self.problem.load(self.s), self.problem.ends
         self._check(path.imbalance)
-        state = self._refined(self._at(path.y, load), load)
-        path.y[:] = self.segments.values(state)
+        # a node keeps the forces with which it lands: at an event those on the way there balance
+        hit = int(path.counts[kernel_data.HIT])
+        state = path.state if hit < 0 else self._before()
+        path.y[:] = self.segments.values(self._refined(self._at(path.y, load, state), load))
+        if hit >= 0:
+            with suppress(SingularExchange):
+                q = self.segments.at(state, b - a).q
+                if q[hit] < 0.0:
+                    path.y[:] -= path.y[hit] / q[hit] * q
+            path.y[hit] = 0.0
         path.imbalance[:] = self.segments.balance.errors(path.y, load)
-        # it is removed again where it has doubled
-        return max(accepted, 2.0 * float(np.abs(path.imbalance).max()))
+        # on the way to the next event it is removed again where it has doubled
+        path.place[3] = max(path.place[3], 2.0 * float(np.abs(path.imbalance).max()))
 
     def _check(self, imbalance: Array) -> None:
         """Note the residual of the present point where forces and displacements do not balance."""

@@ -4,8 +4,8 @@
 2. A sweep visits every node. ``node_problem.NodeProblem.solve`` solves the node in its last state
    and changes the state until the node's inequalities hold; an open node that touches slips from
    ``NodeProblem.touch_down``. The reactions follow by columns of K.
-3. Slipping and open nodes are over-relaxed. Once no state changes, ``sweeps.solve_directly`` solves
-   for all nodes at once in these states (polish).
+3. Two accelerations leave the answer alone: slipping and open nodes are over-relaxed, and once no
+   state changes, ``sweeps.solve_directly`` solves for all nodes at once in these states (polish).
 4. The step is accepted when the last change (eq. 16) and the fresh residual are below their
    tolerances, or given up where the residual no longer falls.
 

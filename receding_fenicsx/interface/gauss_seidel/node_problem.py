@@ -1,8 +1,8 @@
 """The contact law of one node, the displacements of all others held (Fig. 3 of the paper).
 
-The reactions of the node are Q = Q0 + k_t v + c w and P = P0 + c v + k_n w. The last state is
-assumed, its equations (4), (6), (8) or (10) are solved and the inequalities (5), (7), (9), (10) are
-checked; on a violation the state is changed and the node is solved again.
+The reactions of the node are Q = Q0 + k_t v + c w and P = P0 + c v + k_n w. In the state that is
+assumed the equations (4), (6), (8) or (10) are solved and the inequalities (5), (7), (9), (10)
+checked.
 """
 
 from __future__ import annotations

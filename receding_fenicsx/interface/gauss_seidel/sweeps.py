@@ -1,12 +1,4 @@
-"""The frictional Gauss-Seidel method of Ahn & Barber (2008), section 2.2 and Fig. 3.
-
-The displacements of one node at a time are updated, those of the others held
-(:mod:`receding_fenicsx.interface.gauss_seidel.node_problem`). Sweeps end when eq. (16) *and* the
-residual of the contact law, evaluated afresh, are under their tolerances.
-
-Two optional accelerations leave the answer alone: over-relaxation of slipping and separated
-nodes, and a polish: once the states have settled, one direct solve with these states.
-"""
+"""Sweeps over all nodes for one load step, with over-relaxation and polish."""
 
 from __future__ import annotations
 
@@ -162,7 +154,7 @@ class _Sweeper:
                 state = FORWARD
             else:
                 if self.was_open[i]:
-                    self._touch_down(i, Q0, P0)
+                    self._touch_down(i)
                 state, v_new, w_new = node.solve(Q0, P0, v_ref[i], last, w)
             if state != last:
                 states[i] = state
@@ -184,9 +176,12 @@ class _Sweeper:
                 largest = max(largest, abs(w_new - w))
         return changed, largest
 
-    def _touch_down(self, i: int, Q0: float, P0: float) -> None:
+    def _touch_down(self, i: int) -> None:
         """Count the slip of an open node from where it first touches, if it does."""
-        touched = self.nodes[i].touch_down(Q0, P0, float(self.start.u[i]), self.gap[i])
+        node, n, v, w = self.nodes[i], self.system.n, self.u.item(i), self.u.item(self.system.n + i)
+        Q0 = self.r.item(i) - node.k_t * v - node.c * w
+        P0 = self.r.item(n + i) - node.c * v - node.k_n * w
+        touched = node.touch_down(Q0, P0, float(self.start.u[i]), self.gap[i])
         if touched is not None:
             self.v_ref[i] = touched
 
@@ -199,13 +194,9 @@ class _Sweeper:
             return
         old = self.u, self.r, list(self.v_ref)
         self.u, self.r = u, reactions(self.system, self.load, u)
-        n = self.system.n
-        for i in np.flatnonzero(self.was_open):
+        for i in np.flatnonzero(self.was_open).tolist():
             if not self.held_t[i]:
-                node, v, w = self.nodes[i], float(u[i]), float(u[n + i])
-                Q0 = float(self.r[i]) - node.k_t * v - node.c * w
-                P0 = float(self.r[n + i]) - node.c * v - node.k_n * w
-                self._touch_down(int(i), Q0, P0)
+                self._touch_down(i)
         # with wrong states it may leave less residual but carry the body far away
         if self.residual(0.0)[0] < 0.1 * before:
             self.polished = True
@@ -242,9 +233,6 @@ class _Sweeper:
         slip[frictionless] = 0.0
         dissipation = -0.5 * (Q_old + end.Q) * slip
         return Leg(end, dissipation, 0.0, residual, scale, sweeps=sweeps)
-
-
-# -- polish ----------------------------------------------------------------------------------------
 
 
 def solve_directly(

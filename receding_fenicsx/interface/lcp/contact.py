@@ -10,8 +10,7 @@ the friction cone keeps one pair. The unknowns may be rates (of nodes on a limit
 displacements of the static problem of a first load.
 
 Every set of states makes the law a linear system, whose answer is a solution if it keeps the
-inequalities of section 2 of Ahn & Barber (2008): where few nodes are undecided all sets are tried,
-and failure proves that there is no solution.
+inequalities of section 2 of Ahn & Barber (2008).
 """
 
 from __future__ import annotations
@@ -28,7 +27,7 @@ from numpy.typing import NDArray
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.interface.law import BACKWARD, FORWARD, SEPARATION, STICK, Friction
 from receding_fenicsx.interface.lcp.lemke import covers, solve
-from receding_fenicsx.interface.system import ContactSystem, neutral_motions
+from receding_fenicsx.interface.system import ContactSystem, pinned_stiffness
 from receding_fenicsx.interface.tolerances import NO_STIFFNESS
 
 EXHAUSTED = 2**16
@@ -99,13 +98,8 @@ class Problem(NamedTuple):
         rows = np.concatenate([nodes, system.n + nodes])
         S, s = K[np.ix_(rows, rows)], r0[rows]
         if len(open_dofs):
-            # rigid motions that move nothing but these are kept from moving
-            kept = np.ones(len(K), dtype=bool)
-            kept[open_dofs] = False
-            motions = neutral_motions(system.rigid, kept)[open_dofs]
-            pinned = float(np.abs(np.diagonal(K)).max()) * motions @ motions.T
             coupling = K[np.ix_(open_dofs, rows)]
-            factor = sla.cho_factor(K[np.ix_(open_dofs, open_dofs)] + pinned)
+            factor = sla.cho_factor(pinned_stiffness(system, open_dofs))
             S = S - coupling.T @ sla.cho_solve(factor, coupling)
             s = s - coupling.T @ sla.cho_solve(factor, r0[open_dofs])
         # round-off where loads have no effect
@@ -152,7 +146,8 @@ class Problem(NamedTuple):
         matrix = np.concatenate([rows_t, rows_n], axis=1)
         right = np.concatenate([right_t, right_n], axis=1)[:, :, None]
         norm = np.maximum(np.linalg.norm(matrix, axis=2, keepdims=True), np.finfo(float).tiny)
-        # sets that may leave a motion without stiffness: least squares, checked below like all
+        # sets that may leave a motion without stiffness: least squares, checked below like all.
+        # Rows of length 1 have det < 2 times the least singular value, however many there are
         loose = np.abs(np.linalg.det(matrix / norm)) <= 1e-9
         u = np.zeros(right.shape[:2])
         u[~loose] = np.linalg.solve(matrix[~loose], right[~loose])[:, :, 0]
@@ -215,16 +210,10 @@ class Problem(NamedTuple):
 def solve_states(
     system: ContactSystem, r0: Array, undecided: Undecided, open_dofs: Indices
 ) -> NDArray[np.int8] | None:
-    """Find the states of the undecided nodes.
+    """Find the (N,) states of the undecided nodes, 0 elsewhere; None when no solution was found.
 
-    Args:
-        system: the condensed body in 2N form.
-        r0: (2N,) reactions (or their rates) with no further displacement.
-        undecided: the nodes to decide.
-        open_dofs: degrees of freedom (of the 2N) that move freely at zero reaction.
-
-    Returns:
-        (N,) states of the undecided nodes, 0 elsewhere; None when no solution was found.
+    r0 (2N,) are reactions, or their rates, with no further displacement; ``open_dofs`` are those of
+    the 2N freedoms that move freely at zero reaction.
     """
     problem, unsure = Problem.of(system, r0, undecided, open_dofs), None
     if not problem.may:

@@ -168,13 +168,6 @@ class GaussSeidelPath:
     ) -> tuple[Leg | SolveError | None, float]:
         """Try the part of a load step from the state reached at s to ``s_to``.
 
-        1. Solve the step by sweeps; accept it where the straight path to its end keeps the law.
-        2. Otherwise follow the exact path. Where it leads through the part to a complete unloading,
-           take it. Else accept a step that ends near it; without one take the exact path itself
-           (sweeps stalled, or the part is the smallest) or halve the part.
-        3. Where the exact path ends inside, take it up to there, and then try the smallest part:
-           the path continues where the change of displacement is not finite.
-
         Returned are what is accepted and the place up to which it leads, the error at which the
         path ends, or None and the place up to which to try next.
         """

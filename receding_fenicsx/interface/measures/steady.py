@@ -101,9 +101,7 @@ class SteadyWatch:
     def __init__(self, tolerance: float, K: Array, friction: Friction) -> None:
         """Start with no cycles seen: bound of A_n, (N, 2N) tangential rows of K, and friction."""
         self.tolerance, self.friction, self._terms = tolerance, friction, np.abs(K)
-        self._largest_terms = float(self._terms.sum(axis=1).max(initial=0.0))
-        coupled = self._terms[:, : len(K)] > 0.0
-        self._coupled = None if coupled.all() else coupled
+        self._coupled = self._terms[:, : len(K)] > 0.0
         self.ends: list[CycleEnd] = []
         self.change: list[float] = []
         self.change_2: list[float] = []
@@ -132,21 +130,14 @@ class SteadyWatch:
         if change <= self.tolerance * largest:
             return True
         # forces of a nearly rigid body are small differences of their terms
-        end = self.ends[-1]
-        round_off = 32.0 * 2.0**-52
-        if change >= round_off * self._largest_terms * _largest(end.reach):
-            return False  # a bound of what follows, found in less time
-        noise = round_off * _largest(self._terms @ end.reach)
+        noise = 32.0 * 2.0**-52 * _largest(self._terms @ self.ends[-1].reach)
         return change < min(noise, 1e-6 * largest)
 
     def _slips(self, end: CycleEnd) -> tuple[Array, Array]:
         """Return the (N,) slips in a cycle, zero where they are round-off, and the least ones."""
         terms, stiffness = self._terms @ end.reach, self._terms.diagonal()
         # round-off of all nodes to which one is coupled reaches it
-        if self._coupled is None:
-            terms = np.full_like(terms, terms.max(initial=0.0))
-        else:
-            terms = np.maximum(terms, np.where(self._coupled, terms, 0.0).max(axis=1, initial=0.0))
+        terms = np.maximum(terms, np.where(self._coupled, terms, 0.0).max(axis=1, initial=0.0))
         # a smaller largest P counts as none
         limit = self.friction.largest_limit(np.maximum(end.pressed, 1e-9 * terms))
         slip = np.divide(end.dissipation, limit, out=np.zeros_like(limit), where=limit > 0.0)

@@ -153,10 +153,7 @@ def shakedown_limits(
 
 
 def upper_limit(margins: Margins) -> Answer:
-    """Return lambda_2: the largest mu with G y + c + mu d >= 0 for some y; its value is -mu.
-
-    Only the vertex with the smallest change binds in each row, as the slip is the same at all.
-    """
+    """Return lambda_2: the largest mu with G y + c + mu d >= 0 for some y; its value is -mu."""
     cost = np.append(np.zeros(margins.G.shape[1]), -1.0)
     # a bound of the slips is for the lower limit only
     rows = len(margins.kind)
@@ -170,8 +167,7 @@ def lower_limit(
 ) -> tuple[Answer | None, Certificates]:
     """Return the smallest mu at which all margins of a target may vanish; None where none can.
 
-    For each node the pair of vertices (k, l) in A_ik = B_il = 0 is that of the smallest changes, so
-    that one program a node is left of the pairs' N V^2. A program for the smallest A_i + B_i below
+    A program for the smallest A_i + B_i below
     the best mu so far shows by its dual bound that a node cannot improve it; only where the sum
     reaches zero a second program finds mu. Multipliers of another mean load are tried before any
     program is solved.

@@ -92,9 +92,9 @@ def _factors(system: ContactSystem, loads: Loads, where: str) -> Array:
     try:
         values = np.array([float(loads.get(name, 0.0)) for name in system.load_names])
     except (TypeError, ValueError):
-        raise InputError(f"{where}: load factors must be numbers, not {dict(loads)}") from None
+        values = np.array([np.nan])
     if not np.all(np.isfinite(values)):
-        raise InputError(f"{where}: load factors have to be finite, not {dict(loads)}")
+        raise InputError(f"{where}: load factors must be finite numbers, not {dict(loads)}")
     return values
 
 

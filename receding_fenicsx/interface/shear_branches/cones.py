@@ -84,13 +84,9 @@ class Cones:
     def other_margins(self, now: Branches, r: Array) -> tuple[Array, Array]:
         """Return what must not be negative beside the margins of the cones, and these.
 
-        Args:
-            now: the branches.
-            r: (k, 2N) reactions.
-
-        Returns:
-            (k, 3, N) margins of the branches forward and backward that are not in use, and the
-            pressures of bonded nodes, infinite where there are none; (k, 2, N) those in use.
+        Of reactions (k, 2N) they are (k, 3, N) margins of the branches forward and backward that
+        are not in use, and pressures of bonded nodes, infinite where there are none; (k, 2, N)
+        margins in use.
         """
         n = self.system.n
         Q, P = r[:, :n], r[:, n:]

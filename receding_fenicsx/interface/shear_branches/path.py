@@ -17,7 +17,7 @@ from receding_fenicsx.interface.exact.jumps import (
     no_state_beyond,
 )
 from receding_fenicsx.interface.exact.legs import LegProblem, evenly_spaced, unchanged
-from receding_fenicsx.interface.exact.path import LEFT_TO_NEXT_LEG, EventPath
+from receding_fenicsx.interface.exact.path import EventPath, ends_with_leg
 from receding_fenicsx.interface.exact.rest import carries_nothing, zero_crossing
 from receding_fenicsx.interface.gauss_seidel.sweeps import GaussSeidelOptions
 from receding_fenicsx.interface.law import SEPARATION, STICK
@@ -81,14 +81,10 @@ class BranchedPath:
         sweeps: GaussSeidelOptions | None = None,
         steps: int = 0,
     ) -> None:
-        """Prepare for ``system``.
+        """Prepare for ``system`` of ``kind = "frictional"``.
 
-        Args:
-            system: the condensed body, ``kind = "frictional"``.
-            on_jump: "stop" where no quasi-static path continues, or pass the jump by one "static"
-                problem.
-            sweeps: options of the load steps; None for the exact path.
-            steps: load steps a leg.
+        ``on_jump`` is that of :class:`EventPath`, ``sweeps`` and ``steps`` are options of load
+        steps and their number on a leg; without sweeps the path is exact.
         """
         self.system, self.cones, self.on_jump = system, Cones(system), on_jump
         self.sweeps, self.steps = sweeps, steps
@@ -129,21 +125,11 @@ class BranchedPath:
         Raises:
             SolveError: no state that satisfies the contact law was found.
         """
-        return self._static(start, ends, force_scale, self.sweeps)
-
-    def _static(
-        self,
-        start: ContactState,
-        ends: tuple[Array, Array],
-        force_scale: float,
-        sweeps: GaussSeidelOptions | None = None,
-    ) -> Leg:
-        """Solve a static problem exactly, or by sweeps."""
         scale = max(largest_force(self.system, load, start.r, force_scale) for load in ends)
         problem, now = LegProblem(start, ends, scale), self.cones.branches_of(start)
         tried = Tried(self.cones)
         while True:
-            path, force, inner = self._inner(now, problem, sweeps)
+            path, force, inner = self._inner(now, problem)
             found = path.static_leg(inner.start, inner.ends, scale)
             found = self._outer(found, problem, force, 1.0)
             wrong = self._violated(now, found.end, scale)
@@ -216,7 +202,7 @@ class BranchedPath:
         try:
             if beyond >= target:
                 raise error
-            end = self._static(start, (place, load), leg.force_scale).end
+            end = self.static_leg(start, (place, load), leg.force_scale).end
         except SolveError as lost:
             raise no_state_beyond(self.system, place) from lost
         add_jump(leg, (s, beyond), jump_between(self.system, start, end, load))
@@ -249,8 +235,7 @@ class BranchedPath:
             except SolveError as lost:
                 error = lost
             ends = error is not None
-            if isinstance(error, NoQuasiStaticContinuation) and walk.s >= 1.0 - LEFT_TO_NEXT_LEG:
-                # at the end itself only round-off decides: left to the next leg
+            if error is not None and ends_with_leg(walk, error):
                 walk.path.place[0], error = 1.0, None
             end, found = walk.s, walk.stop_here() if ends else walk.finish()
         found.events = Changes.joined(turned, found.events)

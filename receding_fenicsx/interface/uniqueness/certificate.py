@@ -1,14 +1,7 @@
 """Certificates of sets of states: definiteness of the matrix of the rate problem, and its margin.
 
-**One set.** In a set of states the separated nodes, and the tangential freedoms without friction,
-move at zero reaction; condensed of these the stiffness is K'. With C = diag(c), Q = -c P at the
-slipping nodes, the rates are unique if
-
-    sym(K'_tt + C K'_nt)
-
-on the slipping nodes is positive definite. All friction may grow up to the factor
-
-    phi = 1 / lambda_max(-sym(C K'_nt), K'_tt).
+With K' condensed of what moves at zero reaction, one set of states is judged as
+:mod:`receding_fenicsx.interface.uniqueness` says.
 
 **Many sets by one factorisation.** Take nodes that slip or open, each with one direction of slip,
 and the rows
@@ -43,7 +36,7 @@ from numpy.typing import NDArray
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.interface.law import BACKWARD, FORWARD, SEPARATION
 from receding_fenicsx.interface.lcp.contact import Undecided
-from receding_fenicsx.interface.system import ContactSystem, neutral_motions
+from receding_fenicsx.interface.system import ContactSystem, pinned_stiffness
 from receding_fenicsx.interface.tolerances import SAME_MARGIN
 from receding_fenicsx.interface.uniqueness.instants import Sides, States, bits_of, mask_of, nodes_of
 
@@ -122,14 +115,8 @@ class Certificate:
     def _free_stiffness(self, open_: int) -> tuple[NDArray[np.intp], Array]:
         """Return the freedoms free where nodes are open, and the factor of their stiffness."""
         if self._factor is None or self._factor[0] != open_:
-            K, free = self.system.K, self.free(mask_of(open_, self.system.n))
-            kept = np.ones(len(K), dtype=bool)
-            kept[free] = False
-            stiffness = K[np.ix_(free, free)]
-            motions = neutral_motions(self.system.rigid, kept)[free]
-            if motions.shape[1]:
-                stiffness = stiffness + float(np.diagonal(K).max()) * motions @ motions.T
-            self._factor = open_, (free, cholesky(stiffness))
+            free = self.free(mask_of(open_, self.system.n))
+            self._factor = open_, (free, cholesky(pinned_stiffness(self.system, free)))
         return self._factor[1]
 
     def margin(self, state: States) -> tuple[float, tuple[int, ...]]:

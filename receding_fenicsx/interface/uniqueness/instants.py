@@ -177,12 +177,8 @@ class Instants(NamedTuple):
         for k in range(len(first) - 1) if wanted is None else wanted:
             s = float(every.s[first[k]]) if k else 0.0
             before, group = go_to(first[k]), rows[first[k] : first[k + 1]]
-            alone = [state for change in group[:1] if not change[3] for state in change[1:3]]
             if finite is not None and finite(s):
                 yield s, _loosest(go_to(first[k + 1]), [one for one in group if one[3]])
-            elif len(group) == 1 and STICK in alone and SEPARATION not in alone:
-                # mostly one node begins or ends to slip: it may slip or stick
-                yield s, before if alone[1] == STICK else go_to(first[k + 1])
             else:
                 yield s, _loosest(before, group)
 

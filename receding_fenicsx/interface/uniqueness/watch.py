@@ -1,10 +1,4 @@
-"""Uniqueness of a path, leg after leg, and of static problems from rest.
-
-With every node on all its limits no certificate is known that serves fine meshes. For few nodes all
-sets of states are tried, which is proof. Otherwise Newton's method on sets of states starts from
-slip of all nodes either way, and Lemke's method from several covering vectors: other solutions may
-be found, but are not excluded.
-"""
+"""Uniqueness of a path, leg after leg, and of static problems from rest."""
 
 from __future__ import annotations
 
@@ -330,7 +324,9 @@ def solutions_from_rest(
 ) -> tuple[NDArray[np.int8], bool]:
     """Return (k, N) states of the solutions of a static problem, and whether there are no others.
 
-    Without friction there is one, the problem being convex. Slip is counted from ``start``, a state
+    Without friction there is one, the problem being convex. All sets of states of few nodes are
+    tried. For more, where no certificate is known, Newton's method starts from slip of all nodes
+    either way, and Lemke's from several covering vectors. Slip is counted from ``start``, a state
     without reactions; ``known`` are the (N,) states that the path has found. Each row has other
     reactions.
     """

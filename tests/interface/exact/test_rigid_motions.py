@@ -94,6 +94,38 @@ def test_soft_springs_carry_a_body_that_is_lifted_off_and_put_back(k: float, g0:
     assert ends.w[1].tolist() == [-g0, -g0]
 
 
+@pytest.mark.parametrize("angle", [0.49, 0.7, 1.1])
+@pytest.mark.parametrize("k", [1e-6, 1e-7, 1e-8])
+def test_a_body_on_a_soft_spring_lands_where_it_has_landed_before(k: float, angle: float) -> None:
+    """Along its guide it lands with Q = P = 0, at v = -g0 (1 - k) s c / (s^2 + k c^2), each time.
+
+    It moves away by the load over k, the round-off of which must not remain as a force: with
+    f K_tn > K_tt a node that unloads with Q unlike 0 would jump.
+    """
+    s, c, g0 = np.sin(angle), np.cos(angle), 0.0625
+    K = np.outer([-s, c], [-s, c]) + k * np.outer([c, s], [c, s])
+    loads = {"a": [0.0, 0.41], "b": [0.0, -0.99], "c": [0.0, 0.7]}
+    system = small_system(K, loads, 1.0, g0)
+    pressed, away = [0.75, 0.5, 1.0], [0.75, 1.0, -0.5]
+    record = evolve(system, table(system, [[0.0] * 3, pressed, *[away, pressed] * 3]))
+    v = record.turning_points.v[::2, 0]
+    assert v == pytest.approx(-g0 * (1.0 - k) * s * c / (s**2 + k * c**2), rel=1e-9)
+
+
+@pytest.mark.parametrize("left", [0.0, 2e-12])
+@pytest.mark.parametrize("f", [0.3, 2.0])
+def test_pressure_may_vanish_under_shear_at_the_end_of_a_leg(f: float, left: float) -> None:
+    """K_tt = 2, P = 1 - s, pull s: Q = f P - s beyond s = f / (1 + f), D = f / (4 (1 + f)).
+
+    Pressed again, it sticks. The load that presses ends at 0 but for round-off.
+    """
+    loads = {"press": [0.0, 1.0], "pull": [1.0, 0.0]}
+    free = small_system(np.diag([2.0, 0.0]), loads, f, rigid=[[0.0, 1.0]])
+    record = evolve(free, table(free, [[0.0, 0.0], [1.0, 0.0], [-left, 1.0], [1.0, 1.0]]))
+    assert record.turning_points.v[:, 0] == pytest.approx([0.0, -0.5, -0.5], abs=1e-11)
+    assert record.dissipation_first_loading == pytest.approx(0.25 * f / (1.0 + f), rel=1e-10)
+
+
 def test_a_stiffness_that_is_round_off_carries_no_load() -> None:
     # a body that is free to lift and to turn about its two nodes: it tips where P of node 0 is gone
     K = np.diag([10.0, 6.0, 8.6e-31, 5.2e-31])
