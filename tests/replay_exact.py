@@ -68,6 +68,7 @@ def follow(run: Replay, leg: Leg, totals: Totals) -> None:
             u_a, here = after, body.states(now)
         elif not apart:
             _look_for_hidden_jump(run, leg, (s_a, u), here, u_a - u, totals)
+            _shift(run, leg.load(s_a), u, u_a - u, totals)
         u_b = u_a + here.rates(leg.load(s_b) - leg.load(s_a))
         s_kink = _kink(run, leg, (s_a, s_b), here, (u_a, u_b))
         off = False
@@ -100,7 +101,8 @@ def follow(run: Replay, leg: Leg, totals: Totals) -> None:
                 u_next = next_.solve(leg.load(s_b), u_b[:n], u_b)
                 off = bool(np.any(np.abs(u_next - u_b) > doubt + _reach(leg, next_, doubt)))
             off = off or (run.record.jumps and _slips_at(s_b, now, following, between))
-            s_jump = _jump_place(run, leg, (s_a, s_b), now, (u_a, u_b))
+            of_places = float((misplaced + PLACE * _moved(leg, here)).max())
+            s_jump = _jump_place(run, leg, (s_a, s_b), now, (u_a, u_b), of_places)
             # in a limit of infinitely many cycles a jump may become too small to be seen
             if off or (run.record.jumps and s_b - s_jump > 0.1 * JUMP_STEP):
                 u_b = u_a + (s_jump - s_a) / max(s_b - s_a, EPS) * (u_b - u_a)
@@ -122,16 +124,20 @@ def follow(run: Replay, leg: Leg, totals: Totals) -> None:
             allowed = allowed + here.reach(np.full(2 * n, APEX * leg.force))
         u = u_b + _check_kept(run, leg, (s_a, s_b), now, (u_a, u_b), (kept, allowed, s_apex))
         state = now
-    # the record may end off by round-off, on which the loads work
     end = np.concatenate([record.turning_points.v[leg.row], record.turning_points.w[leg.row]])
-    totals.work += float(leg.load(1.0) @ body.r_star @ (end - u))
-    totals.misfit += float(np.abs(body.reactions(leg.load(1.0), u) * (end - u)).sum())
+    _shift(run, leg.load(1.0), u, end - u, totals)
     for instant in kept:
         if instant is not None and not any(
             abs(s - instant[0]) <= SAME_PLACE and np.array_equal(now, instant[1].state[instant[2]])
             for s, now in between
         ):
             run.object(leg.place(instant[0]), "the states are not those that the events lead to")
+
+
+def _shift(run: Replay, load: Array, u: Array, change: Array, totals: Totals) -> None:
+    """Add up the work of the loads on a change of u that is round-off of the record."""
+    totals.work += float(load @ run.body.r_star @ change)
+    totals.misfit += float(np.abs(run.body.reactions(load, u) * change).sum())
 
 
 def _choose_branches(run: Replay, leg: Leg, s: float, now: Array, u: Array) -> None:
@@ -393,12 +399,20 @@ def _check_kept(
 
 
 def _jump_place(
-    run: Replay, leg: Leg, at: tuple[float, float], now: Array, ends: tuple[Array, Array]
+    run: Replay,
+    leg: Leg,
+    at: tuple[float, float],
+    now: Array,
+    ends: tuple[Array, Array],
+    slack: float,
 ) -> float:
-    """Return the place on a piece that ends in a jump up to which its laws hold."""
+    """Return the place on a piece that ends in a jump up to which its laws hold.
+
+    Violations up to ``slack`` come from the places of the events before.
+    """
     body, n, here = run.body, run.body.n, run.body.states(now)
     margins = [_margins(run, leg.load(s), now, u) for s, u in zip(at, ends, strict=True)]
-    crossed = (margins[1] < 0.0) & (margins[1] < margins[0])
+    crossed = (margins[1] < -slack) & (margins[1] < margins[0])
     parts = margins[0][crossed] / (margins[0] - margins[1])[crossed]
     part = max(0.0, float(parts.min(initial=1.0)))
     if np.any(-here.sign * (ends[1] - ends[0])[:n] * body.k[:n] > LAW * leg.force):
