@@ -157,7 +157,9 @@ class Image:
             elif key.endswith("span") or key in ("at", "travel"):
                 side = along if key in ("span", "at", "travel") else self.along(parts[key[:-5]])
                 ends = side * factor * np.array(part)
-                new[key] = tuple(ends[::side].tolist()) if isinstance(part, tuple) else float(ends)
+                backward = side < 0 and key != "travel"
+                ends = ends[::-1] if backward and isinstance(part, tuple) else ends
+                new[key] = tuple(ends.tolist()) if isinstance(part, tuple) else float(ends)
             elif key == "initial_slip":
                 new[key] = self.profile(part, "gap", along, self.sign * factor)
             elif key in (*POWERS, "friction", "thermal_strain") and part != ():
@@ -232,18 +234,33 @@ class Image:
         close("f", found.friction.backward[at], forward)
         close("g0", found.g0[at], long * known.g0)
         close("weight", found.weight[at], force / stress * known.weight)
+        events = replace(found.events, load=found.events.load[:, order] / load)
+        self._check_events(events, known.events, at, rel)
         if found.uniqueness and known.uniqueness:
             assert found.uniqueness.certified == known.uniqueness.certified
         for name in dict.fromkeys(known.probes.names if known.probes else ()):
             one, two = found.probe(name), known.probe(name)
+            near = np.array([self.place(point) for point in two.points])
+            near = np.linalg.norm(one.points[None] - near[:, None], axis=2).argmin(axis=1)
             ends = [each.kind == "turning point" for each in (one, two)]
             u = long * two.displacement[ends[1]] @ self.turn.T
-            close("u", one.displacement[ends[0]][rows], u)
+            close("u", one.displacement[ends[0]][rows][:, near], u)
             xx, yy, zz, xy = np.moveaxis(two.stress[ends[1]], -1, 0)
             s = np.stack([np.stack([xx, xy], -1), np.stack([xy, yy], -1)], -2)
             s = self.turn @ s @ self.turn.T
             s = np.stack([s[..., 0, 0], s[..., 1, 1], zz, s[..., 0, 1]], -1)
-            close("stress", one.stress[ends[0]][rows], stress * s)
+            close("stress", one.stress[ends[0]][rows][:, near], stress * s)
+
+    def _check_events(self, a: Any, b: Any, at: NDArray[np.int64], rel: float) -> None:
+        """Compare the changes of each node; nodes that change together do so in any order."""
+        for node in range(len(at)):
+            one, two = np.flatnonzero(a.node == at[node]), np.flatnonzero(b.node == node)
+            for key in ("old", "new"):
+                state = getattr(b, key)[two]
+                state = state if self.sign > 0 else MIRRORED[state]
+                assert getattr(a, key)[one].tolist() == state.tolist(), (node, key)
+            places = [np.column_stack([e.cycle, e.load])[k] for e, k in ((a, one), (b, two))]
+            assert np.abs(places[0] - places[1]).max(initial=0.0) < 1e3 * rel, node
 
 
 def played(scene: rf.Scene) -> rf.Record:

@@ -11,7 +11,10 @@ import receding_fenicsx as rf
 
 CYCLE = rf.HistoryOptions("cyclic", load="T", minimum=-1.0, cycles=2, constant={"P": 1.0})
 PRESS = rf.Load("P", "top", pressure=0.2)
-PROBES = (rf.Probe("s", points=((-0.75, 0.4), (0.3, 0.25), (1.1, 0.75))),)
+PROBES = (
+    rf.Probe("s", points=((-0.75, 0.4), (0.3, 0.25), (1.1, 0.75))),
+    rf.Probe("e", edge="bottom"),
+)
 
 
 OUTWARD: Any = {"forward": "0.2 + 0.05*x", "backward": "0.2 - 0.05*x"}
@@ -121,7 +124,7 @@ EVEN: dict[str, rf.Scene] = {
         material=rf.Material(2.0, 0.3, "axisymmetric"),
         springs=(rf.Spring("top", (0.0, 1.0), 0.2, 0.1),),
         degree=1,
-        probes=(replace(PROBES[0], points=((0.3, 0.25), (1.1, 0.75))),),
+        probes=(replace(PROBES[0], points=((0.3, 0.25), (1.1, 0.75))), PROBES[1]),
     ),
 }
 """Scenes of which half is modelled, or a section from the axis."""
@@ -155,7 +158,16 @@ UNEVEN: dict[str, rf.Scene] = {
         rf.Load("T", "top", (0.0, 1.0), traction=(0.2, 0.0)),
         supports=(rf.Support("x", point=(-2.0, 0.5)), rf.Support("y", point=(1.5, 1.0))),
         springs=(rf.Spring("left", (-0.25, 0.25), 0.2, 0.1), rf.Spring(point=(2.0, 1.0), y=0.1)),
-        mesh=rf.MeshOptions(8, growth=1.3, refine=(rf.Refinement(0.1, 1.0, 1.5),)),
+        mesh=rf.MeshOptions(
+            8, growth=1.3, refine=(rf.Refinement(0.1, 1.0, 1.5), rf.Refinement(0.2))
+        ),
+    ),
+    "wheel": simple(
+        loads=(
+            PRESS,
+            rf.Load("T", "top", (-0.5, 0.5), pressure="0.3 + 0.1*x", travel=(-1.0, 0.75), steps=3),
+        ),
+        history=rf.HistoryOptions("travel", cycles=2, constant={"P": 1.0}),
     ),
     "fibres": simple(
         rf.Load("T", "top", (-1.0, 0.5), traction=(0.1, 0.0)),

@@ -236,35 +236,6 @@ def test_slips_beyond_half_an_element_of_a_curved_edge_are_a_warning(
 # -- edges that meet -----------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("degree", [1, 2])
-def test_block_pushed_into_a_corner_is_symmetric_about_the_diagonal(
-    degree: int, shared_tmp_path: Path
-) -> None:
-    found = last(
-        rf.Scene(
-            body=rf.Body(mesh=grid(shared_tmp_path / "c.msh", lambda s, t: (s, t), 10, 10)),
-            material=rf.Material(100.0),
-            mesh=rf.MeshOptions(degree=degree, cell="quadrilateral"),
-            contacts=(rf.Contact("bottom", friction=0.3), rf.Contact("left", friction=0.3)),
-            loads=(
-                rf.Load("P", "top", pressure="1 + x"),
-                rf.Load("P", "right", pressure="1 + y"),
-            ),
-            history=ONCE,
-        )
-    )
-    system, record = found
-    P, Q = record.turning_points.P[-1], record.turning_points.Q[-1]
-    floor, wall = np.split(np.arange(system.n), 2)
-    assert P[floor] == pytest.approx(P[wall][::-1], abs=1e-13)
-    assert Q[floor] == pytest.approx(-Q[wall][::-1], abs=1e-13)
-    assert np.abs(Q).max() > 0.02
-    # the corner's weight is that of its neighbours
-    assert system.weight[floor].sum() == pytest.approx(1.0, rel=1e-14)
-    # t is x on the floor and -y on the wall
-    assert P[floor].sum() - Q[wall].sum() == pytest.approx(1.5, rel=1e-12)
-
-
 @pytest.mark.parametrize("joint", [0.0, 0.3, "tied"])
 @pytest.mark.parametrize("degree", [1, 2])
 @pytest.mark.parametrize("counts", [(4, 4, 4, 4), (4, 5, 6, 7)])

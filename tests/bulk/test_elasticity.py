@@ -13,7 +13,6 @@ from receding_fenicsx.bulk import _dolfinx
 from receding_fenicsx.bulk.body import back_substitute
 from receding_fenicsx.bulk.rigid_motions import free_motions, scaled
 from receding_fenicsx.bulk.stress import stresses
-from receding_fenicsx.errors import InputError
 from receding_fenicsx.interface.mirror import mirror_of
 from receding_fenicsx.scene.model import Contact, Load, Support
 from receding_fenicsx.scene.symmetry import is_half_meshed
@@ -112,11 +111,6 @@ def test_field_carries_the_condensed_reactions(
             if not half:
                 assert abs(r[: system.n].sum() + load[1] * 4.0) < 1e-12 * scale
     bulk.destroy()
-
-
-def test_profile_that_cannot_be_evaluated_is_refused_on_all_ranks() -> None:
-    with pytest.raises(InputError, match="finite"):
-        built(block(loads=(Load("a", "top", pressure="sqrt(x)"),)))
 
 
 FRICTION = 0.35

@@ -12,6 +12,7 @@ import pytest
 from images import Image, image_for, played
 from kinds import EVEN, UNEVEN
 from random_scenes import random_scene, rewritten
+from replay import objections
 from small import named_loads
 
 import receding_fenicsx as rf
@@ -20,7 +21,7 @@ from receding_fenicsx.store.hdf5 import write_record
 
 pytestmark = pytest.mark.one_rank
 KINDS = EVEN | UNEVEN
-SEEDS = (19, 34, 40, 50, 51, 52, 79, 93, 103, 114, 138, 149)
+SEEDS = (3, 19, 40, 43, 49, 68, 89, 90, 103, 110, 114, 125, 132, 144)
 RANDOM = {f"seed {seed}": random_scene(seed) for seed in SEEDS}
 """In which each choice of the generator occurs twice."""
 ALL = KINDS | RANDOM
@@ -72,16 +73,20 @@ def test_what_ends_a_path_ends_that_of_its_images(seed: int) -> None:
     assert ends[0][0] is ends[1][0] and ends[0][1] == pytest.approx(ends[1][1], rel=1e-6)
 
 
-@pytest.mark.parametrize("name", KINDS)
-def test_energies_balance_and_loops_enclose_the_dissipation(name: str) -> None:
-    found = record(name)
+@pytest.mark.parametrize("name", ALL)
+def test_a_record_keeps_all_laws_and_loops_enclose_the_dissipation(name: str) -> None:
+    found, system = record(name), replace(systems(name), half=False, axisymmetric=False)
+    history = rf.history_from_scene(rf.given(found.scene))
+    slip = ALL[name].history.initial_slip is not None
+    if not slip:
+        again = rf.evolve(system, history, output=rf.OutputOptions(12, "all"))
+        assert objections(system, history, again) == []
     assert found.energy_error_max < 1e-9 and found.residual_max < 1e-9
-    assert np.any(found.turning_points.state >= rf.State.FORWARD_SLIP)
-    first, last = found.cycles.dissipation
-    if abs(last - first) < 1e-6 * first:  # a closed loop
+    D = found.cycles.dissipation
+    if name in KINDS and abs(D[1] - D[0]) < 1e-6 * D[0]:  # a closed loop
         fine = replace(KINDS[name], output=rf.OutputOptions(200, (2,)))
         loop = loop_of(rf.evolve(systems(name), fine), 2)
-        assert loop.area().sum() == pytest.approx(last, rel=0.01)
+        assert loop.area().sum() == pytest.approx(D[-1], rel=0.01)
 
 
 @pytest.mark.parametrize("name", KINDS)

@@ -20,7 +20,6 @@ from receding_fenicsx.interface.law import MIRRORED
 from receding_fenicsx.output.plots.labels import Scales
 from receding_fenicsx.output.report.contact import zones_header
 from receding_fenicsx.output.snapshots.view import WholeContact, whole_contact
-from receding_fenicsx.studies import run as study
 
 pytestmark = pytest.mark.one_rank  # small bodies are condensed by one rank
 
@@ -232,17 +231,6 @@ def test_press_out_force_is_friction_times_lames_force(inner: float, f: float) -
     table = record.turning_points
     assert np.unique(table.state[-1]).tolist() == [rf.State.FORWARD_SLIP]
     assert table.load_displacement[-1, 0] == pytest.approx(0.1 * known, rel=0.1 * f + 1e-3)
-
-
-def test_places_of_a_vertical_edge_are_refined_at_both_of_its_ends() -> None:
-    """The edge begins at z = 0, which is no axis."""
-    places = (rf.Refinement(size=0.2, at="ends"),)
-    mesh = rf.MeshOptions(contact_elements=16, refine=places)
-    system = study.condense(rectangles(mesh=mesh))
-    if system is not None:
-        spacing = np.diff(system.x)
-        assert spacing[[0, -1]] == pytest.approx(0.1, rel=0.3)
-        assert spacing == pytest.approx(spacing[::-1])
 
 
 def test_pictures_show_a_fit_once_and_a_plane_on_both_sides_of_the_axis(

@@ -147,32 +147,6 @@ def test_probes_are_what_back_substitution_of_the_whole_field_gives(case: str) -
 # -- places --------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("cell", ["triangle", "quadrilateral"])
-@pytest.mark.parametrize("degree", [1, 2])
-def test_polynomials_of_the_element_are_exact_at_any_point(cell: str, degree: int) -> None:
-    """Displacement (a + b x + c y)^degree at points inside and on cells."""
-    scene = block(cell, degree, loads=(SIDE,))
-    made = built(scene)
-    points = np.array([[0.1, 0.2], [-1.3, 0.77], [0.0, 0.0], [2.0, 1.0], [-2.0, 0.35]])
-    values, _ = point_values(made, points, ["probe"] * len(points))
-    made_u = np.zeros(made.dofs)
-    at = made.space.tabulate_dof_coordinates()[:, :2]
-    n = made.space.dofmap.index_map.size_local
-    inner = 0.3 + 0.5 * at[:n, 0] - 0.2 * at[:n, 1]
-    first = made.space.dofmap.index_map.local_range[0]
-    made_u[2 * first : 2 * (first + n)] = np.column_stack([inner**degree, -inner]).ravel()
-    made_u = comm.allreduce(made_u)
-    made.destroy()
-    found = (values @ made_u).reshape(-1, 6)
-    inner = 0.3 + 0.5 * points[:, 0] - 0.2 * points[:, 1]
-    slope = degree * inner ** (degree - 1)
-    exx, eyy, shear = 0.5 * slope, np.full(5, 0.2), -0.2 * slope - 0.5
-    lam, mu = 2.0 * 0.3 / (1.3 * 0.4), 1.0 / 1.3
-    known = [inner**degree, -inner, lam * (exx + eyy) + 2 * mu * exx]
-    known += [lam * (exx + eyy) + 2 * mu * eyy, lam * (exx + eyy), mu * shear]
-    assert np.abs(found - np.transpose(known)).max() < 1e-12
-
-
 @pytest.mark.one_rank
 @pytest.mark.parametrize("kind", CELLS)
 @pytest.mark.parametrize("degree", [1, 2])

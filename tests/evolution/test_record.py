@@ -121,17 +121,6 @@ def test_places_that_cannot_be_written_are_refused(record: Record, tmp_path: Pat
 # -- condensed systems ---------------------------------------------------------------------------
 
 
-def test_system_reads_back_bitwise(tmp_path: Path) -> None:
-    half, whole = (system_of(to_toml(from_toml(BLOCK)), half) for half in (True, False))
-    n = half.n
-    normal = dataclasses.replace(
-        half, K=half.K[n:, n:], kind="normal", slip_map=np.ones((n, n + 1)), scene_toml=""
-    )
-    for system in (half, whole, normal):
-        write_system(tmp_path / "system.h5", system, overwrite=True)
-        assert differences(system, read_system(tmp_path / "system.h5")) == []
-
-
 def test_system_takes_the_scene_s_own_friction_and_gap(tmp_path: Path) -> None:
     path = tmp_path / "system.h5"
     stored = system_of(to_toml(from_toml(BLOCK)))

@@ -28,15 +28,6 @@ def found(system: ContactSystem, *args: object) -> PathUniqueness:
     return unique
 
 
-def test_the_block_is_certified_whole_and_half_and_the_whole_has_no_larger_margin() -> None:
-    half, whole = block_system(20, 10), block_system(40, 10, half=False)
-    a, b = found(half, cyclic(3)), found(whole, cyclic(3))
-    assert a.certified and b.certified and a.solutions == b.solutions == 1
-    # slip modes of the whole body include the mirror-symmetric ones
-    assert 1.0 < b.margin <= a.margin * (1.0 + 1e-6)
-    assert not a.first_loading_proved and a.first_loading == 1
-
-
 def test_load_steps_prove_nothing_of_what_happens_within_them() -> None:
     system = block_system(20, 10)
     steps = found(system, cyclic(2), SolverOptions(method="gauss-seidel", steps_per_leg=20))

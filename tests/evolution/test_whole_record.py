@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from equations import BACKWARD, FORWARD, OPEN
 from problems import FAMILIES, Problem, play, problem
 from replay import objections
 
@@ -16,7 +15,6 @@ from receding_fenicsx.interface.system import ProbeMatrix, eliminate_tangential
 
 pytestmark = pytest.mark.one_rank
 
-SWAPPED = np.array([0, 1, OPEN, BACKWARD, FORWARD])
 """State of the mirror image of a node."""
 
 
@@ -183,94 +181,6 @@ def test_without_friction_tangential_displacements_may_be_eliminated() -> None:
         a, b = (probes.stress[kind] for probes, kind in zip(kept, kinds, strict=True))
         assert near(b, a)
     assert compared > 5
-
-
-def image_of(s: rf.ContactSystem) -> tuple[np.ndarray, np.ndarray]:
-    """Return the modelled node behind each node of the whole of a half, and its side, 1 or -1."""
-    index, sign = [], []
-    for k in dict.fromkeys(s.edges.tolist()):
-        own = [i for i in range(s.n) if s.edges[i] == k]
-        left = [i for i in own[::-1] if s.x[i] > 0.0]
-        index += [*left, *own]
-        sign += [-1] * len(left) + [1] * len(own)
-    return np.array(index), np.array(sign)
-
-
-@pytest.mark.parametrize("kind", ["half", "axisymmetric"])
-def test_the_whole_of_a_half_or_a_radian_is_reflected_or_turned(kind: str) -> None:
-    held = 0
-    for number in NUMBERS:
-        if (pair := played(number)) is None:
-            continue
-        (p, one), s = pair, pair[0].system
-        model = replace(s, half=kind == "half", axisymmetric=kind != "half")
-        whole = play(replace(p, system=model))
-        held += bool(s.held[0])
-        if kind == "half":
-            index, sign = image_of(s)
-            times = np.where(s.x[index] == 0.0, 2.0, 1.0)
-            factor, side = 2.0, sign * (s.x[index] > 0.0)
-        else:
-            index, sign = np.arange(s.n), np.ones(s.n, dtype=int)
-            side, times, factor = sign, np.full(s.n, 2.0 * np.pi), 2.0 * np.pi
-        assert np.array_equal(whole.x, sign * s.x[index])
-        assert np.array_equal(whole.points, s.points[index] * np.column_stack([sign, sign * sign]))
-        assert near(whole.weight, times * s.weight[index])
-        assert np.array_equal(whole.g0, s.g0[index]) and np.array_equal(whole.edge, s.edges[index])
-        friction = s.friction
-        for found, (ahead, back) in (
-            (whole.friction.forward, (friction.forward, friction.backward)),
-            (whole.friction.backward, (friction.backward, friction.forward)),
-        ):
-            assert np.array_equal(found, np.where(sign > 0, ahead[index], back[index]))
-        off_axis = s.x[index] > 0.0 if kind == "half" else np.ones(s.n, dtype=bool)
-        held_there = s.held[: s.n][index] & off_axis
-        assert (whole.held is None) == (not held_there.any())
-        assert whole.held is None or np.array_equal(whole.held, held_there)
-        assert (whole.modelled_nodes, whole.modelled_dofs) == (s.n, np.sum(~s.held))
-        for name in ("turning_points", "samples"):
-            a, b = getattr(one, name), getattr(whole, name)
-            for key in ("cycle", "leg", "s", "load"):
-                assert np.array_equal(getattr(a, key), getattr(b, key)), key
-            turned = np.where(sign > 0, a.state[:, index], SWAPPED[a.state[:, index]])
-            assert np.array_equal(turned, b.state)
-            for key, factors in (
-                ("P", times), ("Q", side * times), ("v", side), ("w", 1.0), ("p", 1.0),
-                ("q", side),
-            ):  # fmt: skip
-                assert near(getattr(b, key), factors * getattr(a, key)[:, index]), (number, key)
-            assert near(b.load_displacement, factor * a.load_displacement)
-        for key, factors in (("dissipation_density", 1.0), ("slip_increment", side)):
-            a, b = getattr(one.cycles, key), getattr(whole.cycles, key)
-            assert near(b, factors * a[:, index]), key
-        assert near(whole.cycles.dissipation, factor * one.cycles.dissipation)
-        for key in ("dissipation_first_loading", "released"):
-            assert near(getattr(whole, key), factor * getattr(one, key)), key
-        assert (whole.jumps, whole.steady.kind) == (one.jumps, one.steady.kind)
-        assert whole.energy_error_max == one.energy_error_max
-        _check_events(one, whole, index, sign)
-        unique, alone = whole.uniqueness, one.uniqueness
-        assert unique is not None and alone is not None
-        images = np.flatnonzero(np.isin(index, alone.nodes))
-        assert np.array_equal(unique.nodes, images)
-        for key in ("certified", "solutions", "cycle", "leg", "s", "first_loading"):
-            assert getattr(unique, key) == getattr(alone, key), key
-    assert held > 1
-
-
-def _check_events(one: rf.Record, whole: rf.Record, index: np.ndarray, sign: np.ndarray) -> None:
-    """Check that each event happens at all images of its node, with turned directions."""
-    rows = []
-    for j, node in enumerate(one.events.node.tolist()):
-        for k in np.flatnonzero(index == node):
-            change = one.events.old[j], one.events.new[j]
-            turned = change if sign[k] > 0 else SWAPPED[list(change)]
-            rows.append((j, int(k), *map(int, turned)))
-    e = whole.events
-    assert [row[1:] for row in rows] == list(zip(e.node, e.old, e.new, strict=True))
-    for key in ("cycle", "leg", "s", "load"):
-        assert np.array_equal(getattr(e, key), getattr(one.events, key)[[row[0] for row in rows]])
-    assert whole.n_events == len(e.s)
 
 
 def test_the_record_of_an_edge_is_that_of_its_nodes() -> None:

@@ -235,25 +235,6 @@ def test_cracks_arrest_where_the_threshold_is_not_met() -> None:
     assert arrest(1.5 * (1.0 - x)) == pytest.approx(brentq(lack, 0.8, 1.6), rel=2e-3)
 
 
-@pytest.mark.one_rank(False)
-def test_a_half_model_has_the_probe_of_the_whole_edge() -> None:
-    block = (Path(__file__).parents[2] / "demos" / "block.toml").read_text()
-    text = f'{block}\n[[probe]]\nname = "edge"\nedge = "bottom"\n[fatigue]\n'
-    changes = ["mesh.contact_elements=20", "history.cycles=2"]
-    records = [
-        rf.run(rf.from_toml(text, [*changes, f"solver.symmetry={symmetry}"]))
-        for symmetry in ("auto", "none")
-    ]
-    if records[0] is None or records[1] is None:
-        return
-    assert rf.from_toml(rf.to_toml(rf.from_toml(text))).fatigue == rf.FatigueOptions()
-    assert records[0].probe("edge").points == pytest.approx(records[0].points, abs=1e-12)
-    half, whole = (rf.fatigue(record)["edge"] for record in records if record is not None)
-    for name, parameter in half.items():
-        scale = float(np.abs(whole[name].value).max())
-        assert np.abs(parameter.value - whole[name].value).max() <= 1e-6 * scale, name
-
-
 def test_strains_of_an_orthotropic_material_are_refused() -> None:
     wood = rf.Material(1.0, 0.3, "plane stress", young_2=0.5, shear=0.3)
     with pytest.raises(rf.InputError, match="isotropic"):

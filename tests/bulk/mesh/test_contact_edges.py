@@ -8,7 +8,6 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 from bodies import block, played
-from msh import turned, write_msh
 
 import receding_fenicsx as rf
 from receding_fenicsx.bulk.mesh.raw_mesh import RawMesh, curve_of
@@ -59,74 +58,6 @@ def test_summaries_and_figures_know_the_edges(tmp_path: Path) -> None:
     made = rf.figures.plot_all(record, tmp_path / "figures", formats=("pdf",))
     folders = {file.parent.name for file in made}
     assert folders == {"figures", "bottom", "left", "right"} and len(made) == len(set(made))
-
-
-def test_two_feet_on_one_edge_are_told_apart_and_mirror_each_other() -> None:
-    feet = (rf.Contact(span=(-2.0, -1.0)), rf.Contact(span=(1.0, 2.0)))
-    record = played(block("triangle", 2, 16, contacts=feet, history=rf.HistoryOptions(cycles=1)))
-    left, right = record.by_edge().values()
-    assert record.edge_names == ("bottom 1", "bottom 2") and not record.half
-    scale = np.abs(record.turning_points.P).max()
-    for name, sign in (("P", 1.0), ("Q", -1.0)):
-        a, b = getattr(left.turning_points, name), getattr(right.turning_points, name)
-        assert np.abs(a - sign * b[:, ::-1]).max() < 1e-10 * scale
-    assert left.turning_points.P.sum(axis=1) == pytest.approx([1.0, 1.0 / 3.0, 1.0])
-
-
-def groove(path: Path, degrees: float, friction: float) -> rf.Scene:
-    """A square that stands on its corner in a right-angled groove, the corner itself being free."""
-
-    def write() -> None:
-        m = 8
-        i, j = np.meshgrid(np.arange(m + 1), np.arange(m + 1))
-        points = np.stack([i.ravel() / m, j.ravel() / m], 1)
-        node = np.arange((m + 1) ** 2).reshape(m + 1, m + 1)
-        cells = np.stack([node[:-1, :-1], node[:-1, 1:], node[1:, 1:], node[1:, :-1]], -1)
-        edges = {
-            "right": np.stack([node[0, 1:-1], node[0, 2:]], 1),
-            "left": np.stack([node[1:-1, 0], node[2:, 0]], 1),
-            "roof": np.stack([node[-1, :-1], node[-1, 1:]], 1),
-            "wall": np.stack([node[:-1, -1], node[1:, -1]], 1),
-        }
-        places = turned(points, 45.0 + degrees)
-        write_msh(path, places, [cells.reshape(-1, 4)], edges)
-
-    rf.on_root(comm, write)
-    comm.barrier()
-    # a force straight down into the groove, spread over the two upper sides
-    down = np.radians(degrees - 90.0)
-    traction = (0.5 * np.cos(down), 0.5 * np.sin(down))
-    return rf.Scene(
-        body=rf.Body(mesh=str(path)),
-        contacts=(rf.Contact("left", friction=friction), rf.Contact("right", friction=friction)),
-        loads=(rf.Load("a", "roof", traction=traction), rf.Load("b", "wall", traction=traction)),
-        history=rf.HistoryOptions(
-            "table", columns=("a", "b"), rows=((1.0, 1.0), (1.8, 0.2), (0.8, 0.9))
-        ),
-    )
-
-
-@pytest.mark.parametrize("friction", [0.0, 0.2])
-def test_groove_carries_the_load_and_may_be_turned(friction: float, shared_tmp_path: Path) -> None:
-    records = [
-        played(groove(shared_tmp_path / f"{angle}.msh", angle, friction)) for angle in (0.0, 30.0)
-    ]
-    upright, oblique = records
-    left, right = upright.by_edge().values()
-    P = np.array([edge.turning_points.P[0].sum() for edge in (left, right)])
-    Q = np.array([edge.turning_points.Q[0].sum() for edge in (left, right)])
-    # of the force 1 each flank of 45 degrees carries half: P and |Q| have the resultant 1/2
-    assert P[0] == pytest.approx(P[1], rel=1e-10)
-    assert (P[0] + abs(Q[0])) / np.sqrt(2.0) == pytest.approx(0.5, rel=1e-10)
-    if friction == 0.0:
-        assert P[0] == pytest.approx(np.sqrt(0.5), rel=1e-10)
-    a, b = upright.turning_points, oblique.turning_points
-    for name in ("P", "Q", "v", "w"):
-        expected = getattr(a, name)
-        scale = np.abs(a.P if name in "PQ" else a.v).max()
-        assert np.abs(getattr(b, name) - expected).max() < 1e-9 * scale
-    assert np.array_equal(a.state, b.state) or friction == 0.0
-    assert friction == 0.0 or rf.State.FORWARD_SLIP in a.state
 
 
 def test_normals_of_an_arc_of_unequal_facets_are_those_of_its_circle() -> None:
