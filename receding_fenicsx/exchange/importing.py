@@ -18,14 +18,9 @@ from receding_fenicsx.errors import InputError
 from receding_fenicsx.exchange.formats import Freedom, read_matrix, read_vector
 from receding_fenicsx.interface.system import ContactSystem
 from receding_fenicsx.interface.system_checks import UNSYMMETRIC, check_system
+from receding_fenicsx.scene import profiles
 from receding_fenicsx.scene.checks import Number, OneOf, Pair, Table, as_list
-from receding_fenicsx.scene.profiles import (
-    FrictionProfile,
-    Profile,
-    directions,
-    evaluate_checked,
-    read_columns,
-)
+from receding_fenicsx.scene.profiles import FrictionProfile, Profile
 from receding_fenicsx.scene.toml_reader import Place, convert, parse_toml
 from receding_fenicsx.store.hdf5 import read_system, write_system
 from receding_fenicsx.store.run_folder import SYSTEM, write_csv
@@ -104,7 +99,7 @@ def read_specification(path: Path) -> tuple[Specification, dict[int, Array]]:
         if bool(load.forces) == bool(load.reactions):
             raise InputError(f"load '{load.name}': give either forces or reactions")
     wanted = ("node", "x", "y")
-    columns = read_columns(given.nodes, path.parent, "nodes", wanted, wanted)
+    columns = profiles.read_columns(given.nodes, path.parent, "nodes", wanted, wanted)
     if len(columns.names) != 3:
         columns.refuse(f"has {len(columns.names)} column(s), not node, x, y")
     points = {int(row[0]): row[1:] for row in columns.values}
@@ -154,8 +149,8 @@ def _system(given: Specification, points_of: dict[int, Array], folder: Path) -> 
     law = np.zeros((3, len(x)))
     for k, one in enumerate(given.contact):
         on = edge == k
-        for row, profile in enumerate((*directions(one.friction), one.initial_gap)):
-            law[row, on] = evaluate_checked(profile, x[on], None, f"contact '{one.name}'")
+        for row, profile in enumerate((*profiles.directions(one.friction), one.initial_gap)):
+            law[row, on] = profiles.evaluate_checked(profile, x[on], None, f"contact '{one.name}'")
     law[:2, held[len(x) :]] = 0.0  # the support carries the normal force there
     f, f_backward, g0 = law
     system = ContactSystem(

@@ -25,15 +25,8 @@ from numpy.typing import ArrayLike, NDArray
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.atomic import read_text
 from receding_fenicsx.errors import InputError
-from receding_fenicsx.scene.checks import (
-    LARGEST,
-    ByType,
-    Number,
-    OneOf,
-    as_list,
-    check_known,
-    suggestion,
-)
+from receding_fenicsx.scene import checks
+from receding_fenicsx.scene.checks import ByType, Number, OneOf
 
 TableProfile = dict[Annotated[str, OneOf("x", "value")], list[Number]]
 Profile = Annotated[Number | str | TableProfile, ByType()]
@@ -106,9 +99,9 @@ def evaluate_checked(profile: Profile, x: Array, y: Array | None, where: str) ->
     except InputError as error:
         raise InputError(f"{where}: {error}") from None
     largest = float(np.abs(found).max(initial=0.0))
-    if largest > LARGEST:
+    if largest > checks.LARGEST:
         nearer = "choose units in which it is nearer to 1"
-        raise InputError(f"{where}: {largest:g} is beyond {LARGEST:g}; {nearer}")
+        raise InputError(f"{where}: {largest:g} is beyond {checks.LARGEST:g}; {nearer}")
     return found
 
 
@@ -171,7 +164,7 @@ def _walk(node: ast.expr, names: dict[str, Array], text: str) -> Array:
     if isinstance(node, ast.Name):
         if node.id in names:
             return names[node.id]
-        hint = suggestion(node.id, [*names, *FUNCTIONS])
+        hint = checks.suggestion(node.id, [*names, *FUNCTIONS])
         hint = "only x may be used here" if node.id == "y" else hint
         raise InputError(f"'{text}': unknown name '{node.id}'; {hint}")
     if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.UAdd | ast.USub):
@@ -187,7 +180,7 @@ def _walk(node: ast.expr, names: dict[str, Array], text: str) -> Array:
             truth = truth * operators[type(op)](left, right)
         return truth
     if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and not node.keywords:
-        check_known(node.func.id, list(FUNCTIONS), f"'{text}'", "name")
+        checks.check_known(node.func.id, list(FUNCTIONS), f"'{text}'", "name")
         function, least, most = FUNCTIONS[node.func.id]
         if not least <= len(node.args) <= most:
             count = str(least) if least == most else f"{least} to {most}"
@@ -344,17 +337,15 @@ def _with_signals(history: dict[str, Any], loads: Any, folder: Path) -> dict[str
     given = [key for key in ("rows", "cycle_rows") if key in history]
     files = [key for key in given if _is_file(history[key])]
     wanted = history.get("columns")
-    if not files:
-        return history
-    if wanted is None and given != files:
+    if wanted is None and files not in ([], given):
         raise InputError(
             "[history] columns: is missing; name the load of each column, as one of rows and "
             "cycle_rows is no file"
         )
     listed = isinstance(wanted, list) and all(isinstance(name, str) for name in wanted)
-    if wanted is not None and not listed:
+    if files and not (wanted is None or listed):
         raise InputError("[history] columns: must be a list of strings in quotes")
-    names = [table.get("name") for table in as_list(loads, "load")]
+    names = [table.get("name") for table in checks.as_list(loads, "load")]
     known = [name for name in names if isinstance(name, str)]
     # columns that are checked and dropped
     times = {"time", "t"} - {*known}
@@ -365,14 +356,12 @@ def _with_signals(history: dict[str, Any], loads: Any, folder: Path) -> dict[str
         )
         chosen = [name for name in wanted or columns.names if name.lower() not in times]
         for name in chosen:
-            if name not in (columns.names if wanted else known):
+            if wanted and name not in columns.names:
                 have = ", ".join(columns.names)
-                columns.refuse(
-                    f"has no column '{name}'; its columns are {have}"
-                    if wanted
-                    else f"the column '{name}' is no load, {suggestion(name, known)}; rename it, "
-                    "or choose the columns by [history] columns"
-                )
+                columns.refuse(f"has no column '{name}'; its columns are {have}")
+            if not wanted and name not in known:
+                other = f"the column '{name}' is no load, {checks.suggestion(name, known)}"
+                columns.refuse(f"{other}; rename it, or choose the columns by [history] columns")
         for name, values in zip(columns.names, columns.values.T, strict=True):
             if name.lower() in times:
                 columns.check_sorted("time", values, np.diff(values) < 0.0)

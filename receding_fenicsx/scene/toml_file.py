@@ -18,13 +18,7 @@ from receding_fenicsx.errors import InputError, InputErrors
 from receding_fenicsx.scene.checks import as_list, check_known
 from receding_fenicsx.scene.model import TABLE_OF, Contact, Scene
 from receding_fenicsx.scene.profiles import DIRECTIONS, with_files
-from receding_fenicsx.scene.toml_reader import (
-    KNOWN,
-    named_materials,
-    parse_toml,
-    plain,
-    scene_of,
-)
+from receding_fenicsx.scene.toml_reader import KNOWN, named_materials, parse_toml, plain, scene_of
 from receding_fenicsx.scene.validate import check_rules
 
 

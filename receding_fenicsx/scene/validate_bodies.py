@@ -9,16 +9,9 @@ import numpy as np
 
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.errors import MeshMisfit
-from receding_fenicsx.scene import symmetry
+from receding_fenicsx.scene import model, symmetry
 from receding_fenicsx.scene.checks import Rules, check_known, check_name, unused
-from receding_fenicsx.scene.model import (
-    RECTANGLE_KEYS,
-    Body,
-    Contact,
-    MeshOptions,
-    Refinement,
-    Scene,
-)
+from receding_fenicsx.scene.model import Body, Contact, Scene
 from receding_fenicsx.scene.profiles import Profile, check_table, directions, evaluate_checked
 
 
@@ -35,7 +28,7 @@ def of_bodies(scene: Scene) -> Rules:
     for body in scene.bodies:
         at, position = scene.label(body), body.position
         table = (
-            (body.mesh is not None, RECTANGLE_KEYS, "a body from a mesh file has none"),
+            (body.mesh is not None, model.RECTANGLE_KEYS, "a body from a mesh file has none"),
             (body.mesh is None, ("surface", "parameters"), "needs a mesh file"),
             (body.is_half_plane, ("height",), "a half-plane has none"),
             (not body.is_half_plane, ("datum", "window"), 'belongs to shape = "half-plane"'),
@@ -143,7 +136,7 @@ def of_mesh(scene: Scene) -> Rules:
         yield from _of_refinement(scene, place, f"[mesh] refine entry {i + 1}", any(meshed))
 
 
-def _of_refinement(scene: Scene, place: Refinement, at: str, meshed: bool) -> Rules:
+def _of_refinement(scene: Scene, place: model.Refinement, at: str, meshed: bool) -> Rules:
     """One entry of refine; whether it lies on its edge is found when the body is meshed."""
     if place.at == "corners" and not meshed:
         yield f"{at} at: rectangles have no re-entrant corners; leave it out"
@@ -170,7 +163,7 @@ def _of_refinement(scene: Scene, place: Refinement, at: str, meshed: bool) -> Ru
             )
 
 
-def count_cells(mesh: MeshOptions, slenderness: float) -> float:
+def count_cells(mesh: model.MeshOptions, slenderness: float) -> float:
     """Estimate the number of triangles of a rectangle of a depth over its contact edge's length."""
     layers = mesh.contact_elements * slenderness
     if mesh.growth > 1.0:
@@ -179,7 +172,7 @@ def count_cells(mesh: MeshOptions, slenderness: float) -> float:
     return 2.0 * mesh.contact_elements * layers
 
 
-def of_elements(mesh: MeshOptions, body: Body, edge: str) -> Rules:
+def of_elements(mesh: model.MeshOptions, body: Body, edge: str) -> Rules:
     """A rectangle's depth below its contact edge against the size of its elements."""
     keys = ("height", "width") if edge in symmetry.HORIZONTAL else ("width", "height")
     depth, length = (getattr(body, key) for key in keys)
