@@ -177,9 +177,7 @@ def _system(given: Specification, points_of: dict[int, Array], folder: Path) -> 
 def _check_matrix(A: sparse.csc_matrix, freedoms: list[Freedom]) -> None:
     """Raise where a stiffness does not fit the freedoms, or is not symmetric."""
     if A.shape[0] != len(freedoms) or not freedoms:
-        raise InputError(
-            f"stiffness: has {A.shape[0]} rows, the file of the nodes has {len(freedoms)} freedoms"
-        )
+        raise InputError(f"stiffness: has {A.shape[0]} rows for {len(freedoms)} freedoms of nodes")
     if len(set(freedoms)) < len(freedoms) or any(k not in (1, 2) for _, k in freedoms):
         raise InputError("stiffness: freedoms have to be 1 (x) or 2 (y) of a node, each once")
     if not np.all(np.isfinite(A.data)):
@@ -188,10 +186,8 @@ def _check_matrix(A: sparse.csc_matrix, freedoms: list[Freedom]) -> None:
     share = diagonal / (diagonal.max() or 1.0)
     # diagonal entry over their median that is no stiffness but a support
     if 1e15 * np.median(np.append(share[share > 0.0], 0.0)) < share.max():
-        raise InputError(
-            f"stiffness: has entries of {diagonal.max():.0e}, which stand for supports; export it "
-            "without them, and name them by [[support]]"
-        )
+        supports = "which stand for supports; export it without them, and name them by [[support]]"
+        raise InputError(f"stiffness: has entries of {diagonal.max():.0e}, {supports}")
     if abs(A - A.T).max() > UNSYMMETRIC * abs(A).max():
         raise InputError("stiffness: is not symmetric")
 
@@ -235,10 +231,8 @@ def _eliminate(
     place = {freedom: i for i, freedom in enumerate(freedoms)}
     for node, k in [*(c for c in C if c not in given.fixed), *(given.fixed - set(C))]:
         if (node, k) not in place:
-            raise InputError(
-                f"node {node} has no freedom {k} in the stiffness: retain it there, or hold it by "
-                "a [[support]] if it is of the contact"
-            )
+            hold = "retain it there, or hold it by a [[support]] if it is of the contact"
+            raise InputError(f"node {node} has no freedom {k} in the stiffness: {hold}")
     here = np.flatnonzero([c in place for c in C])
     own = [place[C[i]] for i in here]
     inside = [i for i, freedom in enumerate(freedoms) if freedom not in given.fixed | set(C)]
@@ -288,10 +282,8 @@ def _rigid(K: Array, held: NDArray[np.bool_], moved: Array, free: int) -> Array:
     # the rotation of a single node is none
     motion = scaled(motion[:, np.abs(motion).max(axis=0, initial=0.0) > none])
     if motion.shape[1] != free:
-        raise InputError(
-            f"free = {free}: stiffness and supports leave {motion.shape[1]} rigid motion(s) free; "
-            "check signs and order of the rows, and the supports"
-        )
+        left = f"stiffness and supports leave {motion.shape[1]} rigid motion(s) free"
+        raise InputError(f"free = {free}: {left}; check signs and order of rows, and the supports")
     values = np.linalg.eigvalsh(K[np.ix_(~held, ~held)])
     if np.any(values < -none * largest):
         raise InputError(f"stiffness: is indefinite, with an eigenvalue of {values[0]:.3g}")

@@ -95,9 +95,7 @@ def reduced_model(scene: Scene) -> ReducedModel:
     validate(scene)
     refuse(broken([of_modes(scene, "reduced model")]))
     if scene.preloads or any(load.gap is not None for load in scene.loads):
-        raise InputError(
-            "reduced model: gaps, bolts and interference are no loads of it; remove them"
-        )
+        raise InputError("reduced model: has no gaps, bolts and interference; remove them")
     if scene.ties:
         raise InputError("reduced model: ties are not in it; make the tied bodies one mesh")
     scene = replace(scene, solver=replace(scene.solver, symmetry="none"))

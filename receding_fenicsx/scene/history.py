@@ -83,31 +83,22 @@ def check_history(history: History, load_names: tuple[str, ...]) -> None:
     if not isinstance(history, History):
         raise InputError(f"evolve: a Scene or a History is needed, not a {type(history).__name__}")
     if history.load_names != load_names:
-        raise InputError(
-            f"the history drives loads {list(history.load_names)}, the system has "
-            f"{list(load_names)}: name the same loads in the same order"
-        )
-    path, loop = history.path, history.loop
+        raise InputError(f"the history drives {history.load_names}, the system has {load_names}")
+    path, loop, n = history.path, history.loop, len(load_names)
     for name, rows, least in (("path", path, 2), ("loop", loop, 0)):
-        if rows.ndim != 2 or rows.shape[1] != len(load_names) or len(rows) < least:
-            raise InputError(
-                f"the history's {name} has shape {rows.shape}, expected at least {least} rows of "
-                f"{len(load_names)} load factors"
-            )
+        if rows.ndim != 2 or rows.shape[1] != n or len(rows) < least:
+            wanted = f"at least {least} rows of {n} load factors"
+            raise InputError(f"the history's {name} has shape {rows.shape}, expected {wanted}")
         for k in np.flatnonzero(~np.isfinite(rows).all(axis=1)):
             at = named_factors(load_names, rows[k])
             raise InputError(f"row {k} of the history's {name}, {at}, is not finite")
     if np.any(path[0]):
-        raise InputError(
-            f"the history's path starts at load factors {named_factors(load_names, path[0])}: "
-            "insert a row of zeros (the body at rest) before it"
-        )
+        first = named_factors(load_names, path[0])
+        raise InputError(f"the history's path starts at {first}; insert a row of zeros before it")
     if len(loop) and (np.any(loop[0] != path[-1]) or np.any(loop[-1] != loop[0])):
         first, last, end = (named_factors(load_names, row) for row in (loop[0], loop[-1], path[-1]))
-        raise InputError(
-            f"the history's loop runs from {first} to {last}: start and end it at the end of the "
-            f"path, {end}"
-        )
+        at = f"start and end it at the end of the path, {end}"
+        raise InputError(f"the history's loop runs from {first} to {last}: {at}")
 
 
 def leg_number(history: History, name: str, cycle: int = 1) -> int:

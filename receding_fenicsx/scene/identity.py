@@ -93,9 +93,7 @@ def digest(scene: Scene) -> str:
             try:
                 found.update(Path(body.mesh).read_bytes())
             except OSError:
-                raise InputError(
-                    f'[body] mesh: "{body.mesh}": no such file; check the path'
-                ) from None
+                raise InputError(f'[body] mesh: "{body.mesh}": no such file') from None
     return found.hexdigest()
 
 

@@ -85,10 +85,7 @@ def places_on(scene: Scene, body: Body) -> tuple[Refinement, ...]:
             edges = [contact.edge, *([contact.against] if contact.against else [])][: len(sides)]
             places = _on_rectangle(scene, edges, contact.span, body, places)
         elif not all(files):
-            raise InputError(
-                "[mesh] refine: is not possible on a rectangle against a mesh file; give both "
-                "bodies mesh files, or refine another edge"
-            )
+            raise InputError("[mesh] refine: needs mesh files on both sides of a contact, or none")
         elif contact.span is not None:
             corners = [place for place in places if place.at == "corners"]
             places = _resolved(places, contact.span) + corners

@@ -57,9 +57,7 @@ def directions(friction: FrictionProfile, where: str = "friction") -> tuple[Prof
         profile = cast(Profile, friction)
         return profile, profile
     if set(friction) != set(DIRECTIONS):
-        raise InputError(
-            f"{where}: needs both directions of slip, {{forward = ..., backward = ...}}"
-        )
+        raise InputError(f"{where}: needs both, {{forward = ..., backward = ...}}")
     forward, backward = (cast(Profile, friction[key]) for key in DIRECTIONS)
     return forward, backward
 
@@ -72,9 +70,7 @@ def check_table(profile: Profile, where: str) -> None:
         raise InputError(f"{where}: a table needs two lists, {{x = [...], value = [...]}}")
     n, m = len(profile["x"]), len(profile["value"])
     if n != m or n < 2:
-        raise InputError(
-            f"{where}: a table needs two lists of equal length (at least 2), not {n} and {m} values"
-        )
+        raise InputError(f"{where}: a table needs two lists of one length above 1, not {n} and {m}")
     if np.any(np.diff(profile["x"]) <= 0.0):
         raise InputError(f"{where}: x of the table must increase from value to value; sort it")
 
@@ -90,10 +86,8 @@ def evaluate_checked(profile: Profile, x: Array, y: Array | None, where: str) ->
         (low, high), (left, right) = ((p[0], p[-1]) for p in (profile["x"], np.sort(x)))
         slack = 1e-9 * (right - left)
         if high < left - slack or low > right + slack:
-            raise InputError(
-                f"{where}: the table runs from x = {low:g} to {high:g}, beside the edge, which "
-                f"runs from {left:g} to {right:g}; check its unit and origin"
-            )
+            edge = f"the edge, which runs from {left:g} to {right:g}; check its unit and origin"
+            raise InputError(f"{where}: the table runs from x = {low:g} to {high:g}, beside {edge}")
     try:
         found = evaluate(profile, x, y)
     except InputError as error:
@@ -127,9 +121,7 @@ def evaluate_expression(text: str, x: ArrayLike, y: ArrayLike | None = None) -> 
     try:
         tree = ast.parse(text.strip(), mode="eval")
     except (SyntaxError, ValueError, MemoryError, RecursionError):
-        raise InputError(
-            f"'{text}' is not an expression; write for example \"0.3 + 0.1*cos(pi*x)\""
-        ) from None
+        raise InputError(f"'{text}' is not an expression like 0.3 + 0.1*cos(pi*x)") from None
     names: dict[str, Array] = {"x": np.asarray(x, dtype=float), "pi": np.asarray(np.pi)}
     if y is not None:
         names["y"] = np.asarray(y, dtype=float)
@@ -142,9 +134,7 @@ def evaluate_expression(text: str, x: ArrayLike, y: ArrayLike | None = None) -> 
     bad = ~np.isfinite(result)
     if np.any(bad):
         where = np.asarray(x, dtype=float)[bad].flat[0]
-        raise InputError(
-            f"'{text}' is not a finite number at x = {where:.6g}; change the expression"
-        )
+        raise InputError(f"'{text}' is not a finite number at x = {where:.6g}; change it")
     return result
 
 
@@ -185,15 +175,13 @@ def _walk(node: ast.expr, names: dict[str, Array], text: str) -> Array:
         if not least <= len(node.args) <= most:
             count = str(least) if least == most else f"{least} to {most}"
             raise InputError(
-                f"'{text}': {node.func.id}() takes {count} argument(s), not {len(node.args)}"
+                f"'{text}': {node.func.id}() takes {count}, not {len(node.args)} values"
             )
         arguments = [_walk(a, names, text) for a in node.args]
         return np.asarray(function(*arguments), dtype=float)
     hint = " (write ** for a power)" if "^" in text else ""
-    raise InputError(
-        f"'{text}': '{ast.unparse(node)}' is not allowed in an expression{hint}; use numbers, x, "
-        f"y, pi, + - * / **, comparisons and {', '.join(FUNCTIONS)}"
-    )
+    known = f"numbers, x, y, pi, + - * / **, comparisons and {', '.join(FUNCTIONS)}"
+    raise InputError(f"'{text}': '{ast.unparse(node)}' is not allowed{hint}; use {known}")
 
 
 # -- files of columns
@@ -247,10 +235,8 @@ def read_columns(
         values.append([number for number in numbers if number is not None])
         for count, (cell, number) in enumerate(zip(cells, numbers, strict=True), 1):
             if "," in cell or number is None or not math.isfinite(number):
-                raise InputError(
-                    f'{label}: line {i}: column {count} is "{cell[:40]}", not a finite number with '
-                    "a decimal point; mend it, or begin the line with #"
-                )
+                what = f'column {count} is "{cell[:40]}", not a finite number with a decimal point'
+                raise InputError(f"{label}: line {i}: {what}; mend it, or begin the line with #")
         if len(cells) != len(values[0]):
             first_row = f"line {rows[0][0]} has {len(values[0])}; all rows need the same"
             raise InputError(f"{label}: line {i}: has {len(cells)} column(s), {first_row}")
@@ -338,10 +324,7 @@ def _with_signals(history: dict[str, Any], loads: Any, folder: Path) -> dict[str
     files = [key for key in given if _is_file(history[key])]
     wanted = history.get("columns")
     if wanted is None and files not in ([], given):
-        raise InputError(
-            "[history] columns: is missing; name the load of each column, as one of rows and "
-            "cycle_rows is no file"
-        )
+        raise InputError("[history] columns: is missing, as one of rows and cycle_rows is no file")
     listed = isinstance(wanted, list) and all(isinstance(name, str) for name in wanted)
     if files and not (wanted is None or listed):
         raise InputError("[history] columns: must be a list of strings in quotes")

@@ -183,9 +183,9 @@ def _table_to_set(
         if not chosen and number.isdecimal() and 1 <= int(number) <= len(alike):
             chosen = [alike[int(number) - 1]]
         if len(chosen) > 1:
+            ways = f"write {kind}.{label}.N.{names[-1]}, N = 1 to {len(chosen)}"
             raise InputError(
-                f"{where}: {len(chosen)} [[{kind}]] tables are named '{label}'; write "
-                f"{kind}.{label}.N.{names[-1]}, N = 1 to {len(chosen)}"
+                f"{where}: {len(chosen)} [[{kind}]] tables are named '{label}'; {ways}"
             )
         if chosen:
             return chosen[0], names[n:]

@@ -66,10 +66,8 @@ def scene_warnings(scene: Scene) -> list[str]:
     # contact nodes, the error of their dissipation is 3 to 8 % at 0.49 and 11 to 30 % at 0.499;
     # that of order 2 is 1 %
     if scene.mesh.degree == 1 and largest > 0.45:
-        lines.append(
-            f"[mesh] degree: elements of order 1 lock near incompressibility (Poisson's ratio "
-            f"{largest:g}), which the residual does not show; use degree = 2"
-        )
+        lock = f"elements of order 1 lock near incompressibility (Poisson's ratio {largest:g})"
+        lines.append(f"[mesh] degree: {lock}, which the residual does not show; use degree = 2")
     return lines + bodies.gap_warnings(scene)
 
 
@@ -111,10 +109,7 @@ def _of_fatigue(scene: Scene) -> checks.Rules:
         body = scene.find_edge(edge)[0] if edge else loads.body_named(scene, probe.body, at)
         mixed = len(scene.surface_materials(body)) > 1
         if mixed or scene.material_of(body).young_2 is not None:
-            yield (
-                f"{at}: [fatigue] takes strains by Hooke's law of one isotropic material, "
-                "which its body has not; leave one of them out"
-            )
+            yield f"{at}: [fatigue] needs a body of one isotropic material; leave one of them out"
 
 
 def _of_shakedown(scene: Scene) -> checks.Rules:

@@ -45,10 +45,7 @@ def of_bodies(scene: Scene) -> Rules:
     used += [material for body in scene.bodies for material in scene.surface_materials(body)]
     for material in scene.materials:
         if material not in used:
-            yield (
-                f"[material.{material.name}]: no body has this material; name it in a [[body]], or "
-                "give it the name of a physical surface"
-            )
+            yield f"[material.{material.name}]: no [[body]] or physical surface has this material"
     own = "each body has a [material.NAME] of its own"
     keys = [
         field.name for field in fields(scene.material) if field.name not in ("kinematics", "name")
@@ -75,11 +72,8 @@ def of_bodies(scene: Scene) -> Rules:
         x, width, low = body.position[0], body.width, body.position[0] - 0.5 * body.width
         # the smallest hole of a ring, over its width
         if body.is_rectangle and x != 0.0 and not low > 1e-6 * width:
-            yield (
-                f"{scene.label(body)} position: x = {x:g} and width {width:g} make a ring from "
-                f"r = {low:g} to {x + 0.5 * width:g}; move it off the axis r = 0, or put a "
-                "cylinder (its width is the diameter) at x = 0"
-            )
+            ring = f"makes a ring from r = {low:g} to {x + 0.5 * width:g}"
+            yield f"{scene.label(body)} position: {ring}; move it, or put a cylinder at x = 0"
 
 
 def of_half_planes(scene: Scene) -> Rules:
@@ -104,10 +98,7 @@ def of_half_planes(scene: Scene) -> Rules:
         if not scene.others:
             continue
         if body.name in first if len(flat) == 1 else len(first) > 1:
-            yield (
-                f"[contact] edge: names the half-plane '{body.name}'; exchange edge and against, "
-                "it takes its nodes from the other body's mesh"
-            )
+            yield f"[contact] edge: names the half-plane '{body.name}'; exchange edge and against"
         other = Body() if len(flat) == 1 else flat[0]
         whose = "its partner's mesh" if len(flat) == 1 else f"body '{other.name}'"
         for key in ("width", "position"):
@@ -157,10 +148,8 @@ def _of_refinement(scene: Scene, place: model.Refinement, at: str, meshed: bool)
         ends = (low, high) if isinstance(place.at, str) else place.span
         if ends[0] < low - slack or ends[1] > high + slack:
             beyond = ends[0] if ends[0] < low - slack else ends[1]
-            yield (
-                f"{at} at: {beyond:g} lies beyond the contact edge, which runs from {low:g} to "
-                f"{high:g}; move it"
-            )
+            runs = f"the contact edge, which runs from {low:g} to {high:g}"
+            yield f"{at} at: {beyond:g} lies beyond {runs}; move it"
 
 
 def count_cells(mesh: model.MeshOptions, slenderness: float) -> float:
@@ -313,9 +302,9 @@ def gap_warnings(scene: Scene) -> list[str]:
         # six kinks are samples of a curve. A parabola of 51 points on 161 nodes has peaks of 4 %
         # of the largest pressure, one of 201 points 0.2 %
         if np.count_nonzero(kinks & inside) >= 6 and apart > 1.5 * spacing:
-            lines.append(
-                f"{scene.joint_labels[i]} initial_gap: the table is linear between points "
-                f"{apart:.3g} apart, nodes are {spacing:.3g} apart: its kinks give peaks of "
-                "pressure; use more points or an expression"
+            linear = (
+                f"the table is linear between points {apart:.3g} apart, nodes are {spacing:.3g}"
             )
+            kinks = "its kinks give peaks of pressure; use more points or an expression"
+            lines.append(f"{scene.joint_labels[i]} initial_gap: {linear} apart: {kinks}")
     return lines

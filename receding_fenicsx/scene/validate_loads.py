@@ -88,11 +88,7 @@ def _off_contact(scene: Scene, load: Load, at: str) -> checks.Rules:
         on = not has_mesh_file(scene, load.edge)
         on &= scene.find_edge(load.edge) == scene.find_edge(joint.edge)
         if on and _overlap(scene, load.edge, span, joint.span):
-            what = "contact" if "contact" in label else "tie"
-            yield (
-                f'{at}: overlaps the {what} on the {what} edge "{load.edge}"; use another '
-                f"edge, or a span outside the {what}'s"
-            )
+            yield f'{at}: overlaps {label} on "{load.edge}"; use another edge, or a span beside it'
 
 
 def _overlap(scene: Scene, edge: str, *spans: tuple[float, float] | None) -> bool:
@@ -294,11 +290,9 @@ def body_named(scene: Scene, name: str | None, where: str, what: str = "point") 
     """Return the body that a point or load names; a name is for scenes of several bodies only."""
     names = [body.name for body in scene.bodies]
     if (name is None) == bool(scene.others) or name not in (None, *names):
-        raise InputError(
-            f"{where} body: must name the body of the {what}; give one of {', '.join(names)}"
-            if scene.others
-            else f"{where} body: the scene has one body only; remove it"
-        )
+        needed = f"must name the body of the {what}; give one of {', '.join(names)}"
+        only = "the scene has one body only; remove it"
+        raise InputError(f"{where} body: {needed if scene.others else only}")
     return scene.bodies[names.index(name) if name is not None else 0]
 
 

@@ -71,10 +71,8 @@ def run_folder(
             raise InputError(f"{path}: holds no run that can be resumed; choose another folder")
         if not overwrite and not resume and part.exists():
             with locked(part):  # in use, or left behind
-                raise InputError(
-                    f"{part}: holds an interrupted run; continue it with --resume, or replace it "
-                    "with --overwrite"
-                )
+                ways = "continue it with --resume, or replace it with --overwrite"
+                raise InputError(f"{part}: holds an interrupted run; {ways}")
     make_folder(part)
     with locked(part):
         try:
@@ -186,9 +184,7 @@ def _scene_of(folder: Path) -> Scene:
     try:
         return known_scene((folder / SCENE).read_text(encoding="utf-8"))
     except (OSError, UnicodeDecodeError, InputError) as error:
-        raise InputError(
-            f"{folder / SCENE}: is damaged ({error}); start a new run with --overwrite"
-        ) from None
+        raise InputError(f"{folder / SCENE}: is damaged ({error}); use --overwrite") from None
 
 
 def _check_same(folder: Path, scene: Scene) -> None:

@@ -46,24 +46,17 @@ class FolderKind:
             reason = f"cannot be read ({error.strerror})"
             raise InputError(f"{path}: {reason}; choose another folder") from None
         if not any((path / mark).is_file() for mark in self.marks):
-            raise InputError(
-                f"{path}: already exists and is not the folder of a {self.name}, so it is not "
-                "replaced; choose another folder"
-            )
+            raise InputError(f"{path}: is not the folder of a {self.name}; choose another folder")
         if not overwrite and not resume:
             ways = "continue it with --resume, or " if self.resumable else ""
-            raise InputError(
-                f"{path}: already exists and holds a {self.name}; {ways}replace it with "
-                "--overwrite, or choose another folder"
-            )
+            raise InputError(f"{path}: holds a {self.name}; {ways}replace it with --overwrite")
         return True
 
     def check_same(self, path: Path, other: str | None) -> None:
         """Raise InputError if ``other`` names what a folder is of, and what continues it is not."""
         if other is not None:
             raise InputError(
-                f"{path}: is a {self.name} with another {other}; continue it as it was, or choose "
-                "another folder"
+                f"{path}: is a {self.name} with another {other}; choose another folder"
             )
 
     @contextmanager
@@ -104,9 +97,7 @@ def locked(path: Path, wait: bool = False, shared: bool = False) -> Iterator[Non
             mode = fcntl.LOCK_SH if shared else fcntl.LOCK_EX
             fcntl.flock(handle, mode | (0 if wait else fcntl.LOCK_NB))
         except BlockingIOError:
-            raise InputError(
-                f"{path}: another run is using this folder; wait for it, or choose another folder"
-            ) from None
+            raise InputError(f"{path}: another run is using this folder; wait for it") from None
         except OSError:
             pass  # the file system has no locks
         yield

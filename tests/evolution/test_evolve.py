@@ -154,7 +154,7 @@ def test_an_array_without_meaning_is_refused_by_name(
 @pytest.mark.parametrize(
     ("path", "loop", "words"),
     [
-        ([0.5, 1.0], [], r"path starts at load factors \w+ = 0\.5: insert a row of zeros"),
+        ([0.5, 1.0], [], r"path starts at \w+ = 0\.5; insert a row of zeros"),
         ([0.0], [], r"path has shape \(1, 1\), expected at least 2 rows of 1 load factors"),
         ([0.0, np.nan], [], r"row 1 of the history's path, \w+ = nan, is not finite"),
         ([0.0, 1.0], [1.0, np.inf, 1.0], "row 1 of the history's loop"),

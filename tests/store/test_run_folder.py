@@ -172,8 +172,8 @@ ONCE = FolderKind("study", ("nodes.csv",), resumable=False)
         (KIND, (".curve.json.7.tmp",), {}, False),  # another process is about to rename it
         (KIND, ("curve.json",), {"resume": True}, True),
         (KIND, ("cases/sweep.json",), {"overwrite": True}, True),
-        (KIND, ("curve.json",), {}, "already exists and holds a curve; continue it with --resume"),
-        (ONCE, ("nodes.csv",), {}, "already exists and holds a study; replace it"),
+        (KIND, ("curve.json",), {}, "holds a curve; continue it with --resume"),
+        (ONCE, ("nodes.csv",), {}, "holds a study; replace it"),
         (KIND, ("thesis.tex",), {"overwrite": True}, "is not the folder of a curve"),
         (KIND, ("nodes.csv",), {"resume": True}, "is not the folder of a curve"),
         (KIND, (), {"overwrite": True, "resume": True}, "give one of them"),
