@@ -46,10 +46,12 @@ class FolderKind:
             reason = f"cannot be read ({error.strerror})"
             raise InputError(f"{path}: {reason}; choose another folder") from None
         if not any((path / mark).is_file() for mark in self.marks):
-            raise InputError(f"{path}: is not the folder of a {self.name}; choose another folder")
+            raise InputError(f"{path}: already exists, no folder of a {self.name}; choose another")
         if not overwrite and not resume:
             ways = "continue it with --resume, or " if self.resumable else ""
-            raise InputError(f"{path}: holds a {self.name}; {ways}replace it with --overwrite")
+            raise InputError(
+                f"{path}: already exists and holds a {self.name}; {ways}use --overwrite"
+            )
         return True
 
     def check_same(self, path: Path, other: str | None) -> None:

@@ -114,7 +114,7 @@ def test_a_leg_that_breaks_its_energy_identity_is_an_error(monkeypatch: pytest.M
         ),
         (
             {"history": replace(cyclic(1), load_names=("q0",))},
-            r"drives loads \['q0'\], the system has \['p0'\]",
+            r"drives \('q0',\), the system has \('p0',\)",
         ),
     ],
 )

@@ -141,7 +141,7 @@ def test_the_command_writes_what_the_function_returns(
     [
         ("density = 2.0", "", "density"),
         ("pressure = 0.01", "displacement = [0.0, -0.1]", "prescribes a displacement"),
-        ("friction = 0.4", "friction = 0.4\ninterference = 0.001", "interference are no loads"),
+        ("friction = 0.4", "friction = 0.4\ninterference = 0.001", "interference; remove them"),
         ("count = 2", "count = 0", "[mode] count"),
         ("count = 2", "count = 1000", "inner freedoms"),
     ],

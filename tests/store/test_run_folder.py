@@ -82,7 +82,7 @@ def test_only_earlier_runs_are_replaced_and_only_when_asked(tmp_path: Path) -> N
     assert (out / "summary.json").read_text() == "second"
     (tmp_path / "thesis").mkdir()
     (tmp_path / "thesis" / "chapter.tex").write_text("years of work")
-    refused("is not the folder of a run", tmp_path / "thesis", overwrite=True)
+    refused("no folder of a run", tmp_path / "thesis", overwrite=True)
     assert (tmp_path / "thesis" / "chapter.tex").exists()
     refused("no run that can be resumed", out, resume=True)  # it is finished, without a journal
     refused("is a file", tmp_path / "thesis" / "chapter.tex", overwrite=True)
@@ -173,9 +173,9 @@ ONCE = FolderKind("study", ("nodes.csv",), resumable=False)
         (KIND, ("curve.json",), {"resume": True}, True),
         (KIND, ("cases/sweep.json",), {"overwrite": True}, True),
         (KIND, ("curve.json",), {}, "holds a curve; continue it with --resume"),
-        (ONCE, ("nodes.csv",), {}, "holds a study; replace it"),
-        (KIND, ("thesis.tex",), {"overwrite": True}, "is not the folder of a curve"),
-        (KIND, ("nodes.csv",), {"resume": True}, "is not the folder of a curve"),
+        (ONCE, ("nodes.csv",), {}, "holds a study; use --overwrite"),
+        (KIND, ("thesis.tex",), {"overwrite": True}, "no folder of a curve"),
+        (KIND, ("nodes.csv",), {"resume": True}, "no folder of a curve"),
         (KIND, (), {"overwrite": True, "resume": True}, "give one of them"),
     ],
 )
