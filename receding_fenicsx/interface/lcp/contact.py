@@ -145,7 +145,8 @@ class Problem(NamedTuple):
         right_t = np.where(smooth, 0.0, right_t)
         matrix = np.concatenate([rows_t, rows_n], axis=1)
         right = np.concatenate([right_t, right_n], axis=1)[:, :, None]
-        norm = np.maximum(np.linalg.norm(matrix, axis=2, keepdims=True), np.finfo(float).tiny)
+        norm = np.linalg.norm(matrix, axis=2, keepdims=True)
+        norm[norm == 0.0] = 1.0
         # sets that may leave a motion without stiffness: least squares, checked below like all.
         # Rows of length 1 have det < 2 times the least singular value, however many there are
         loose = np.abs(np.linalg.det(matrix / norm)) <= 1e-9
