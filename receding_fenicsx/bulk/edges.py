@@ -10,7 +10,7 @@ from dolfinx import fem
 
 from receding_fenicsx.arrays import Array, Ints
 from receding_fenicsx.bulk import _dolfinx
-from receding_fenicsx.bulk.mesh.curved_edges import Arcs, gauss
+from receding_fenicsx.bulk.mesh.curved_edges import gauss
 from receding_fenicsx.bulk.mesh.meshing import BodyMesh
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.scene.model import Scene
@@ -131,22 +131,3 @@ def shape_functions(nodes: int, s: Array) -> Array:
     if nodes == 2:
         return np.array([1.0 - s, s])
     return np.array([(1.0 - s) * (1.0 - 2.0 * s), s * (2.0 * s - 1.0), 4.0 * s * (1.0 - s)])
-
-
-def integrate_arcs(
-    facets: EdgeFacets, arcs: Arcs, traction: Callable[[Array, Array], Array]
-) -> tuple[Ints, Array]:
-    """Integrate a traction, as of :func:`integrate`, over the true curves behind facets.
-
-    Returns numbers (n,) of the facets on curved edges, and the (n, k) integrals over their curves.
-    """
-    on, numbers = arcs.find(facets.points[:, :2])
-    slopes = arcs.slopes[numbers]
-    length = np.hypot(slopes[..., 0], slopes[..., 1])[..., None]
-    normals = np.stack([slopes[..., 1], -slopes[..., 0]], axis=-1)
-    normals /= np.where(length > 0.0, length, 1.0)
-    outward = facets.outward[on][:, None, :]
-    normals *= np.sign(np.sum(normals * outward, axis=-1, keepdims=True))
-    values = np.asarray(traction(arcs.points[numbers].reshape(-1, 2), normals.reshape(-1, 2)))
-    values = values.reshape(*slopes.shape[:2], values.shape[-1])
-    return on, np.einsum("q,nqk->nk", gauss()[1], values * length)

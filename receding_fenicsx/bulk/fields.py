@@ -109,34 +109,33 @@ def _places(bodies: Stack, probe: Probe) -> Array:
 
 def gather_fields(parts: Sequence[BodyFields]) -> Fields | None:
     """Gather fields on rank 0 and complete half bodies by their mirror image; collective."""
-    bodies = [whole for part in parts if (whole := _gather(part)) is not None]
-    if len(bodies) < 2:
-        return bodies[0] if bodies else None
-    if len({body.cells.shape[1] for body in bodies}) > 1:
+    pieces = [piece for k, part in enumerate(parts) for piece in _gather(part, k)]
+    if not pieces:
+        return None
+    if len({piece.cells.shape[1] for piece in pieces}) > 1:
         # two triangles stand for each quadrilateral where another body has triangles
-        for k, body in enumerate(bodies):
-            if body.cells.shape[1] == 4:
-                cells = np.vstack([body.cells[:, :3], body.cells[:, [0, 2, 3]]])
-                twice = {name: np.tile(value, 2) for name, value in body.cell_stress.items()}
-                bodies[k] = replace(body, cells=cells, cell_stress=twice)
-    sizes = [len(body.points) for body in bodies]
-    starts = np.cumsum([0, *sizes[:-1]])
+        for k, piece in enumerate(pieces):
+            if piece.cells.shape[1] == 4:
+                cells = np.vstack([piece.cells[:, :3], piece.cells[:, [0, 2, 3]]])
+                twice = {name: np.tile(value, 2) for name, value in piece.cell_stress.items()}
+                pieces[k] = replace(piece, cells=cells, cell_stress=twice)
+    starts = np.cumsum([0, *(len(piece.points) for piece in pieces)])
     stress, cell_stress = (
         {name: np.concatenate([each[name] for each in every]) for name in every[0]}
-        for every in ([b.stress for b in bodies], [b.cell_stress for b in bodies])
+        for every in ([p.stress for p in pieces], [p.cell_stress for p in pieces])
     )
     return Fields(
-        np.vstack([body.points for body in bodies]),
-        np.vstack([body.cells + start for body, start in zip(bodies, starts, strict=True)]),
-        np.vstack([body.displacement for body in bodies]),
+        np.vstack([piece.points for piece in pieces]),
+        np.vstack([piece.cells + start for piece, start in zip(pieces, starts, strict=False)]),
+        np.vstack([piece.displacement for piece in pieces]),
         stress,
         cell_stress,
-        np.repeat(np.arange(len(bodies)), sizes),
+        np.concatenate([given(piece.body) for piece in pieces]) if len(parts) > 1 else None,
     )
 
 
-def _gather(part: BodyFields) -> Fields | None:
-    """Gather the fields of one body on rank 0, with the image of half of it."""
+def _gather(part: BodyFields, number: int) -> list[Fields]:
+    """Gather the fields of one body on rank 0, then the image of half of it."""
     space, stresses = part.displacement.function_space, part.stresses
     dofmap, comm = space.dofmap, part.bulk.comm
     constant = next(iter(stresses.cell.values())).function_space
@@ -154,24 +153,20 @@ def _gather(part: BodyFields) -> Fields | None:
     )
     every = comm.gather(own, root=0)
     if every is None:
-        return None
+        return []
     points, cells, moved, *values = (np.vstack(each) for each in zip(*every, strict=True))
     at_vertices, in_cells = (
         dict(zip(stresses.cell, each.T.copy(), strict=True)) for each in values
     )
-    whole = Fields(points, cells, moved, at_vertices, in_cells)
+    body = np.full(len(points), number)
+    whole = Fields(points, cells, moved, at_vertices, in_cells, body)
     if not part.bulk.body.half:
-        return whole
+        return [whole]
     # u_x and s_xy change their sign in the image
     flip = np.array([-1.0, 1.0])
     at_vertices, in_cells = (
-        {k: np.concatenate([v, -v if k == "sxy" else v]) for k, v in stress.items()}
+        {k: -v if k == "sxy" else v for k, v in stress.items()}
         for stress in (at_vertices, in_cells)
     )
-    return Fields(
-        np.vstack([points, points * flip]),
-        np.vstack([cells, cells[:, ::-1] + len(points)]),
-        np.vstack([moved, moved * flip]),
-        at_vertices,
-        in_cells,
-    )
+    image = Fields(points * flip, cells[:, ::-1], moved * flip, at_vertices, in_cells, body)
+    return [whole, image]

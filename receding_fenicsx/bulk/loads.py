@@ -28,11 +28,10 @@ from receding_fenicsx.bulk.edges import (
     edge_facets,
     edge_nodes,
     integrate,
-    integrate_arcs,
     measure,
 )
 from receding_fenicsx.bulk.elasticity import free_strain, stiffness_in
-from receding_fenicsx.bulk.mesh.curved_edges import Arcs
+from receding_fenicsx.bulk.mesh.curved_edges import Arcs, gauss
 from receding_fenicsx.bulk.mesh.meshing import BodyMesh
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.mpi import on_all
@@ -105,11 +104,18 @@ def _beyond_chords(
     as those of a uniform pressure, do not change. In an axisymmetric body only the axial component
     is corrected; radially the chord belongs to the cells that it bounds.
     """
-    missing = np.zeros_like(values)
-    on, whole = integrate_arcs(facets, arcs, traction)
+    on, numbers = arcs.find(facets.points[:, :2])
+    slopes = arcs.slopes[numbers]
+    length = np.linalg.norm(slopes, axis=2, keepdims=True)
+    normals = np.stack([slopes[..., 1], -slopes[..., 0]], axis=-1) / np.where(length, length, 1.0)
+    outward = facets.outward[on][:, None, :]
+    normals *= np.sign(np.sum(normals * outward, axis=-1, keepdims=True))
+    acting = np.asarray(traction(arcs.points[numbers].reshape(-1, 2), normals.reshape(-1, 2)))
+    whole = np.einsum("q,nqk->nk", gauss()[1], acting.reshape(slopes.shape) * length)
     lacking = whole - values[on].sum(axis=1)
     if scene.axisymmetric:
         lacking[:, 0] = 0.0
+    missing = np.zeros_like(values)
     share = integrate(facets, lambda points, normals: measure(scene, points))[on]
     missing[on] = share / share.sum(axis=1, keepdims=True) * lacking[:, None, :]
     return missing

@@ -25,6 +25,9 @@ from receding_fenicsx.scene.symmetry import (
     is_horizontal,
 )
 
+OPPOSITE = {"bottom": "top", "top": "bottom", "left": "right", "right": "left"}
+"""The edge opposite to each edge of a rectangle."""
+
 POSITION_TOLERANCE = 1e-9
 """Largest distance of coinciding points, over the body's depth below the contact edge."""
 
@@ -38,12 +41,9 @@ class Frame:
     edge: str
     length: float
     depth: float  # depth of the rectangle below it
-    both: bool = False  # whether the opposite edge is a contact edge with the same vertices
-
-    @property
-    def opposite(self) -> str:
-        """The edge opposite the contact edge."""
-        return {"bottom": "top", "top": "bottom", "left": "right", "right": "left"}[self.edge]
+    both: bool  # whether the opposite edge is a contact edge with the same vertices
+    middle: Array  # (2,) middle of the contact edge, from the position of the body
+    axes: Array  # (2, 2) unit vectors along s and d
 
     @property
     def near(self) -> float:
@@ -52,20 +52,11 @@ class Frame:
 
     def to_body(self, s: Array, d: Array) -> Array:
         """Return (n, 2) coordinates."""
-        if self.edge in ("bottom", "top"):
-            found = np.column_stack([s, d if self.edge == "bottom" else self.depth - d])
-        else:
-            x = 0.5 * self.depth - d
-            found = np.column_stack([x if self.edge == "right" else -x, s + 0.5 * self.length])
-        return found + np.array(self.scene.body.position)
+        return np.stack([s, d], 1) @ self.axes + self.middle + np.array(self.scene.body.position)
 
     def from_body(self, points: Array) -> Array:
         """Return s and d (n, 2) of points (n, 2)."""
-        x, y = (points - np.array(self.scene.body.position)).T
-        if self.edge in ("bottom", "top"):
-            return np.column_stack([x, y if self.edge == "bottom" else self.depth - y])
-        d = 0.5 * self.depth - (x if self.edge == "right" else -x)
-        return np.column_stack([y - 0.5 * self.length, d])
+        return (points - np.array(self.scene.body.position) - self.middle) @ self.axes.T
 
     def on_edge(self, edge: str, positions: Sequence[float]) -> Array:
         """Return s and d (n, 2) of positions along an edge."""
@@ -106,12 +97,9 @@ def rectangle_mesh(whole: Scene, body: Body, half: bool) -> RawMesh:
     if not half:
         mesh = mirror(mesh)
     # names on the body of the edges of rectangle.geo, whose contact edge is "bottom"
-    names = {
-        "bottom": {},
-        "top": {"bottom": "top", "top": "bottom"},
-        "left": {"bottom": "left", "right": "top", "top": "right", "left": "bottom"},
-        "right": {"bottom": "right", "right": "top", "top": "left", "left": "bottom"},
-    }[frame.edge]
+    names = {"bottom": frame.edge, "top": OPPOSITE[frame.edge]}
+    if frame.edge in ("left", "right"):
+        names |= {"left": "bottom", "right": "top"}
     edges = {names.get(name, name): facets for name, facets in mesh.edges.items()}
     if half:
         edges["left"] = np.empty((0, 2), dtype=np.int64)
@@ -158,15 +146,19 @@ def _gmsh_half(frame: Frame, marks: Marks) -> RawMesh:
 def make_frame(scene: Scene, half: bool, stacked: bool = False) -> Frame:
     """Return the coordinates of the first contact edge; stacked, the opposite one is alike."""
     edge = scene.contacts[0].edge
-    size = scene.body.width, scene.body.height
-    upright = edge in ("bottom", "top")
-    frame = Frame(scene, edge, *(size if upright else size[::-1]))
-    if half and not upright:
+    inward = {"bottom": (0.0, 1.0), "top": (0.0, -1.0), "left": (1.0, 0.0), "right": (-1.0, 0.0)}
+    axes, size = (
+        np.array([np.abs(inward[edge])[::-1], inward[edge]]),
+        np.array([scene.body.width, scene.body.height]),
+    )
+    if half and axes[0, 0] == 0.0:
         raise InputError(
             f"contact.edge = '{edge}' has no half at x >= 0; set solver.symmetry = \"none\""
         )
-    both = stacked and any(contact.edge == frame.opposite for contact in scene.contacts)
-    return replace(frame, both=both)
+    length, depth = (np.abs(axes) @ size).tolist()
+    middle = 0.5 * size * ([0.0, 1.0] - axes[1])
+    both = stacked and any(contact.edge == OPPOSITE[edge] for contact in scene.contacts)
+    return Frame(scene, edge, length, depth, both, middle, axes)
 
 
 def find_marks(frame: Frame) -> Marks:
@@ -229,7 +221,7 @@ def places_of(frame: Frame) -> list[Refinement]:
     found = []
     for place in frame.scene.mesh.places:
         assert place.edge is not None
-        if place.edge not in (frame.edge, frame.opposite if frame.both else None):
+        if place.edge not in (frame.edge, OPPOSITE[frame.edge] if frame.both else None):
             raise InputError(
                 "[mesh] refine: of a rectangle only the first contact edge and the opposite one in "
                 f"contact can be refined, not '{place.edge}'; name another one by edge"
@@ -244,7 +236,7 @@ def _find_ends(frame: Frame) -> Array:
     scene, near = frame.scene, frame.near
     spans = [(part.edge, part.span) for part in scene.edge_parts]
     spans += [(support.edge, None) for support in scene.supports if support.edge is not None]
-    spans += [(frame.opposite, None)] if frame.both else []
+    spans += [(OPPOSITE[frame.edge], None)] if frame.both else []
     ends = {}
     for edge, span in spans:
         for s, d in frame.on_edge(edge, span or edge_range(scene, edge)).tolist():
