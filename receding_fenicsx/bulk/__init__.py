@@ -30,7 +30,7 @@ The steps, of which `from_scene.condensed` and `from_scene.bulk_of` do the first
    `evolution.problem.with_profiles` sets.
 5. For pictures, `fields.solve_fields` returns to the bodies,
    $u_I = A_{II}^{-1} ( \sum_k \lambda_k f_{k,I} - A_{IC} u_C )$
-   (`body.back_substitute`), and evaluates the stresses (`stress.stresses`);
+   (`body.back_substitute`), and evaluates the stresses (`elasticity.stresses`);
    `fields.gather_fields` brings the fields of the whole body to rank 0.
 
 Tractions are $p_i = P_i / m_i$, $q_i = Q_i / m_i$: they keep $|q| \le f p$, which the inverse of

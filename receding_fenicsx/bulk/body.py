@@ -5,7 +5,7 @@ With A = [[A_II, A_IC], [A_CI, A_CC]] for the interior I and the contact C, and 
     K = A_CC - A_CI A_II^-1 A_IC,    r*_k = A_CI A_II^-1 f_k,I - f_k,C.
 
 MUMPS forms K during its Cholesky factorisation of A, on any number of ranks. A displacement or
-stress at a point is g . u, with few degrees of freedom in g (`stress.point_values`), so that
+stress at a point is g . u, with few degrees of freedom in g (`elasticity.point_values`), so that
 
     g . u = (g_C - A_CI z) . u_C + sum_k lambda_k z . f_k,I / E,    A_II z = g_I:
 
@@ -24,10 +24,10 @@ from dolfinx import fem
 from receding_fenicsx.arrays import Array, Ints
 from receding_fenicsx.bulk import _dolfinx, schur
 from receding_fenicsx.bulk.contact_nodes import ContactNodes
+from receding_fenicsx.bulk.elasticity import Discretisation, Stresses, point_values, stresses
 from receding_fenicsx.bulk.join_bodies import CondensedBody
 from receding_fenicsx.bulk.mesh.rectangle import POSITION_TOLERANCE
 from receding_fenicsx.bulk.schur import norm, symmetrise, turn
-from receding_fenicsx.bulk.stress import Discretisation, Stresses, point_values, stresses
 from receding_fenicsx.errors import SolveError
 from receding_fenicsx.mpi import given, on_root
 

@@ -10,8 +10,8 @@ from dolfinx import fem
 
 from receding_fenicsx.arrays import Array, Ints
 from receding_fenicsx.bulk import _dolfinx
-from receding_fenicsx.bulk.mesh.curved_edges import gauss
 from receding_fenicsx.bulk.mesh.meshing import BodyMesh
+from receding_fenicsx.bulk.mesh.raw_mesh import gauss
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.scene.model import Scene
 

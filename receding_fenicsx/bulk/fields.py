@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.bulk import _dolfinx
+from receding_fenicsx.bulk.elasticity import Stresses
 from receding_fenicsx.bulk.mesh.rectangle import POSITION_TOLERANCE
 from receding_fenicsx.bulk.stack import Body, Stack
-from receding_fenicsx.bulk.stress import Stresses
 from receding_fenicsx.interface.system import ProbeMatrix
 from receding_fenicsx.mpi import given, on_root
 from receding_fenicsx.scene.model import Probe, Scene

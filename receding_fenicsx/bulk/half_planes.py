@@ -15,11 +15,11 @@ from receding_fenicsx.arrays import Array
 from receding_fenicsx.bulk import _dolfinx
 from receding_fenicsx.bulk.body import Bulk
 from receding_fenicsx.bulk.contact_nodes import ContactNodes, ContactSide
+from receding_fenicsx.bulk.elasticity import Stresses, named_stresses
 from receding_fenicsx.bulk.join_bodies import CondensedBody, JoinedBodies, common_sign
 from receding_fenicsx.bulk.mesh.grading import Base, graded
 from receding_fenicsx.bulk.mesh.meshing import BodyMesh, make_meshes
 from receding_fenicsx.bulk.rigid_motions import free_motions, motions, scaled
-from receding_fenicsx.bulk.stress import Stresses, named_stresses
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.half_plane.interior import Complexes, point_values
 from receding_fenicsx.half_plane.stiffness import (

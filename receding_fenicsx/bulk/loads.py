@@ -30,9 +30,9 @@ from receding_fenicsx.bulk.edges import (
     integrate,
     measure,
 )
-from receding_fenicsx.bulk.elasticity import free_strain, stiffness_in
-from receding_fenicsx.bulk.mesh.curved_edges import Arcs, gauss
+from receding_fenicsx.bulk.elasticity import free_strain, stiffness_in, strain_of
 from receding_fenicsx.bulk.mesh.meshing import BodyMesh
+from receding_fenicsx.bulk.mesh.raw_mesh import Arcs, gauss
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.mpi import on_all
 from receding_fenicsx.scene.model import Load, Scene
@@ -161,19 +161,3 @@ def _domain_forces(
     # the hoop strain u_r / r, times r
     forces[..., 0] += np.einsum("cq,qn->cn", hoop, shape)
     return nodes, forces
-
-
-def thermal_strain(scene: Scene, load_names: tuple[str, ...], points: Array) -> Array:
-    """Return the thermal strain (..., n_loads) of each load with factor 1 at points (..., 2)."""
-    strain = np.zeros((*points.shape[:-1], len(load_names)))
-    for load in scene.loads:
-        if load.thermal_strain is not None:
-            strain[..., load_names.index(load.name)] += strain_of(load, points)
-    return strain
-
-
-def strain_of(load: Load, points: Array) -> Array:
-    """Return the thermal strain (...) of one load at points (..., 2)."""
-    assert load.thermal_strain is not None
-    x, y = np.moveaxis(points, -1, 0)
-    return evaluate_checked(load.thermal_strain, x, y, f"{load.label} thermal_strain")

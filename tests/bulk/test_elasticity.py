@@ -11,8 +11,8 @@ from small import named_loads
 import receding_fenicsx as rf
 from receding_fenicsx.bulk import _dolfinx
 from receding_fenicsx.bulk.body import back_substitute
+from receding_fenicsx.bulk.elasticity import stresses
 from receding_fenicsx.bulk.rigid_motions import free_motions, scaled
-from receding_fenicsx.bulk.stress import stresses
 from receding_fenicsx.interface.mirror import mirror_of
 from receding_fenicsx.scene.model import Contact, Load, Support
 from receding_fenicsx.scene.symmetry import is_half_meshed

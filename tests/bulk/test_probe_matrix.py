@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 
 import receding_fenicsx as rf
 from receding_fenicsx.bulk import _dolfinx, stack
+from receding_fenicsx.bulk.elasticity import point_values, reference
 from receding_fenicsx.bulk.fields import BodyFields, gather_fields, probe_matrix, solve_fields
 from receding_fenicsx.bulk.mesh.meshing import make_meshes
 from receding_fenicsx.bulk.stack import Stack, build_all
-from receding_fenicsx.bulk.stress import point_values, reference
 
 comm = MPI.COMM_WORLD
 Array = NDArray[np.float64]

@@ -16,8 +16,7 @@ from numpy.typing import NDArray
 from receding_fenicsx.arrays import Array, Ints
 from receding_fenicsx.bulk import _dolfinx
 from receding_fenicsx.bulk.mesh.contact_edges import ContactFacets, edges_of, find_interfaces
-from receding_fenicsx.bulk.mesh.curved_edges import Arcs
-from receding_fenicsx.bulk.mesh.raw_mesh import Line, RawMesh, line_of, with_radii
+from receding_fenicsx.bulk.mesh.raw_mesh import Arcs, Line, RawMesh, line_of, with_radii
 from receding_fenicsx.bulk.mesh.rectangle import rectangle_mesh
 from receding_fenicsx.bulk.mesh.user_mesh import read_user_meshes
 from receding_fenicsx.errors import InputError

@@ -90,7 +90,16 @@ def rectangle_mesh(whole: Scene, body: Body, half: bool) -> RawMesh:
             section = (0.25 * body.width, body.position[1])
             scene = replace(scene, body=replace(body, width=0.5 * body.width, position=section))
             half = False
-    frame = make_frame(scene, half, bool(whole.others))
+    edge, size = scene.contacts[0].edge, np.array([scene.body.width, scene.body.height])
+    inward = {"bottom": (0.0, 1.0), "top": (0.0, -1.0), "left": (1.0, 0.0), "right": (-1.0, 0.0)}
+    axes = np.array([np.abs(inward[edge])[::-1], inward[edge]])
+    if half and axes[0, 0] == 0.0:
+        raise InputError(
+            f"contact.edge = '{edge}' has no half at x >= 0; set solver.symmetry = \"none\""
+        )
+    both = bool(whole.others) and OPPOSITE[edge] in [contact.edge for contact in scene.contacts]
+    (length, depth), middle = np.abs(axes) @ size, 0.5 * size * ([0.0, 1.0] - axes[1])
+    frame = Frame(scene, edge, float(length), float(depth), both, middle, axes)
     marks = find_marks(frame)
     mesh = _gmsh_half(frame, marks)
     snap(frame, marks, mesh)
@@ -141,24 +150,6 @@ def _gmsh_half(frame: Frame, marks: Marks) -> RawMesh:
         if list(gmsh.model.mesh.getElementTypes(2)) != [2 if cell == "triangle" else 3]:
             raise SolveError(f"gmsh did not fill the body with {cell}s; change contact_elements")
         return mesh_of(gmsh, None, "rectangle.geo", unit)
-
-
-def make_frame(scene: Scene, half: bool, stacked: bool = False) -> Frame:
-    """Return the coordinates of the first contact edge; stacked, the opposite one is alike."""
-    edge = scene.contacts[0].edge
-    inward = {"bottom": (0.0, 1.0), "top": (0.0, -1.0), "left": (1.0, 0.0), "right": (-1.0, 0.0)}
-    axes, size = (
-        np.array([np.abs(inward[edge])[::-1], inward[edge]]),
-        np.array([scene.body.width, scene.body.height]),
-    )
-    if half and axes[0, 0] == 0.0:
-        raise InputError(
-            f"contact.edge = '{edge}' has no half at x >= 0; set solver.symmetry = \"none\""
-        )
-    length, depth = (np.abs(axes) @ size).tolist()
-    middle = 0.5 * size * ([0.0, 1.0] - axes[1])
-    both = stacked and any(contact.edge == OPPOSITE[edge] for contact in scene.contacts)
-    return Frame(scene, edge, length, depth, both, middle, axes)
 
 
 def find_marks(frame: Frame) -> Marks:

@@ -19,9 +19,8 @@ from numpy.typing import NDArray
 
 from receding_fenicsx import workers
 from receding_fenicsx.arrays import Ints
-from receding_fenicsx.bulk.mesh.curved_edges import arcs_of
 from receding_fenicsx.bulk.mesh.grading import mesh_refined
-from receding_fenicsx.bulk.mesh.raw_mesh import RawMesh, sides, with_radii
+from receding_fenicsx.bulk.mesh.raw_mesh import RawMesh, arcs_of, sides, with_radii
 from receding_fenicsx.errors import InputError, MeshMisfit
 from receding_fenicsx.scene.checks import nearest, suggestion
 from receding_fenicsx.scene.model import Body, MeshOptions
