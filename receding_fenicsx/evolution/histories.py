@@ -26,9 +26,8 @@ import numpy as np
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.errors import NotConverged, SolveError
 from receding_fenicsx.evolution.collect import record_of
-from receding_fenicsx.evolution.instants import FinishedCycle
 from receding_fenicsx.evolution.problem import Problem, problem_of_scene
-from receding_fenicsx.evolution.run_state import RunState
+from receding_fenicsx.evolution.run_state import first_cycles
 from receding_fenicsx.interface.system import ContactSystem
 from receding_fenicsx.scene.history import (
     MOST_CORNERS,
@@ -38,7 +37,7 @@ from receding_fenicsx.scene.history import (
     is_straight,
     preload_legs,
 )
-from receding_fenicsx.scene.model import OutputOptions, Scene
+from receding_fenicsx.scene.model import Scene
 
 CORNERS = "corners.txt"
 """Name of the file in a run's folder that holds the polygons of a harmonic history."""
@@ -69,15 +68,18 @@ def with_corners(
     while True:
         refined = replace(scene, history=replace(options, corners=corners))
         try:
-            D, energy = _dissipation(problem, refined)
+            # the first cycles are compared, three at most
+            whole, last = ended_by(history_from_scene(refined), None), min(options.cycles, 3)
+            finished = first_cycles(problem, replace(whole, cycles=last), last)
         except SolveError:
             # the run of this polygon fails in the same place, and keeps its record
             return refined, np.array([*rows, (corners, math.nan)])
-        tiny = float(np.finfo(float).tiny)
+        D = np.array([cycle.dissipation.sum() for cycle in finished[1:]])
         # dissipation of a cycle, over the largest energy of a leg, that counts as none
-        scale = max(float(D.max()), 1e-9 * energy, tiny)
-        last, change = change, float(np.abs(D - before).max()) / scale if rows else math.nan
-        error = float(np.maximum(change, 0.25 * last))  # NaN up to the third polygon
+        energy = 1e-9 * finished[-1].totals.energy_scale
+        scale = max(float(D.max()), energy, float(np.finfo(float).tiny))
+        earlier, change = change, float(np.abs(D - before).max()) / scale if rows else math.nan
+        error = float(np.maximum(change, 0.25 * earlier))  # NaN up to the third polygon
         rows.append((corners, error))
         if say is not None:
             words = "" if math.isnan(error) else f", error estimate {error:.1e}"
@@ -90,20 +92,6 @@ def with_corners(
                 f"dissipation is {error:.1e}, above {tolerance:g}; enlarge it, or fix corners"
             )
         before, corners = D, 2 * corners
-
-
-def _dissipation(problem: Problem, scene: Scene) -> tuple[Array, float]:
-    """Return the dissipation of the first cycles, and the largest energy of a leg."""
-    # largest number of first cycles whose dissipation is compared
-    cycles = min(scene.history.cycles, 3)
-    history = replace(ended_by(history_from_scene(scene), None), cycles=cycles)
-    bare = OutputOptions(samples_per_leg=1, cycles=())
-    finished: list[FinishedCycle] = []
-    run = RunState(replace(problem, history=history, output=bare, judged=False), finished)
-    for number in range(cycles + 1):
-        finished.append(run.trace_cycle(number))
-    D = np.array([cycle.dissipation.sum() for cycle in finished[1:]])
-    return D, finished[-1].totals.energy_scale
 
 
 def tightened(system: ContactSystem, scene: Scene) -> Scene:
@@ -127,12 +115,12 @@ def tightened(system: ContactSystem, scene: Scene) -> Scene:
         if free:
             path[-1, at] = _shortenings(problem, path, at, np.array(wanted), scale)
         free = [bolt for bolt in free if bolt.name != leg]
-    shortened = []
-    for bolt in scene.bolts:
-        s = path[1:, names.index(bolt.name)].tolist()
-        found = replace(bolt, shortening=s[-1], tightening=tuple(s))
-        shortened.append(bolt if bolt.preload is None else found)
-    return replace(scene, bolts=tuple(shortened))
+    ways = [tuple(path[1:, names.index(bolt.name)].tolist()) for bolt in scene.bolts]
+    shortened = tuple(
+        bolt if bolt.preload is None else replace(bolt, shortening=s[-1], tightening=s)
+        for bolt, s in zip(scene.bolts, ways, strict=True)
+    )
+    return replace(scene, bolts=shortened)
 
 
 def _shortenings(
@@ -144,10 +132,7 @@ def _shortenings(
         rows = path.copy()
         rows[-1, at] = s
         history = History(problem.system.load_names, rows, np.zeros((0, path.shape[1])))
-        bare = replace(problem, history=history, output=OutputOptions(1, ()), judged=False)
-        cycles: list[FinishedCycle] = []
-        cycles.append(RunState(bare, cycles).trace_cycle(0))
-        record = record_of(bare.system, bare.solver, cycles)
+        record = record_of(problem.system, problem.solver, first_cycles(problem, history, 0))
         return record.turning_points.load_displacement[-1, at]
 
     soft = np.linalg.inv(problem.system.load_compliance[np.ix_(at, at)])

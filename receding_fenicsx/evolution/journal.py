@@ -58,8 +58,13 @@ class Journal:
     def add(self, cycle: FinishedCycle) -> bool:
         """Add the next finished cycle; return whether there is a checkpoint at its end."""
         self.cycles.append(cycle)
-        every = self.checkpoint_cycles
-        return every is not None and is_checkpoint(len(self.cycles) - 1, every)
+        number, every = len(self.cycles) - 1, self.checkpoint_cycles
+        if every is None:
+            return False
+        # the spacing doubles with each doubling of the cycles beyond 10 spacings: each checkpoint
+        # costs the time of some cycles, as factors and rates are computed anew
+        doublings = max(0, (number // (10 * every)).bit_length() - 1)
+        return number % (every << doublings) == 0
 
     def checkpoint(self) -> None:
         """Note that a run can resume from here: its solver is a new one."""
@@ -106,18 +111,6 @@ class JournalFolder(Journal):
         self._written = self._ready
         self._last = time.monotonic()
         self._cost = self._last - begin
-
-
-def is_checkpoint(cycle: int, every: int) -> bool:
-    """Return whether there is a checkpoint at the end of a cycle, by its number alone.
-
-    Checkpoints are ``every`` cycles apart at first. The spacing doubles with each doubling of the
-    cycles beyond ``FINISHED_PER_LOST_CYCLE * every``.
-    """
-    # finished cycles per cycle that a kill may lose in long histories, at least: each checkpoint
-    # costs the time of some cycles, as factors and rates are computed anew
-    doublings = max(0, (cycle // (10 * every)).bit_length() - 1)
-    return cycle % (every << doublings) == 0
 
 
 def checkpoints(run: Path) -> int:

@@ -164,13 +164,11 @@ class ProbeHistory:
         single = {key: getattr(self, key) for key in ("cycle", "leg", "s", "kind")}
         single |= {f"load.{name}": self.load[:, k] for k, name in enumerate(self.load_names)}
         table = {name: np.repeat(values, m) for name, values in single.items()}
-        table["point"] = np.tile(np.arange(m), n)
+        table |= {"point": np.tile(np.arange(m), n)}
         table |= {axis: np.tile(self.points[:, k], n) for k, axis in enumerate("xy")}
-        table |= {key: self.displacement[..., k].ravel() for k, key in enumerate(("ux", "uy"))}
-        stresses = ("sxx", "syy", "szz", "sxy")
-        table |= {key: self.stress[..., k].ravel() for k, key in enumerate(stresses)}
-        table["von_mises"] = self.von_mises.ravel()
-        return table
+        fields = np.concatenate([self.displacement, self.stress, self.von_mises[..., None]], axis=2)
+        names = ("ux", "uy", "sxx", "syy", "szz", "sxy", "von_mises")
+        return table | {name: fields[..., k].ravel() for k, name in enumerate(names)}
 
     def to_pandas(self) -> pd.DataFrame:
         """Return :meth:`to_table` as a DataFrame; needs pandas."""
@@ -193,15 +191,13 @@ def history_of(record: RecordData, name: str) -> ProbeHistory:
         raise InputError(f"probe '{name}': is not in the record; {suggestion(name, names)}")
     probes = record.probes
     own = np.flatnonzero(np.array(probes.names) == name)
+    places = {key: getattr(probes, key) for key in ("cycle", "leg", "s", "load")}
     return ProbeHistory(
         name=name,
         points=probes.points[own],
         load_names=record.load_names,
         kind=KINDS[probes.kind],
-        cycle=probes.cycle,
-        leg=probes.leg,
-        s=probes.s,
-        load=probes.load,
         displacement=probes.displacement[:, own],
         stress=probes.stress[:, own],
+        **places,
     )

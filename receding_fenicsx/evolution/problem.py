@@ -160,11 +160,6 @@ class Problem:
     judged: bool = True
 
     @property
-    def has_initial_slip(self) -> bool:
-        """Whether the first leg is one static problem, with slip counted from an initial one."""
-        return bool(np.any(self.initial_slip))
-
-    @property
     def last_cycle(self) -> int:
         """Number of the last cycle of the history."""
         return self.history.cycles if len(self.history.loop) else 0

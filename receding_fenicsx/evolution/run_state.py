@@ -35,6 +35,8 @@ from receding_fenicsx.interface.mirror import mirror_of
 from receding_fenicsx.interface.system import ContactState, ContactSystem, Leg, frictional_form
 from receding_fenicsx.interface.tolerances import ON_LIMIT
 from receding_fenicsx.interface.uniqueness.watch import Uniqueness, UniquenessWatch
+from receding_fenicsx.scene.history import History
+from receding_fenicsx.scene.model import OutputOptions
 
 log = logging.getLogger(__name__)
 
@@ -158,7 +160,7 @@ class RunState:
 
     def _is_static(self, number: int, k: int) -> bool:
         """Return whether a leg is one static problem: the first one after an initial slip."""
-        return number == 0 and k == 0 and self.problem.has_initial_slip
+        return number == 0 and k == 0 and bool(np.any(self.problem.initial_slip))
 
     def _trace(
         self, number: int, k: int, ends: tuple[Array, Array], samples: Samples | None
@@ -216,6 +218,15 @@ class RunState:
             jumps=before.jumps + len(leg.jumps),
             released=before.released + sum(energy for _, energy in leg.jumps),
         )
+
+
+def first_cycles(problem: Problem, history: History, last: int) -> list[FinishedCycle]:
+    """Trace the cycles 0 to ``last`` of another history, without samples and uniqueness."""
+    output, cycles = OutputOptions(samples_per_leg=1, cycles=()), list[FinishedCycle]()
+    run = RunState(replace(problem, history=history, output=output, judged=False), cycles)
+    for number in range(last + 1):
+        cycles.append(run.trace_cycle(number))
+    return cycles
 
 
 def stick_at_rest(model: ContactSystem, start: ContactState, leg: Leg) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import fields
 from typing import Protocol
 
 from receding_fenicsx.arrays import Array
@@ -23,13 +24,8 @@ def _exact(system: ContactSystem, options: SolverOptions) -> Solver:
 
 
 def _gauss_seidel(system: ContactSystem, options: SolverOptions) -> Solver:
-    sweeps = GaussSeidelOptions(
-        over_relaxation=options.over_relaxation,
-        polish=options.polish,
-        change_tolerance=options.change_tolerance,
-        residual_tolerance=options.residual_tolerance,
-        max_sweeps=options.max_sweeps,
-    )
+    names = {field.name for field in fields(options)} & {f.name for f in fields(GaussSeidelOptions)}
+    sweeps = GaussSeidelOptions(**{name: getattr(options, name) for name in names})
     if system.has_branches:
         return BranchedPath(system, options.on_jump, sweeps, options.steps_per_leg)
     return GaussSeidelPath(system, sweeps, options.steps_per_leg, options.on_jump)
