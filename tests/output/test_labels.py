@@ -151,7 +151,7 @@ def check_legend(
     """
     entries = {str(entry.get_label()): entry for entry in figure.legends[0].get_lines()}
     assert set(shown) <= set(entries)
-    lines = [line for line in axes.lines if len(line.get_xydata()) != 2]
+    lines = [line for line in axes.lines if np.size(line.get_xdata()) != 2]
     for name, points in shown.items():
         own = [line for line in lines if line.get_color() == entries[name].get_color()]
         every = slice(None)

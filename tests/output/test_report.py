@@ -242,7 +242,12 @@ def test_every_key_of_the_summary_is_what_the_record_holds() -> None:
     cycles = dataclasses.replace(
         found.cycles, dissipation=np.array([4.0, 9.0, 1.0, 3.0]), slip_increment=slip
     )
-    numbers = {"residual_max": 0.125, "energy_error_max": 0.25, "sweeps": 7, "jumps": 2}
+    numbers: dict[str, Any] = {
+        "residual_max": 0.125,
+        "energy_error_max": 0.25,
+        "sweeps": 7,
+        "jumps": 2,
+    }
     choices = (Choice(1, 0, 0.5, (0.75,), (3, 4), 2, 1, ((1, 3), (2, 2))),)
     made = dataclasses.replace(
         found,
