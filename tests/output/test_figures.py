@@ -113,6 +113,21 @@ def test_a_change_between_stick_and_slip_that_is_undone_at_once_is_no_zone() -> 
         assert [i for i, line in enumerate(lines) if len(line.state) > 1] == alone
 
 
+def test_between_samples_the_end_of_a_zone_passes_its_nodes_one_after_the_other() -> None:
+    """Slip spreads from node 9 over 10 to 13; node 14, which was open, slips the other way."""
+    found = record(method="gauss-seidel")
+    rows = np.flatnonzero((found.samples.cycle == 10) & (found.samples.leg == 0))
+    state, k = found.samples.state.copy(), len(rows) // 2
+    state[rows], state[rows, 9], state[rows[:k], 14] = STICK, BACKWARD, OPEN
+    state[rows[k:], 10:14], state[rows[k:], 14] = BACKWARD, FORWARD
+    lines = timelines_of(replace(found, samples=replace(found.samples, state=state)), 10, 0)
+    before, after = found.samples.s[rows[k - 1 : k + 1]]
+    for i, part in {10: 0.125, 11: 0.375, 12: 0.625, 13: 0.875, 14: 0.5}.items():
+        ((s, new),) = lines[i].changes[1:]
+        assert s == pytest.approx(before + part * (after - before))
+        assert new == (FORWARD if i == 14 else BACKWARD)
+
+
 def moves_of(found: rf.Record, s: float) -> dict[str, np.ndarray]:
     """Nodes by what they do halfway between two samples of cycle 1's unloading, from v, w, p."""
     table = found.samples
