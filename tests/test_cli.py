@@ -61,30 +61,6 @@ def test_every_demo_scene_can_be_modelled(name: str) -> None:
     assert cli.main(["check", str(DEMOS / name)]) == 0
 
 
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        (["rnu", BLOCK], ["rnu", 'Did you mean "run"?']),
-        (["sweep", BLOCK, "--out", "x"], ["--over"]),
-        (["condense", BLOCK, "--out", "none/system.h5"], ["folder does not exist"]),
-        (["run", BLOCK, "--out", BLOCK], ["block.toml", "is a file"]),
-    ],
-)
-def test_bad_input_ends_with_code_2_and_one_line(
-    arguments: list[str], words: list[str], capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert cli.main(arguments) == 2
-    captured = capsys.readouterr()
-    assert captured.out == ""
-    if not root:
-        assert captured.err == ""
-        return
-    assert captured.err.startswith("receding-fenicsx: error: ")
-    assert captured.err.count("\n") == 1
-    for word in words:
-        assert word in captured.err
-
-
 def test_condense_saves_a_system(shared_tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = shared_tmp_path / "system.h5"
     assert cli.main(["condense", BLOCK, *SMALL, "--out", str(path)]) == 0

@@ -118,16 +118,6 @@ def test_marks_of_utf_8_at_the_start_of_files_are_passed_over(shared_tmp_path: P
     assert found.contacts[0].initial_gap == {"x": [-2.0, 2.0], "value": [0.5, 0.25]}
 
 
-def test_run_cannot_take_the_place_of_a_root(
-    shared_tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    path = write(shared_tmp_path / "scene.toml", SCENE)
-    assert "/: cannot be a run's folder" in refused(capsys, "run", path, "--out", "/")
-    assert "already exists" in refused(capsys, "run", path, "--out", shared_tmp_path / "a/..")
-    assert "is a folder" in refused(capsys, "condense", path, "--out", "/")
-    assert "(File name too long)" in refused(capsys, "run", path, "--out", 300 * "x")
-
-
 @pytest.mark.parametrize(
     ("name", "content", "words"),
     [

@@ -1,8 +1,5 @@
 """Pictures of a run: drawn beside each other, errors of the processes, progress."""
 
-import json
-import subprocess
-import sys
 import time
 from pathlib import Path
 from typing import Any
@@ -11,7 +8,7 @@ from mpi4py import MPI
 
 import pytest
 
-from receding_fenicsx import environment, read_scene
+from receding_fenicsx import read_scene
 from receding_fenicsx.mpi import on_root
 from receding_fenicsx.studies import run as study
 from receding_fenicsx.timing import Countdown
@@ -47,27 +44,6 @@ def test_pictures_of_a_run_are_counted_and_those_in_pdf_are_the_figures(
             assert any(h.startswith(f"pictures of the body: {count - 1} of {count}") for h in heard)
 
     on_root(COMM, compare)
-
-
-@pytest.mark.one_rank
-def test_run_without_pictures_loads_no_drawing_library(tmp_path: Path) -> None:
-    code = (
-        "import json, sys\n"
-        "from receding_fenicsx.cli import main\n"
-        "code = main(sys.argv[1:])\n"
-        "found = {'matplotlib', 'pyvista', 'vtkmodules', 'PIL'} & set(sys.modules)\n"
-        "print(json.dumps([code, sorted(found)]))\n"
-    )
-    options = [part for value in SMALL for part in ("--set", value)]
-    arguments = ["run", str(BLOCK), "--pictures", "none", "--out", str(tmp_path / "run"), *options]
-    done = subprocess.run(
-        [sys.executable, "-c", code, *arguments],
-        env=environment.child_environment(),
-        capture_output=True,
-        text=True,
-        timeout=300,
-    )
-    assert json.loads(done.stdout.splitlines()[-1]) == [0, []]
 
 
 def test_countdown_tells_the_time_left(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -100,16 +100,6 @@ def test_links_of_the_readme_that_pypi_shows_are_addresses(tmp_path: Path) -> No
         )
 
 
-def test_commands_of_the_site_and_the_hooks_are_those_of_the_project() -> None:
-    check_commands(loaded(ROOT / ".readthedocs.yaml")["build"]["commands"])
-    hooks = [h for repo in loaded(ROOT / ".pre-commit-config.yaml")["repos"] for h in repo["hooks"]]
-    assert {hook["name"] for hook in hooks} == {"ruff check", "ruff format", "mypy"}
-    for hook in hooks:
-        assert set(hook.get("additional_dependencies", [])) <= set(EXTRAS["dev"])
-        command = hook["entry"].removeprefix(".venv/bin/").removesuffix(" --force-exclude")
-        assert f".venv/bin/{command}" in text_of(".ci/run")
-
-
 def test_conda_recipe_asks_for_the_dependencies_of_the_project() -> None:
     recipe = re.sub(r"{%.*?%}", "", text_of(".conda/meta.yaml"))
     recipe = re.sub(r"{{.*?}}", "x", recipe)

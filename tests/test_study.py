@@ -99,16 +99,6 @@ def test_run_leaves_all_files_and_returns_their_record(finished: Finished) -> No
         assert heard == []
 
 
-def test_saved_system_gives_the_same_record_without_meshing(finished: Finished) -> None:
-    out, record, _ = finished
-    if record is not None:
-        again = rf.evolve(rf.read_system(out / "system.h5", small()), small())
-        for name in ("v", "w", "P", "Q", "state"):
-            np.testing.assert_array_equal(
-                getattr(again.turning_points, name), getattr(record.turning_points, name)
-            )
-
-
 def test_initial_slip_is_taken_over() -> None:
     """A slip that all nodes share and no stiffness resists leaves the tractions as they were.
 

@@ -47,11 +47,6 @@ def test_path_of_the_first_loading_begins_at_rest(slip: str | None) -> None:
     assert loop.load[-1] == [1.0] and loop.turning.tolist() == [False] * (len(loop.v) - 1) + [True]
 
 
-def test_cycle_without_samples_is_refused() -> None:
-    with pytest.raises(rf.InputError, match=r"cycle 5: .* only of \[0, 1, 2, 9, 25\]"):
-        rf.loop_of(record(), 5)
-
-
 @pytest.mark.parametrize("mu", [0.0, 50.0])
 def test_round_off_is_not_drawn_as_a_loop(mu: float) -> None:
     # without friction, and with so much that nothing slips, loading and unloading are one way

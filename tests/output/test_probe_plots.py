@@ -68,15 +68,6 @@ def test_lines_are_named_by_their_directions(axisymmetric: bool, third: str, sec
     assert np.array_equal(drawn[f"${second}$"][1:], stress[:, 1])
 
 
-def test_probes_are_in_the_units_of_the_scene() -> None:
-    scene = rf.Scene(loads=(rf.Load("p0", "top", pressure=1.0),), units=rf.Units("mm", "MPa"))
-    found = replace(record(), scene_toml=rf.to_toml(scene))
-    axes = rf.figures.probe_stresses(found, "row").axes[-1]
-    assert axes.get_xlabel() == "distance along the points (mm)"
-    assert axes.get_ylabel() == r"$\sigma$ (MPa)"
-    assert rf.figures.probe_stresses(found, "one").axes[0].get_ylabel() == r"$\sigma$ (MPa)"
-
-
 def test_stresses_of_several_points_are_drawn_along_them() -> None:
     figure = rf.figures.probe_stresses(record(), "row")
     probe = record().probe("row")

@@ -78,6 +78,27 @@ def test_a_spring_that_is_moved_obeys_the_closed_form_of_a_slider(tmp_path: Path
     assert curve.masing == pytest.approx(D, rel=1e-12)
     assert curve.stiffness == pytest.approx(np.minimum(k * U, f) / U, rel=1e-12)
     assert curve.slip == pytest.approx(2.0 * np.maximum(U - f / k, 0.0), rel=1e-12)
+    # the files hold the numbers of the curve
+    with (tmp_path / "out" / "joint.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    told = json.loads((tmp_path / "out" / "joint.json").read_text())
+    texts = {"kind": list(curve.kind), "error": [""] * 3}
+    names = ["amplitude", "dissipation", "estimate", "stiffness", "masing", "masing_defect", "slip"]
+    assert set(rows[0]) == set(told["amplitudes"][0]) == {*names, *texts}
+    for name in names:
+        known = getattr(curve, name)
+        assert np.array([float(row[name] or "nan") for row in rows]) == pytest.approx(
+            known, rel=1e-15, nan_ok=True
+        )
+        assert [row[name] for row in told["amplitudes"]] == [x if x == x else None for x in known]
+    for name, known in texts.items():
+        assert [row[name] for row in rows] == [row[name] for row in told["amplitudes"]] == known
+    assert (told["exponent"], told["drive"]) == (None, "U")
+    loading = told["first_loading"]
+    # stuck at first: the spring takes k U, no work is done; past f/k it slides
+    assert {name: loading[name] for name in loading} == {
+        name: getattr(curve.backbone, name).tolist() for name in ("load", "displacement", "work")
+    }
 
 
 @pytest.mark.one_rank

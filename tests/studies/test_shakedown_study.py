@@ -78,6 +78,18 @@ def test_command_writes_what_the_next_run_can_start_from(
     assert opening["dissipation"] < 1e-12
     assert {0, 16} <= set(opening["opening_nodes"])
     assert (f"with opening  {opening['value']:.6g}" in printed) == root
+    system, known = rf.condense(rf.read_scene(file)), None
+    if system is not None:
+        known = rf.shakedown_limits(system, {"press": 1.0}, [{"shear": 1.0}, {"shear": -1.0}])
+        for key in ("lower", "lower_is", "upper", "opens", "residual", "gap"):
+            assert summary[key] == getattr(known, key), key
+        assert summary["active"] == [vars(active) for active in known.active]
+        assert np.array_equal(summary["safe_slip"], known.safe_slip)
+        assert summary["separated"] == system.x[known.separated].tolist()
+    assert (summary["mean"], summary["symmetry"], summary["modelled_nodes"]) == (
+        *({"press": 1.0}, "none"),
+        17,
+    )
     profile = np.loadtxt(out / "safe_slip.csv", delimiter=",", skiprows=1)
     assert summary["safe_slip"] == profile[:, 1].tolist()
     diagram = summary["diagram"]

@@ -226,9 +226,20 @@ def test_a_kill_or_failure_and_resume_repeat_an_undisturbed_study_bit_by_bit(
     again = worn(scene, tmp_path / "cut", StudyOptions(resume=True))
     assert again.rows.tobytes() == whole.rows.tobytes()
     rows = list(csv.DictReader((tmp_path / "cut" / "wear.csv").read_text().splitlines()))
-    assert len(rows) == len(whole.rows) and float(rows[-1]["volume"]) == whole.volume[-1]
+    assert len(rows) == len(whole.rows) and len(rows[0]) == 7
+    for name in rows[0]:
+        assert [float(row[name]) for row in rows] == getattr(whole, name).tolist(), name
+    with np.load(tmp_path / "cut" / "wear.npz") as arrays:
+        assert len(arrays) == 10
+        for name, values in arrays.items():
+            assert np.array_equal(values, getattr(whole, name)), name
     summary = json.loads((tmp_path / "cut" / "wear.json").read_text())
     assert summary["end"] == "cycles done" and summary["estimates"]["volume"] > 0.0
+    assert whole.depth_max == pytest.approx(whole.depth.max(axis=1))
+    assert np.all(whole.depth_of_bodies.sum(axis=1) == whole.depth)
+    for half, zones in (("contact", (1, 3)), ("stick", (1,))):
+        inside = np.isin(whole.zone, zones) @ whole.system.weight
+        assert getattr(whole, f"{half}_half_width") == pytest.approx(0.5 * inside)
     longer = worn(cylinders(40, "wear.cycles=6000"), tmp_path / "cut", StudyOptions(resume=True))
     # all steps but the last one, which ended early, are those of the shorter study
     assert longer.cycles[-1] == 6000.0
