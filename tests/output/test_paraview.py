@@ -66,7 +66,8 @@ def grids(scene: Scene, *times: float) -> dict[float, tuple[Grid, Moment]]:
             fields = fields_at(bulk, now.load, np.concatenate([now.v, now.state.w]))
             if fields is not None:
                 merged = merge_axis(fields) if bulk.body.half else fields
-                end = record.at(cycle=now.cycle, leg=now.leg)
+                first, *_ = record.by_edge().values()
+                end = first.at(cycle=now.cycle, leg=now.leg)
                 found[time] = grid_of(merged, whole_contact(bulk, now)), end
     return COMM.bcast(found)
 
@@ -129,6 +130,23 @@ def test_both_bodies_and_their_contact_are_one_grid() -> None:
             (other,) = set(np.flatnonzero(at)) & set(cells_of(grid)[body == 2].ravel())
             apart = y[node] - y[other] + 0.1 * grid.points[node, 0] ** 2
             assert apart == pytest.approx(grid.at_points["gap"][node], abs=1e-10)
+
+
+def test_each_contact_edge_moves_with_its_own_body() -> None:
+    """The upper block on the lower one, which lies on the plane."""
+    scene, plane = two_blocks(), Contact("lower.bottom")
+    scene = replace(scene, contacts=(*scene.contacts, plane), supports=())
+    ((grid, _),) = grids(scene, 1.0).values()
+    nodes, moved = np.flatnonzero(grid.at_points["state"]), grid.at_points["displacement"]
+    assert set(grid.points[nodes, 1]) == {0.0, 2.0}
+    compared = 0
+    for node in nodes:
+        body = 1 if grid.points[node, 1] else 2
+        own = np.unique(cells_of(grid)[grid.in_cells["part"][: len(cells_of(grid))] == body])
+        for k in own[np.abs(grid.points[own] - grid.points[node]).max(axis=1) < 1e-9]:
+            assert np.abs(moved[k] - moved[node]).max() < 1e-12 * np.abs(moved).max()
+            compared += 1
+    assert compared > len(nodes) / 3  # there are no vertices between those of the elements
 
 
 def test_meshio_and_pyvista_read_the_series(
