@@ -170,12 +170,11 @@ def is_given(part: Any, key: str) -> bool:
     return bool(getattr(part, key) != getattr(type(part), key, {}))
 
 
-def unused(part: Table, at: str, table: Iterable[tuple[object, Sequence[str], str]]) -> Rules:
+def unused(part: Table, at: str, useless: object, keys: Sequence[str], reason: str) -> Rules:
     """Refuse keys that are given where a condition leaves them without meaning, with a reason."""
-    for condition, keys, reason in table:
-        for key in keys if condition else ():
-            if is_given(part, key):
-                yield f"{at} {key}: {reason}; remove {key}"
+    for key in keys if useless else ():
+        if is_given(part, key):
+            yield f"{at} {key}: {reason}; remove {key}"
 
 
 def one_of(part: Table, at: str, keys: Sequence[str]) -> Rules:

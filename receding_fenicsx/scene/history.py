@@ -9,7 +9,7 @@ from scipy.special import cosdg
 
 from receding_fenicsx.arrays import Array, Ints, as_numbers, described
 from receding_fenicsx.errors import InputError
-from receding_fenicsx.scene.checks import Rules, broken, refuse, suggestion, unused
+from receding_fenicsx.scene.checks import Rules, broken, check_known, refuse, unused
 from receding_fenicsx.scene.model import INTERFERENCE, Harmonic, HistoryOptions, Scene
 
 
@@ -201,7 +201,7 @@ def _rules(scene: Scene, varying: tuple[str, ...]) -> Rules:
         (("harmonic", "corners", "tolerance"), '"harmonic"'),
     ):
         only = f'is for kind = {kinds} only, not "{kind}"'
-        yield from unused(options, "[history]", [(kind not in kinds, keys, only)])
+        yield from unused(options, "[history]", kind not in kinds, keys, only)
     travel = [load for load in scene.loads if len(load.travel) > 1]
     if travel and kind != "travel":
         yield f'{travel[0].label}: travels, which needs [history] kind = "travel"'
@@ -215,20 +215,17 @@ def _rules(scene: Scene, varying: tuple[str, ...]) -> Rules:
     driven = driven if names else []  # a scene may have nothing but preloads
     for at, given in (("constant", options.constant), (key, driven)):
         for name in given:
-            if name not in names:
-                yield f"[history] {at}: no load is named '{name}'; {suggestion(name, names)}"
+            check_known(name, names, f"[history] {at}", "load")
     if names and not varying:
         yield "[history] constant: names every load; leave out the one that varies"
     if names and not driven:
         yield f"[history] {key}: {missing}"
     for name in driven:
         if name in options.constant:
-            both = f"load '{name}' varies, by [history] {key}"
-            yield f"[history] constant: {both}; name it in one of them"
+            yield f"[history] constant: load '{name}' varies by [history] {key}; name it in one"
     for name in varying:
         if name not in driven:
-            ways = 'name it in [history] constant, or use kind = "table" with a column for it'
-            yield f"load '{name}': is not driven by the history; remove it, {ways}"
+            yield f"load '{name}': is not driven by the history; name it in constant, or remove it"
     if not names:
         return
     if kind == "cyclic" and options.minimum >= options.maximum:
@@ -236,8 +233,7 @@ def _rules(scene: Scene, varying: tuple[str, ...]) -> Rules:
         yield f"[history] minimum: {low:g} is not below maximum = {high:g}; reduce it"
     steps = sorted({len(load.units) - 1 for load in travel})
     if len(steps) > 1:
-        different = f"loads travel in {' and '.join(map(str, steps))} steps"
-        yield f"[history] kind: {different}; give them the same number of steps"
+        yield f"[history] kind: loads travel in {' and '.join(map(str, steps))} steps; use one"
     if kind == "harmonic":
         if not any(load.amplitude for load in options.harmonic.values()):
             yield "[history] harmonic: no load has an amplitude, so nothing is cyclic; give one"
@@ -256,8 +252,7 @@ def _of_table(options: HistoryOptions) -> Rules:
     for key in ("cycle_rows", "rows"):
         for i, row in enumerate(getattr(options, key)):
             if len(row) != len(columns):
-                count = f"{len(row)} value(s) for {len(columns)} column(s)"
-                yield f"[history] {key} row {i + 1}: has {count}; give one per column"
+                yield f"[history] {key} row {i + 1}: has {len(row)} values, not {len(columns)}"
     if not options.rows and not options.cycle_rows:
         yield "[history] rows: is missing; give the load factors up to the start of the cycles"
     rows, loop = _table(options, columns)

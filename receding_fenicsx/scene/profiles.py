@@ -174,9 +174,7 @@ def _walk(node: ast.expr, names: dict[str, Array], text: str) -> Array:
         function, least, most = FUNCTIONS[node.func.id]
         if not least <= len(node.args) <= most:
             count = str(least) if least == most else f"{least} to {most}"
-            raise InputError(
-                f"'{text}': {node.func.id}() takes {count}, not {len(node.args)} values"
-            )
+            raise InputError(f"'{text}': {node.func.id}() takes {count}, not {len(node.args)}")
         arguments = [_walk(a, names, text) for a in node.args]
         return np.asarray(function(*arguments), dtype=float)
     hint = " (write ** for a power)" if "^" in text else ""
@@ -220,9 +218,7 @@ def read_columns(
     text = read_text(folder / name, label).splitlines()
     without = ("" if line.lstrip()[:1] == "%" else line.partition("#")[0].strip() for line in text)
     filled = [(i, line) for i, line in enumerate(without, 1) if line]
-    numbered = (
-        any(number is not None for number in numbers_in(_cells(line))) for _, line in filled
-    )
+    numbered = (any(n is not None for n in numbers_in(_cells(line))) for _, line in filled)
     first = next((k for k, found in enumerate(numbered) if found), None)
     if first is None:
         raise InputError(f"{label}: has no row of numbers; write one row a line")

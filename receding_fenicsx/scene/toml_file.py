@@ -88,14 +88,12 @@ def to_toml(scene: Scene) -> str:
     tables: dict[str, Any] = {}
     for field in dataclasses.fields(scene):
         table, value = TABLE_OF.get(field.name, field.name), getattr(scene, field.name)
-        unused = (
-            table in ("units", "shakedown", "accuracy", "mode", "wear") and value == type(value)()
-        )
+        off = table in ("units", "shakedown", "accuracy", "mode", "wear") and value == type(value)()
         if field.name == "materials":
             tables[table] |= {m.name: plain(replace(m, name=""), sparse=True) for m in value}
         elif field.name == "others" and value:
             tables[table] = [tables[table], *plain(value, sparse=True)]
-        elif value not in (None, ()) and not unused:
+        elif value not in (None, ()) and not off:
             tables[table] = plain(value, sparse=True)
     # no table fits into a line of this indent, so that each gets a header of its own
     text = re.sub(r"(?m)^ +", "    ", tomli_w.dumps(tables, indent=100))
@@ -184,9 +182,7 @@ def _table_to_set(
             chosen = [alike[int(number) - 1]]
         if len(chosen) > 1:
             ways = f"write {kind}.{label}.N.{names[-1]}, N = 1 to {len(chosen)}"
-            raise InputError(
-                f"{where}: {len(chosen)} [[{kind}]] tables are named '{label}'; {ways}"
-            )
+            raise InputError(f"{where}: {len(chosen)} [[{kind}]] are named '{label}'; {ways}")
         if chosen:
             return chosen[0], names[n:]
     identified = kind in ("body", "load", "probe", "bolt")

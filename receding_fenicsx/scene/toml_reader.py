@@ -291,11 +291,8 @@ def _cleaned(schema: Any) -> Any:
         found["exclusiveMinimum"] = 0
         del found["minimum"]
     if "anyOf" in found or "oneOf" in found:
-        options = [
-            item
-            for item in found.pop("anyOf", None) or found.pop("oneOf")
-            if item != {"type": "null"}
-        ]
+        either = found.pop("anyOf", None) or found.pop("oneOf")
+        options = [item for item in either if item != {"type": "null"}]
         if any(item.get("propertyNames", {}).get("enum") == ["x", "value"] for item in options):
             options.append({"$ref": "#/$defs/File"})
         found |= options[0] if len(options) == 1 else {"anyOf": options}

@@ -81,8 +81,8 @@ def _of_options(scene: Scene) -> checks.Rules:
     """Rules that do not rely on each other."""
     history, wear = scene.history, scene.wear
     once = history.kind == "table" and bool(history.rows) and not history.cycle_rows
-    without = once and history.cycles > 0, ("cycles",), "a table without cycle_rows has none"
-    yield from checks.unused(history, "[history]", [without])
+    none = "a table without cycle_rows has none"
+    yield from checks.unused(history, "[history]", once and history.cycles, ("cycles",), none)
     for name, text in vars(scene.units).items():
         if text is not None and not (text.isprintable() and text.strip()):
             yield f'[units] {name}: must be the name of a unit, such as "mm", not {text!r}'

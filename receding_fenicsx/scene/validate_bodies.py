@@ -27,45 +27,35 @@ def of_bodies(scene: Scene) -> Rules:
             yield f"body '{name}': {names.count(name)} bodies have this name; rename one"
     for body in scene.bodies:
         at, position = scene.label(body), body.position
-        table = (
-            (body.mesh is not None, model.RECTANGLE_KEYS, "a body from a mesh file has none"),
-            (body.mesh is None, ("surface", "parameters"), "needs a mesh file"),
-            (body.is_half_plane, ("height",), "a half-plane has none"),
-            (not body.is_half_plane, ("datum", "window"), 'belongs to shape = "half-plane"'),
-        )
-        yield from unused(body, at, table)
+        none, only = "a body from a mesh file has none", 'belongs to shape = "half-plane"'
+        yield from unused(body, at, body.mesh, model.RECTANGLE_KEYS, none)
+        yield from unused(body, at, not body.mesh, ("surface", "parameters"), "needs a mesh file")
+        yield from unused(body, at, body.is_half_plane, ("height",), "a half-plane has none")
+        yield from unused(body, at, not body.is_half_plane, ("datum", "window"), only)
         if body.is_half_plane and body.datum is not None and not body.datum >= body.width:
-            less = f"{body.datum:g} is less than the width of the contact, {body.width:g}"
-            yield f"{at} datum: {less}; choose a deeper point"
+            yield f"{at} datum: {body.datum:g} is less than the contact's width, {body.width:g}"
         # round-off grows with the position
         if body.is_rectangle and max(map(abs, position)) > 1e4 * min(body.width, body.height):
-            far = "is more than 10000 times the body's smaller side from the origin"
-            yield f"{at} position: [{position[0]:g}, {position[1]:g}] {far}; move it nearer"
+            yield f"{at} position: is more than 10000 times the body's smaller side from the origin"
     used = [scene.material_of(body) for body in scene.bodies]
     used += [material for body in scene.bodies for material in scene.surface_materials(body)]
     for material in scene.materials:
         if material not in used:
             yield f"[material.{material.name}]: no [[body]] or physical surface has this material"
     own = "each body has a [material.NAME] of its own"
-    keys = [
-        field.name for field in fields(scene.material) if field.name not in ("kinematics", "name")
-    ]
-    yield from unused(scene.material, "[material]", [(scene.material not in used, keys, own)])
+    keys = [f.name for f in fields(scene.material) if f.name not in ("kinematics", "name")]
+    yield from unused(scene.material, "[material]", scene.material not in used, keys, own)
     for m in used:
         at = f"[material.{m.name}]" if m.name else "[material]"
         if m.poisson >= m.poisson_limit:
-            most = f"{m.poisson_limit:g} in {m.kinematics}"
-            yield f"{at} poisson: must be above -1 and below {most}, not {m.poisson:g}"
+            yield f"{at} poisson: must be below {m.poisson_limit:g} in {m.kinematics}"
         if (m.young_2 is None) != (m.shear is None):
             yield f"{at}: an orthotropic material has both young_2 and shear; give both"
-        yield from unused(
-            m, at, [(m.young_2 is None, ("angle",), "an isotropic material has none")]
-        )
+        yield from unused(m, at, m.young_2 is None, ("angle",), "an isotropic material has none")
         if m.young_2 is not None and m.kinematics != "plane stress":
             yield f"{at} young_2: orthotropic materials are for plane stress; use it as kinematics"
         if m.young_2 is not None and not m.poisson**2 < m.young / m.young_2:
-            most = f"young / young_2, {m.young / m.young_2:g}"
-            yield f"{at} poisson: its square must be below {most}, not {m.poisson**2:g}"
+            yield f"{at} poisson: its square must be below young / young_2, not {m.poisson**2:g}"
     if len({material.kinematics for material in used}) > 1:
         yield "[material] kinematics: differs between the bodies; use the same for all"
     for body in scene.bodies if scene.axisymmetric else ():
@@ -82,8 +72,7 @@ def of_half_planes(scene: Scene) -> Rules:
     if not flat:
         return
     if scene.is_stack:
-        only = "a half-plane touches one body or one plane only, not a stack"
-        yield f"{scene.label(flat[0])} shape: {only}; use a large rectangle"
+        yield f"{scene.label(flat[0])} shape: is not for a stack of bodies; use a large rectangle"
     if scene.axisymmetric:
         yield "[material] kinematics: a half-plane is not axisymmetric; use another one"
     edges = [edge for contact in scene.contacts for edge in (contact.edge, contact.against)]
@@ -115,8 +104,8 @@ def of_mesh(scene: Scene) -> Rules:
     mesh, meshed = scene.mesh, [body.mesh is not None for body in scene.bodies]
     flat, graded = all(body.is_half_plane for body in scene.bodies), bool(mesh.refine)
     no = "half-planes have no cells"
-    table = ((flat, ("cell", "degree"), no), (flat and not graded, ("growth",), no))
-    yield from unused(mesh, "[mesh]", table)
+    yield from unused(mesh, "[mesh]", flat, ("cell", "degree"), no)
+    yield from unused(mesh, "[mesh]", flat and not graded, ("growth",), no)
     if mesh.contact_elements % 2 and not all(meshed):
         yield f"[mesh] contact_elements: {mesh.contact_elements} is odd; use an even number"
     if mesh.refinements and not any(meshed):
@@ -184,8 +173,7 @@ def of_touching(scene: Scene) -> Rules:
     touching = [scene.find_edge(edge)[0] for edge in edges]
     for body in scene.bodies:
         if body not in touching:
-            ways = "name one of its edges in a [[contact]], or bond it by a [[tie]]"
-            yield f"body '{body.name}': touches nothing; {ways}"
+            yield f"body '{body.name}': touches nothing; give it a [[contact]] or a [[tie]]"
 
 
 def of_joint(scene: Scene, number: int) -> Rules:
@@ -266,8 +254,7 @@ def of_span(scene: Scene, edge: str, span: tuple[float, float] | None, at: str) 
     if not span[1] - span[0] > slack:
         yield f"{at}: {own} is empty; write [lower end, upper end]"
     if span[0] < low - slack or span[1] > high + slack:
-        runs = f"which runs from {low:g} to {high:g}"
-        yield f'{at}: {own} reaches beyond edge "{edge}", {runs}; shorten it'
+        yield f'{at}: {own} reaches beyond edge "{edge}", from {low:g} to {high:g}; shorten it'
 
 
 def has_mesh_file(scene: Scene, edge: str) -> bool:

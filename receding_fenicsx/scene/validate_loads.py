@@ -105,7 +105,7 @@ def _of_body_load(scene: Scene, load: Load, kinds: list[str]) -> checks.Rules:
     kind = kinds[-1]
     at, key = load.label, f"{load.label} {kind}"
     others = ("edge", "span", "platen", *(other for other in KINDS if other != kind))
-    yield from checks.unused(load, at, [(True, others, f"{kind} acts on a whole body")])
+    yield from checks.unused(load, at, True, others, f"{kind} acts on a whole body")
     if load.mode is not None:
         yield from of_modes(scene, at)
         return
@@ -179,8 +179,7 @@ def of_effect(scene: Scene, load: Load) -> checks.Rules:
         value = getattr(load, kind)
         acts = {axis for axis, part in zip("xy", value, strict=True) if part != 0.0}
     if acts and acts <= _held(scene, load.edge, scene.supports):
-        held_by = f'a support holds "{load.edge}" in the direction of the {kind}'
-        yield f"{load.label} edge: {held_by}, which has no effect; load or hold another edge"
+        yield f'{load.label} edge: a support holds "{load.edge}" in its direction; use another one'
 
 
 def _held(scene: Scene, edge: str, supports: Sequence[Support]) -> set[str]:
@@ -226,7 +225,7 @@ def of_support(scene: Scene, support: Support) -> checks.Rules:
     if support.edge is None:
         yield from _of_point(scene, support, at)
         return
-    yield from checks.unused(support, at, [(True, ("body",), "is not for an edge")])
+    yield from checks.unused(support, at, True, ("body",), "is not for an edge")
     yield from of_edge(scene, support.edge, f"{at} edge")
     edge = scene.find_edge(support.edge)
     others = [other for other in scene.supports if other is not support]
@@ -242,13 +241,11 @@ def of_spring(scene: Scene, spring: Spring) -> checks.Rules:
     of_point = ("x", "y")
     yield from checks.one_of(spring, at, ("edge", "point"))
     if spring.edge:
-        yield from checks.unused(spring, at, [(True, ("body", *of_point), "is not for an edge")])
+        yield from checks.unused(spring, at, True, ("body", *of_point), "is not for an edge")
         yield from of_edge(scene, spring.edge, f"{at} edge", ())
         yield from of_span(scene, spring.edge, spring.span, f"{at} span")
     else:
-        yield from checks.unused(
-            spring, at, [(True, ("span", "against", *keys), "is not for a point")]
-        )
+        yield from checks.unused(spring, at, True, ("span", "against", *keys), "is not for a point")
         yield from _of_point(scene, spring, at)
         keys = of_point
     if spring.against is not None:
@@ -259,9 +256,7 @@ def of_spring(scene: Scene, spring: Spring) -> checks.Rules:
         yield f"{at}: has no stiffness; give {keys[0]}, {keys[1]} or both"
     if spring.edge and spring.against is None:
         normal = _normal(scene, spring.edge)
-        acts = (normal if spring.normal else set()) | (
-            {*"xy"} - normal if spring.tangential else set()
-        )
+        acts = {k for k in "xy" if getattr(spring, "normal" if k in normal else "tangential")}
         if acts and acts <= _held(scene, spring.edge, scene.supports):
             yield f'{at}: a support holds "{spring.edge}" in its direction; remove it'
 

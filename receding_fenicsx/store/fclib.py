@@ -54,10 +54,8 @@ def export(
         system, start = read_system(source), None
         load = np.ones(len(system.load_names))
         text = "from rest to load factors 1"
-    problem, solution = (
-        form.step_problem(system, load, start),
-        form.solve_problem(system, load, start),
-    )
+    problem = form.step_problem(system, load, start)
+    solution = form.solve_problem(system, load, start)
     title = known_scene(system.scene_toml).title if system.scene_toml else ""
     write_fclib(out, problem, solution, title, text, overwrite)
     free = problem.V.shape[1]
@@ -110,11 +108,9 @@ def write_fclib(
             vectors["s"] = problem.s
         info = local.create_group("info")
         meaning = "u_N gap at the end of the step, u_T slip in the step, r reactions on the body"
-        about = {
-            "title": title or "frictional contact",
-            "description": description or "one load step",
-            "math_info": f"W symmetric, positive semi-definite; {meaning}",
-        }
+        about = {"title": title or "frictional contact"}
+        about["description"] = description or "one load step"
+        about["math_info"] = f"W symmetric, positive semi-definite; {meaning}"
         for key, text in about.items():
             info[key] = np.bytes_(text.encode("ascii", "replace"))
         info["contact_nodes"] = problem.nodes.astype(np.intc)

@@ -232,9 +232,7 @@ def write_probes(folder: Path, record: Record) -> list[Path]:
 
 def write_csv(path: Path, columns: Mapping[str, Any], overwrite: bool = False) -> None:
     """Write columns of equal length by their names as CSV; numbers keep all their digits."""
-    lists = [
-        column.tolist() if hasattr(column, "tolist") else column for column in columns.values()
-    ]
+    lists = [each.tolist() if hasattr(each, "tolist") else each for each in columns.values()]
     with new_file(path, overwrite) as beside, open(beside, "w", newline="") as file:
         rows = csv.writer(file, lineterminator="\n")
         rows.writerow(columns)

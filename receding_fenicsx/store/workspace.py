@@ -49,17 +49,13 @@ class FolderKind:
             raise InputError(f"{path}: already exists, no folder of a {self.name}; choose another")
         if not overwrite and not resume:
             ways = "continue it with --resume, or " if self.resumable else ""
-            raise InputError(
-                f"{path}: already exists and holds a {self.name}; {ways}use --overwrite"
-            )
+            raise InputError(f"{path}: already exists as a {self.name}; {ways}use --overwrite")
         return True
 
     def check_same(self, path: Path, other: str | None) -> None:
         """Raise InputError if ``other`` names what a folder is of, and what continues it is not."""
         if other is not None:
-            raise InputError(
-                f"{path}: is a {self.name} with another {other}; choose another folder"
-            )
+            raise InputError(f"{path}: is a {self.name} with another {other}; choose a new folder")
 
     @contextmanager
     def new(self, path: Path, overwrite: bool = False) -> Iterator[Path]:

@@ -172,8 +172,8 @@ ONCE = FolderKind("study", ("nodes.csv",), resumable=False)
         (KIND, (".curve.json.7.tmp",), {}, False),  # another process is about to rename it
         (KIND, ("curve.json",), {"resume": True}, True),
         (KIND, ("cases/sweep.json",), {"overwrite": True}, True),
-        (KIND, ("curve.json",), {}, "holds a curve; continue it with --resume"),
-        (ONCE, ("nodes.csv",), {}, "holds a study; use --overwrite"),
+        (KIND, ("curve.json",), {}, "exists as a curve; continue it with --resume"),
+        (ONCE, ("nodes.csv",), {}, "exists as a study; use --overwrite"),
         (KIND, ("thesis.tex",), {"overwrite": True}, "no folder of a curve"),
         (KIND, ("nodes.csv",), {"resume": True}, "no folder of a curve"),
         (KIND, (), {"overwrite": True, "resume": True}, "give one of them"),

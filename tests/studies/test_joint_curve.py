@@ -180,7 +180,7 @@ def test_command_writes_a_curve_and_goes_on_with_it(
     comm.barrier()
     capsys.readouterr()
     assert cli.main([*head, "--count", "3"]) == 2
-    assert "holds a curve; continue it with --resume" in capsys.readouterr().err or comm.rank
+    assert "exists as a curve; continue it with --resume" in capsys.readouterr().err or comm.rank
     assert cli.main([*head, "--count", "3", "--resume"]) == 0
     comm.barrier()
     with (out / "joint.csv").open() as file:

@@ -225,7 +225,7 @@ def test_a_sweep_goes_on_with_more_values_but_nothing_else(shared_tmp_path: Path
     # a title says nothing of the cases
     rf.sweep(scene("title=x"), over, out, options=replace(resume, progress=said.append))
     assert len(said) == (comm.rank == 0)
-    with pytest.raises(rf.InputError, match="holds a sweep; continue it"):
+    with pytest.raises(rf.InputError, match="exists as a sweep; continue it"):
         rf.sweep(scene(), over, out)
     rf.sweep(scene(), over, out, options=rf.StudyOptions(overwrite=True))
     comm.Barrier()

@@ -396,7 +396,7 @@ def test_a_study_that_cannot_be_written_or_shared_is_refused_before_it_condenses
     scene = cylinders(30)
     (tmp_path / "wear.json").write_text("{}")
     monkeypatch.setattr("receding_fenicsx.studies.run.condense", lambda *_: pytest.fail("begun"))
-    with pytest.raises(rf.InputError, match="holds a wear study"):
+    with pytest.raises(rf.InputError, match="exists as a wear study"):
         rf.wear(scene, tmp_path)
     with pytest.raises(rf.InputError, match="depend on each other; leave the shard out"):
         rf.wear(scene, tmp_path / "new", StudyOptions(shard=(1, 2)))
