@@ -21,6 +21,7 @@ from petsc4py import PETSc
 import numpy as np
 from dolfinx import fem
 from numpy.typing import NDArray
+from scipy import sparse
 
 from receding_fenicsx.arrays import Array, Ints
 from receding_fenicsx.bulk.edges import edge_nodes
@@ -54,15 +55,17 @@ class Constraints:
         """
         if not len(self.slaves):
             return None
-        dofs = np.arange(*stiffness.getOwnershipRange())
+        start, end = stiffness.getOwnershipRange()
+        dofs = np.arange(start, end)
         leaders = _leader(self.slaves, self.masters, dofs)
         follows = dofs != leaders
         rows = np.concatenate([dofs, dofs[follows]])
         columns = np.concatenate([dofs, leaders[follows]])
         values = np.concatenate([np.where(follows, 0.0, 1.0), np.ones(follows.sum())])
-        order = np.lexsort((columns, rows))
-        begin = np.concatenate([[0], np.cumsum(1 + follows)])
-        csr = begin.astype(PETSc.IntType), columns[order].astype(PETSc.IntType), values[order]
+        local = sparse.csr_matrix(
+            (values, (rows - start, columns)), (end - start, stiffness.getSize()[1])
+        )
+        csr = *(part.astype(PETSc.IntType) for part in (local.indptr, local.indices)), local.data
         P = PETSc.Mat().createAIJ(stiffness.getSizes(), csr=csr, comm=stiffness.comm)
         P.assemble()
         return P

@@ -172,13 +172,14 @@ def relative_of(
         slave.append(-1 if same else sides[0][1])
         points.append(_points(scene, k, contacts, sides, same))
     count = len(scene.contacts)
-    numbered = list(enumerate(points))
-    order = [
-        (k, a, p) for s in (slice(count), slice(count, None)) for a in "tn" for k, p in numbered[s]
-    ]
+    # along t, then n, of contacts, then the same of ties
+    every = list(enumerate(points))
+    order = [(k, axis, p) for s in (every[:count], every[count:]) for axis in (0, 1) for k, p in s]
     on = [
-        sparse.vstack([part.rows(nodes, body, axis) for _, axis, part in order]).tocsr()
-        for body, nodes in enumerate(contacts)
+        sparse.vstack(
+            [part.on[body][axis * len(part.x) :][: len(part.x)] for _, axis, part in order]
+        ).tocsr()
+        for body in range(len(contacts))
     ]
     n = sum(len(part.x) for part in points[:count])
     joint = np.concatenate([np.full(len(part.x), k) for k, _, part in order])
@@ -203,30 +204,7 @@ class _Points:
     places: Array
     normal: Array
     weight: Array
-    # by the number of its body, each side's (2n, 2N) part of the relative displacement [x; y]
-    parts: dict[int, sparse.csr_matrix]
-    body: int  # the slave
-    own: Ints  # (n,) its node at each point
-    without: NDArray[np.bool_]  # (n, 2) whether only that node counts in [v; w]
-
-    def rows(self, nodes: ContactNodes, body: int, axis: str) -> sparse.csr_matrix:
-        """Return the rows along t or n, of the displacements [v; w] of a body."""
-        n, k = len(nodes.node), "tn".index(axis)
-        if body not in self.parts:
-            return sparse.csr_matrix((len(self.x), 2 * n))
-        direction = (tangent_of(self.normal), self.normal)[k]
-        along = sparse.hstack([sparse.diags(part) for part in direction.T])
-        axes = nodes.tangent, nodes.normal
-        turn = sparse.bmat([[sparse.diags(axis[:, i]) for axis in axes] for i in (0, 1)])
-        coo = (along @ self.parts[body] @ turn).tocoo()
-        own = (body == self.body) & (coo.col % n == self.own[coo.row])
-        value = np.where(self.without[coo.row, k] & ~own, 0.0, coo.data)
-        # products of unit vectors are 0 or 1 to round-off on straight edges
-        value = np.where(np.abs(value) < 1e-15, 0.0, value)
-        value = np.where(np.abs(np.abs(value) - 1.0) < 1e-15, np.sign(value), value)
-        found = sparse.csr_matrix((value, (coo.row, coo.col)), coo.shape)
-        found.eliminate_zeros()
-        return found
+    on: list[sparse.csr_matrix]  # (2n, 2N_b) relative displacement [v; w] from those of each body
 
 
 def _points(
@@ -278,8 +256,22 @@ def _points(
             arm = np.where(without.any(axis=1)[:, None], 0.0, places - pi @ master.points)
             turning = _turning(pi, arm, master, len(contacts[other].node))
             parts[other] = parts[other] - sign * turning
-    x = slave.x[keep] + shift
-    return _Points(x, places, normal, weight, parts, body, slave.node[keep], without)
+    on = []
+    along = sparse.bmat([[sparse.diags(part) for part in axis.T] for axis in (tangent, normal)])
+    for b, nodes in enumerate(contacts):
+        n, axes = len(nodes.node), (nodes.tangent, nodes.normal)
+        turn = sparse.bmat([[sparse.diags(axis[:, i]) for axis in axes] for i in (0, 1)])
+        part = parts.get(b, sparse.csr_matrix((2 * len(keep), 2 * n)))
+        coo = (along @ part @ turn).tocoo()
+        own = (b == body) & (coo.col % n == slave.node[keep][coo.row % len(keep)])
+        value = np.where(without.T.ravel()[coo.row] & ~own, 0.0, coo.data)
+        # products of unit vectors are 0 or 1 to round-off on straight edges
+        value = np.where(np.abs(value) < 1e-15, 0.0, value)
+        value = np.where(np.abs(np.abs(value) - 1.0) < 1e-15, np.sign(value), value)
+        found = sparse.csr_matrix((value, (coo.row, coo.col)), coo.shape)
+        found.eliminate_zeros()
+        on.append(found)
+    return _Points(slave.x[keep] + shift, places, normal, weight, on)
 
 
 def _merged(side: ContactSide, where: str) -> sparse.csr_matrix:

@@ -50,6 +50,7 @@ class HalfPlane:
     surface: Surface  # the nodes on the surface, at positions along t
     side: int  # +1 where n points into the half-plane, -1 for the second body of a pair
     datum: float  # depth of the point that displacements are relative to
+    material: HalfPlaneMaterial  # elastic constants
     far: FarField  # loads and supports of the far field
     # mesh of the window that pictures show, made with the first fields
     window: BodyMesh | None = None
@@ -60,11 +61,6 @@ class HalfPlane:
     def body(self) -> BodyMesh:
         """Mesh of the window, which :meth:`fields` makes."""
         return given(self.window)
-
-    @property
-    def material(self) -> HalfPlaneMaterial:
-        """Elastic constants."""
-        return material_of(self.scene)
 
     @cached_property
     def compliance(self) -> Array:
@@ -189,18 +185,20 @@ def half_plane_of(
     first: Bulk | HalfPlane | None = None,
 ) -> HalfPlane:
     """Return a half-plane with its contact nodes; as the second body it has those of the first."""
-    far = _far_field(scene, names)
+    young, poisson, kinematics = (
+        scene.material.young,
+        scene.material.poisson,
+        scene.material.kinematics,
+    )
+    material = plane_material(young, poisson, kinematics == "plane stress")
+    far = _far_field(scene, names, material)
     if first is None:
         contact = own_nodes(scene)
         size = float(np.ptp(contact.points[:, 0]))
     else:
         contact = first.contact
         _check_straight(scene, contact)
-        # the length by which the contact nodes' displacement in a rotation was divided
-        apart = contact.points - _pivot(contact.points)
-        farthest = int(np.argmax(np.abs(apart[:, 0])))
-        turned = contact.modes[len(apart) + farthest, 2] * contact.normal[farthest, 1]
-        size = float(apart[farthest, 0] / turned)
+        size = first.size if isinstance(first, HalfPlane) else first.body.size
     constraints = np.eye(3)[~far.free[:3]]
     contact = replace(
         contact,
@@ -225,7 +223,7 @@ def half_plane_of(
         surface = surface_of(along, elements, 1 if first is None else scene.mesh.degree)
     datum = scene.body.datum or 10.0 * surface.length
     side = 1 if first is None else -1
-    return HalfPlane(scene, comm, names, contact, size, surface, side, datum, far)
+    return HalfPlane(scene, comm, names, contact, size, surface, side, datum, material, far)
 
 
 def own_nodes(scene: Scene) -> ContactNodes:
@@ -261,12 +259,6 @@ def _positions(scene: Scene, contact: Contact) -> Array:
     return graded(ends, Base(np.array(ends), np.array([size])), places)
 
 
-def material_of(scene: Scene) -> HalfPlaneMaterial:
-    """Return the elastic constants of the half-plane of a scene."""
-    material = scene.material
-    return plane_material(material.young, material.poisson, material.kinematics == "plane stress")
-
-
 def _stretched(part: HalfPlane, points: Array) -> Array:
     """Return displacements (m, 2) of points under unit strain along a surface free of tractions."""
     apart = points - _pivot(part.contact.points)
@@ -292,16 +284,15 @@ def _check_straight(scene: Scene, partner: ContactNodes) -> None:
         )
 
 
-def _far_field(scene: Scene, names: tuple[str, ...]) -> FarField:
+def _far_field(scene: Scene, names: tuple[str, ...], material: HalfPlaneMaterial) -> FarField:
     """Return what acts on the far field.
 
     Supports and prescribed displacements hold the rotation, and so do platens.
     """
     free, sign = np.array([True, True, True, False]), np.zeros(len(names))
     force, moved = np.zeros((len(names), 4)), np.zeros((len(names), 4))
-    material = material_of(scene)
-    for support in scene.supports:
-        free[["xy".index(axis) for axis in support.fix] + [2]] = False
+    fixed = ["xy".index(axis) for support in scene.supports for axis in support.fix]
+    free[fixed + [2] * bool(fixed)] = False
     for load in scene.loads:
         k = names.index(load.name)
         if load.platen or load.displacement is not None:
@@ -324,14 +315,11 @@ def _far_field(scene: Scene, names: tuple[str, ...]) -> FarField:
                 f"load '{name}' force: the far field of the half-plane is held in its direction by "
                 "a support or a displacement; remove one of them"
             )
-    for support in scene.supports:
-        held = ["xy".index(axis) for axis in support.fix]
-        for name, motion in zip(names, moved, strict=True):
-            if np.any(motion[held]):
-                raise InputError(
-                    f"load '{name}': its displacement moves the far field of a half-plane, which "
-                    "a support holds; drop the support"
-                )
+        if np.any(moved[k, fixed]):
+            raise InputError(
+                f"load '{name}': its displacement moves the far field of a half-plane, which a "
+                "support holds; drop the support"
+            )
     return FarField(free, force, moved, sign)
 
 

@@ -29,18 +29,12 @@ def free_motions(constraints: Array, tolerance: float = 1e-12) -> Array:
         np.vstack([constraints, np.zeros((n, n))]), full_matrices=False
     )
     basis = right[int(np.sum(values > tolerance * values.max(initial=1.0))) :]
-    row = 0
+    leading: list[int] = []
     for column in range(n):
-        if row == len(basis):
-            break
-        best = row + int(np.argmax(np.abs(basis[row:, column])))
-        if abs(basis[best, column]) > 1e-12:
-            basis[[row, best]] = basis[[best, row]]
-            basis[row] /= basis[row, column]
-            for other in range(len(basis)):
-                if other != row:
-                    basis[other] -= basis[other, column] * basis[row]
-            row += 1
+        if np.linalg.matrix_rank(basis[:, [*leading, column]], 1e-12) > len(leading):
+            leading.append(column)
+    basis = np.linalg.solve(basis[:, leading], basis)
+    basis[:, leading] = np.eye(len(leading))
     return np.where(np.abs(basis) > 1e-12, basis, 0.0).T
 
 
