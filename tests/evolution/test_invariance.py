@@ -31,55 +31,29 @@ def in_other_units(p: Problem) -> tuple[Problem, np.ndarray, float, float]:
     return replace(p, system=system, history=history), np.arange(s.n), force, length
 
 
-def in_decimal_units(p: Problem) -> tuple[Problem, np.ndarray, float, float]:
-    """Newtons for giganewtons, metres for nanometres: up to round-off."""
-    s = p.system
-    system = replace(s, K=s.K * 1e-18, r_star=s.r_star * 1e-9, g0=s.g0 * 1e9)
-    return replace(p, system=system), np.arange(s.n), 1e-9, 1e9
+def written_otherwise(p: Problem) -> tuple[Problem, np.ndarray, float, float]:
+    """Newtons for giganewtons, metres for nanometres, forward for backward; all up to round-off.
 
-
-def mirrored(p: Problem) -> tuple[Problem, np.ndarray, float, float]:
-    """Forward is backward: Q and v change their sign, the coefficients of friction their places."""
-    s, n = p.system, p.system.n
-    sign = np.repeat([-1.0, 1.0], n)
-    system = replace(
-        s,
-        K=sign[:, None] * s.K * sign,
-        r_star=s.r_star * sign,
-        rigid=sign[:, None] * s.rigid,
-        f=s.friction.backward.copy(),
-        f_backward=s.f,
-    )
-    return replace(p, system=system), np.arange(n), 1.0, 1.0
-
-
-def under_one_load_more(p: Problem) -> tuple[Problem, np.ndarray, float, float]:
-    """The last load in two parts that act together."""
-    s, h = p.system, p.history
-    names = (*s.load_names, "part")
-    parts = np.vstack([s.r_star[:-1], 0.3 * s.r_star[-1], 0.7 * s.r_star[-1]])
+    The last load is in two parts that act together, and the nodes are the other way round.
+    """
+    s, h, n, force, length = p.system, p.history, p.system.n, 1e-9, 1e9
+    order, names = np.arange(n)[::-1], (*p.system.load_names, "part")
+    both, sign = np.concatenate([order, n + order]), np.repeat([-1.0, 1.0], n)
+    parts = force * np.vstack([s.r_star[:-1], 0.3 * s.r_star[-1], 0.7 * s.r_star[-1]])
     path, loop = (np.hstack([line, line[:, -1:]]) for line in (h.path, h.loop))
-    history = replace(h, load_names=names, path=path, loop=loop)
-    system = replace(s, load_names=names, r_star=parts)
-    return replace(p, system=system, history=history), np.arange(s.n), 1.0, 1.0
-
-
-def in_another_order(p: Problem) -> tuple[Problem, np.ndarray, float, float]:
-    """The nodes the other way round."""
-    s, n = p.system, p.system.n
-    order = np.arange(n)[::-1]
-    both = np.concatenate([order, n + order])
     system = replace(
         s,
-        K=s.K[np.ix_(both, both)],
-        r_star=s.r_star[:, both],
-        rigid=s.rigid[both],
+        K=force / length * (sign[:, None] * s.K * sign)[np.ix_(both, both)],
+        r_star=(sign * parts)[:, both],
+        load_names=names,
+        rigid=(sign[:, None] * s.rigid)[both],
         held=s.held[both],
-        f=s.f[order],
-        f_backward=None if s.f_backward is None else s.f_backward[order],
-        g0=s.g0[order],
+        f=s.friction.backward[order],
+        f_backward=s.f[order],
+        g0=length * s.g0[order],
     )
-    return replace(p, system=system), order, 1.0, 1.0
+    history = replace(h, load_names=names, path=path, loop=loop)
+    return replace(p, system=system, history=history), order, force, length
 
 
 def beside_itself(p: Problem) -> tuple[Problem, np.ndarray, float, float]:
@@ -114,13 +88,7 @@ def outcome(p: Problem) -> rf.Record | rf.SolveError:
         return error
 
 
-IMAGES = (
-    *(in_other_units, in_decimal_units, mirrored),
-    *(under_one_load_more, in_another_order, beside_itself),
-)
-
-
-@pytest.mark.parametrize("image", IMAGES)
+@pytest.mark.parametrize("image", [in_other_units, written_otherwise, beside_itself])
 @pytest.mark.parametrize("family", ["plain", "directed", "limit"])
 def test_the_image_of_a_contact_does_what_the_contact_does(family: str, image: Image) -> None:
     for number in range(4100, 4110):
@@ -145,7 +113,7 @@ def test_the_image_of_a_contact_does_what_the_contact_does(family: str, image: I
             scales[k] = max(scales[k], np.abs(getattr(a.turning_points, name)).max())
         scales *= (force, length)
         for name, k in (("P", 0), ("Q", 0), ("v", 1), ("w", 1)):
-            side = -1.0 if image is mirrored and name in "Qv" else 1.0
+            side = -1.0 if image is written_otherwise and name in "Qv" else 1.0
             x = side * (force, length)[k] * getattr(a.turning_points, name)
             y = getattr(b.turning_points, name)[:, nodes]
             np.testing.assert_allclose(y, x, atol=(0.0 if bits else 1e-8) * scales[k], rtol=0.0)

@@ -10,11 +10,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from bodies import block
-from small import small_system
 
 import receding_fenicsx as rf
-from receding_fenicsx.evolution.probes import probed_at
-from receding_fenicsx.interface.system import ProbeMatrix
 from receding_fenicsx.store.run_folder import write_probes
 
 BLOCK = rf.to_toml(
@@ -101,14 +98,3 @@ def test_system_with_other_probes_is_refused() -> None:
         with pytest.raises(rf.InputError, match="condensed with other probes"):
             rf.evolve(wrong, scene)
     assert rf.evolve(system, replace(small("history.cycles=1"), probes=())).probes is None
-
-
-def test_values_between_known_places_are_linear() -> None:
-    rng = np.random.default_rng(2)
-    rows = ProbeMatrix(("p",), np.zeros((1, 2)), rng.standard_normal((1, 6, 3)))
-    system = replace(small_system(np.eye(2), {"a": [0.0, 1.0]}, 0.3), probes=rows)
-    s, ends = np.array([0.0, 0.5, 1.0]), rng.standard_normal((3, 3))
-    wanted = np.array([0.2, 0.5, 0.9, 1.0])
-    found = probed_at(system, (s, ends[:, :2], ends[:, 2:]), wanted)
-    u = np.column_stack([np.interp(wanted, s, column) for column in ends.T])
-    assert found == pytest.approx(u @ rows.rows[0].T, abs=1e-14)

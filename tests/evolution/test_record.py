@@ -203,18 +203,6 @@ def test_a_file_of_another_version_of_the_program_is_refused(tmp_path: Path) -> 
 # -- summary.json --------------------------------------------------------------------------------
 
 
-def test_pressure_on_the_axis_is_that_of_its_neighbours() -> None:
-    """Nodes that know nothing of each other under an even pressure; that of the axis is off."""
-    r = np.arange(7.0)
-    weight = np.where(r > 0.0, r, 0.1)
-    P = weight * np.where(r > 0.0, 3.0 - 0.05 * r**2, 1.0)
-    system = small_system(np.eye(14), {"a": [*np.zeros(7), *P]}, 0.3)
-    points = np.column_stack([r, 0.0 * r])
-    system = dataclasses.replace(system, x=r, points=points, weight=weight, axisymmetric=True)
-    (point,) = summarise(evolve(system, table(system, [0.0, 2.0])))["turning_points"]
-    assert point["p_axis"] == pytest.approx(2.0 * 3.0, rel=1e-12)
-
-
 def test_numbers_that_json_cannot_hold_become_null(record: Record, tmp_path: Path) -> None:
     bad = summarise(dataclasses.replace(record, residual_max=float("nan")))
     write_summary(tmp_path / "s.json", bad)

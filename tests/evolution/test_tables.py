@@ -1,6 +1,6 @@
 """A record asked by names, and as labelled tables."""
 
-from dataclasses import fields, replace
+from dataclasses import replace
 from functools import cache
 
 import models
@@ -136,12 +136,6 @@ def test_contact_edges_of_a_dataset_are_selected_by_name() -> None:
     two = replace(found, x=x, edge=edge, edge_names=("left", "right"), f_backward=0.5 * found.f)
     with pytest.raises(InputError, match=r"several contact edges; .*\['left'\]"):
         two.at(1)
-    # all that belongs to a node is that of the edge's nodes
-    right = two.by_edge()["right"]
-    for field in fields(two):
-        value = getattr(two, field.name)
-        if isinstance(value, np.ndarray) and value.shape[:1] == (n,):
-            assert np.array_equal(getattr(right, field.name), value[n // 2 :]), field.name
     part = two.to_xarray().sel(edge="right")
     assert np.array_equal(part.P.values, found.turning_points.P[:, n // 2 :])
     nearest = part.sel(x=x[2] + 1e-3, method="nearest")

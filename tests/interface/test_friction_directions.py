@@ -27,7 +27,9 @@ def played(
 
 
 @pytest.mark.parametrize("method", METHODS)
-@pytest.mark.parametrize(("forward", "backward"), [(0.5, 0.2), (0.2, 0.5), (0.0, 0.4), (0.4, 0.0)])
+@pytest.mark.parametrize(
+    ("forward", "backward"), [(0.4, 0.4), (0.5, 0.2), (0.2, 0.5), (0.0, 0.4), (0.4, 0.0)]
+)
 def test_a_pressed_node_pulled_to_and_fro_slips_at_two_different_limits(
     method: str, forward: float, backward: float
 ) -> None:

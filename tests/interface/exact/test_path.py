@@ -8,7 +8,6 @@ from small import cyclic, random_system, small_system, table
 
 from receding_fenicsx.errors import NoQuasiStaticContinuation, SolveError
 from receding_fenicsx.evolution.evolve import evolve
-from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.interface.law import State
 from receding_fenicsx.interface.system import ContactSystem, eliminate_tangential
 from receding_fenicsx.scene.history import History
@@ -23,51 +22,7 @@ def near(value: object) -> Any:
     return pytest.approx(value, rel=1e-12, abs=1e-13)
 
 
-def events_of(record: Record, cycle: int, leg: int) -> list[tuple[Any, ...]]:
-    """Return (s, node, old, new) of one leg."""
-    e = record.events
-    rows = np.flatnonzero((e.cycle == cycle) & (e.leg == leg))
-    return [(float(e.s[j]), int(e.node[j]), int(e.old[j]), int(e.new[j])) for j in rows]
-
-
-# Loads "press" (P* = 1) and "push" (Q* = -1, to the right): Q = k v - push, P = press.
-
-SPRING = 5.0
 F = 0.4
-
-
-def slider(k_n: float = 3.0) -> ContactSystem:
-    K = [[SPRING, 0.0], [0.0, k_n]]
-    return small_system(K, {"press": [0.0, 1.0], "push": [-1.0, 0.0]}, F)
-
-
-def test_cyclic_push_runs_round_a_hysteresis_loop() -> None:
-    P, top = 2.0, 1.6
-    history = table(slider(), [[0, 0], [P, 0], [P, top]], [[P, top], [P, -top], [P, top]], 4)
-    record = evolve(slider(), history, output=ALL)
-    slip = (top - F * P) / SPRING
-    # slip turns back once the push has changed by 2 f P, of 2 top in all
-    for cycle in range(1, 5):
-        assert events_of(record, cycle, 0) == [
-            (near(0.0), 0, FORWARD, STICK),
-            (near(F * P / top), 0, STICK, BACKWARD),
-        ]
-        assert events_of(record, cycle, 1) == [
-            (near(0.0), 0, BACKWARD, STICK),
-            (near(F * P / top), 0, STICK, FORWARD),
-        ]
-    ends = record.turning_points
-    assert ends.v[2:, 0] == near([-slip, slip] * 4)
-    assert record.cycles.dissipation == near([4 * F * P * slip] * 4)
-    assert (record.steady.kind, record.steady.cycle) == ("cyclic slip", 2)
-    # area of the loop of push over v
-    s = record.samples
-    one = s.cycle == 3
-    push = np.concatenate([[top], s.load[one, 1]])
-    v = np.concatenate([[slip], s.v[one, 0]])
-    fine = evolve(slider(), history, output=replace(ALL, samples_per_leg=40))
-    assert np.sum(0.5 * (push[1:] + push[:-1]) * np.diff(v)) == near(4 * F * P * slip)
-    assert fine.n_events == record.n_events
 
 
 @pytest.mark.parametrize("locked", [-0.3, 0.0, 0.25])
