@@ -119,19 +119,16 @@ class SteadyWatch:
             if known:
                 change[-1] = change[-1] / largest if largest > 0.0 else 0.0
             if self.cycle < 0 and len(change) >= 2 * period:
-                repeats = self._is_round_off(max(change[-2 * period :]) * largest, largest)
+                most = max(change[-2 * period :]) * largest
+                # forces of a nearly rigid body are small differences of their terms
+                repeats = most <= self.tolerance * largest or (
+                    most < 1e-6 * largest
+                    and most < 32.0 * 2.0**-52 * _largest(self._terms @ end.reach)
+                )
                 self.kind = self._kind(period) if repeats else NOT_REACHED
                 if self.kind != NOT_REACHED:
                     self.cycle, self.period = len(self.change), period
         return self.cycle >= 0
-
-    def _is_round_off(self, change: float, largest: float) -> bool:
-        """Return whether a change of forces is within the tolerance or the round-off of terms."""
-        if change <= self.tolerance * largest:
-            return True
-        # forces of a nearly rigid body are small differences of their terms
-        noise = 32.0 * 2.0**-52 * _largest(self._terms @ self.ends[-1].reach)
-        return change < min(noise, 1e-6 * largest)
 
     def _slips(self, end: CycleEnd) -> tuple[Array, Array]:
         """Return the (N,) slips in a cycle, zero where they are round-off, and the least ones."""

@@ -34,7 +34,6 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.interface.law import MIRRORED, SLIP_SIGN, State
@@ -126,16 +125,13 @@ def corner_exponent_fit(at: Tractions, side: int) -> float | None:
         # off the powers -1 and 0, whose integrals are logarithms
         power = exponents[:, None, None] + np.array([1.0, 2.0]) + 1e-9
         basis = (far**power - near**power) / (power * (far - near)) / mean
-        return np.where(_leads(basis), misfit(basis), np.inf)
+        # the first term has to make up the larger part in every element: a fit that lives on its
+        # second term finds the exponent less one
+        leading = np.linalg.pinv(basis)[:, 0].sum(axis=1)
+        leads = (basis[:, :, 0] * leading[:, None]).min(axis=1) > 0.5
+        return np.where(leads, misfit(basis), np.inf)
 
     return _searched(misfits, -0.95, 1.5, 50)
-
-
-def _leads(bases: Array) -> NDArray[np.bool_]:
-    """Return the candidates whose first term makes up the larger part in every element."""
-    # a fit that lives on its second term finds the exponent less one
-    leading = np.linalg.pinv(bases)[:, 0].sum(axis=1)
-    return np.asarray((bases[:, :, 0] * leading[:, None]).min(axis=1) > 0.5)
 
 
 @dataclass(frozen=True)
@@ -249,7 +245,11 @@ def zone_end(at: Tractions, last: int, side: int, stick: bool = False) -> ZoneEn
     of ``stick`` the margin of the friction law.
     """
     if side < 0:
-        return _turned(zone_end(_mirrored(at), len(at.x) - 1 - last, 1, stick))
+        x, weight, P, Q = (part[::-1] for part in (-at.x, at.weight, at.P, -at.Q))
+        radius = None if at.radius is None else at.radius[::-1]
+        state, friction = MIRRORED[at.state[::-1]], at.friction[::-1].mirrored
+        at = Tractions(x, weight, P, Q, state, friction, at.beta, at.half, radius)
+        return _turned(zone_end(at, len(x) - 1 - last, 1, stick))
     midside = midside_nodes(at.x, at.weight, at.radius)
     quadratic = len(midside) > 0
     # by the error of elements, in node spacings
@@ -294,12 +294,8 @@ def zone_end(at: Tractions, last: int, side: int, stick: bool = False) -> ZoneEn
             for k, terms in windows
         ]
         found = [low + fit for fit in fits if fit is not None]
-        if (
-            len(found) == len(fits)
-            and max(found) - min(found) <= 0.6 * spacing
-            and bracket.low <= min(found)
-            and max(found) <= bracket.high
-        ):
+        inside_bracket = len(found) == len(fits) and bracket.low <= min(found)
+        if inside_bracket and max(found) <= min(bracket.high, min(found) + 0.6 * spacing):
             ends += found
     if not ends:
         return bracket
@@ -308,15 +304,6 @@ def zone_end(at: Tractions, last: int, side: int, stick: bool = False) -> ZoneEn
     shift *= max(1.0, (0.5 if quadratic else 1.0) * length / spacing)
     furthest = min(max(ends) + shift, float(at.x[-1]))
     return ZoneEnd(ends[0], min(ends) - shift, furthest, fitted=True)
-
-
-def _mirrored(at: Tractions) -> Tractions:
-    x, weight, P, Q = (part[::-1] for part in (at.x, at.weight, at.P, at.Q))
-    radius = None if at.radius is None else at.radius[::-1]
-    friction = at.friction[::-1].mirrored
-    return Tractions(
-        -x, weight, P, -Q, MIRRORED[at.state[::-1]], friction, at.beta, at.half, radius
-    )
 
 
 def _vanishing(at: Tractions, last: int) -> tuple[Array, tuple[float, ...], int] | None:

@@ -180,8 +180,9 @@ class _Rows:
     def __init__(self, task: _Task, intervals: int) -> None:
         """Set up the points between the intervals, and the laws that hold in any state there."""
         self.task, n = task, task.system.n
-        points = intervals + (task.legs == 1)
-        varies = np.concatenate([task.opens | ~task.system.friction.present, task.opens])
+        points, mean = intervals + (task.legs == 1), task.mean
+        (loose, normal), friction = ~task.system.held.reshape(2, n), task.system.friction
+        varies = np.concatenate([task.opens | ~friction.present, task.opens])
         self.own = own = varies & ~task.system.held
         m, K = int(own.sum()), sparse.csr_matrix(task.system.K)
         self.ends = np.cumsum([0, 2 * n, 2 * n, points * m, points, intervals * n, 1])
@@ -198,23 +199,18 @@ class _Rows:
             if inner:
                 self.add(mu - tau[p])
                 self.add(tau[p] - tau[p - 1])  # tau = 0 at the corner before
-            self._laws(p)
+            # friction limits, pressure and gap
+            Q, P = self.r[p][:n], self.r[p][n:]
+            for sign, f in ((1.0, friction.forward), (-1.0, friction.backward)):
+                constant = sign * mean[:n] + f * mean[n:]
+                self.add((sign * Q + sparse.diags(f) @ P)[loose], -constant[loose])
+            self.add(P[normal], -mean[n:][normal])
+            self.add(self.u[p][n:][normal], -task.system.g0[normal])
 
     def add(self, matrix: sparse.csr_matrix, least: Array | float = 0.0) -> None:
         """Add conditions."""
         self.matrices.append(matrix)
         self.least.append(np.broadcast_to(least, matrix.shape[:1]))
-
-    def _laws(self, p: int) -> None:
-        """Require both friction limits, pressure and gap at a point."""
-        system, n, mean = self.task.system, self.task.system.n, self.task.mean
-        (loose, normal), friction = ~system.held.reshape(2, n), system.friction
-        Q, P = self.r[p][:n], self.r[p][n:]
-        for sign, f in ((1.0, friction.forward), (-1.0, friction.backward)):
-            constant = sign * mean[:n] + f * mean[n:]
-            self.add((sign * Q + sparse.diags(f) @ P)[loose], -constant[loose])
-        self.add(P[normal], -mean[n:][normal])
-        self.add(self.u[p][n:][normal], -system.g0[normal])
 
     def choose(self, pattern: Ints) -> None:
         """Require that nodes are closed or open; near a known set few of them differ from it."""

@@ -81,23 +81,20 @@ class Cones:
             system = replace(system, r_star=r_star, load_names=names)
         return system, force
 
-    def other_margins(self, now: Branches, r: Array) -> tuple[Array, Array]:
-        """Return what must not be negative beside the margins of the cones, and these.
+    def other_margins(self, now: Branches, r: Array) -> Array:
+        """Return what must not be negative beside the margins of the cones, for r (k, 2N).
 
-        Of reactions (k, 2N) they are (k, 3, N) margins of the branches forward and backward that
-        are not in use, and pressures of bonded nodes, infinite where there are none; (k, 2, N)
-        margins in use.
+        These are (k, 3, N) margins of the branches forward and backward that are not in use, and
+        pressures of bonded nodes, infinite where there are none.
         """
         n = self.system.n
         Q, P = r[:, :n], r[:, n:]
         on_limit = now.branch == np.array([[FORWARD_LIMIT], [BACKWARD_LIMIT]])
         rough = self._slope * P[:, None] + np.where(now.bonded, self._c, 0.0)
-        sides = np.stack([Q, -Q], axis=1)
-        limits = np.where(on_limit, rough, self._t), np.where(on_limit, self._t, rough)
-        other, in_use = (sides + limit for limit in limits)
+        other = np.stack([Q, -Q], axis=1) + np.where(on_limit, rough, self._t)
         P = np.where(self.cohesive & now.bonded, P, np.inf)
         margins = np.concatenate([other, P[:, None]], axis=1)
-        return np.where(self._special, margins, np.inf), in_use
+        return np.where(self._special, margins, np.inf)
 
     def passed(self, now: Branches, margins: Sequence[tuple[int, int]]) -> Branches:
         """Return the branches where margins of :meth:`other_margins` reach zero, or bonds form.

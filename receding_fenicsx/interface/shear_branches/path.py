@@ -20,7 +20,7 @@ from receding_fenicsx.interface.exact.legs import LegProblem, evenly_spaced, unc
 from receding_fenicsx.interface.exact.path import EventPath, ends_with_leg
 from receding_fenicsx.interface.exact.rest import carries_nothing, zero_crossing
 from receding_fenicsx.interface.gauss_seidel.sweeps import GaussSeidelOptions
-from receding_fenicsx.interface.law import SEPARATION, STICK
+from receding_fenicsx.interface.law import SEPARATION
 from receding_fenicsx.interface.load_steps.path import GaussSeidelPath
 from receding_fenicsx.interface.residual import largest_force, reachable, residual_at_rest
 from receding_fenicsx.interface.shear_branches.cones import BREAKS, FORMS, Branches, Cones
@@ -39,7 +39,6 @@ class Tried:
     def __init__(self, cones: Cones) -> None:
         """Start with nothing tried."""
         self.cones, self.keys, self.left = cones, set[bytes](), list[Branches]()
-        self._early = set[bytes]()
 
     def following(self, now: Branches, wrong: list[tuple[int, int]]) -> Branches | None:
         """Return a set of branches that was not tried, None where all of them were.
@@ -55,15 +54,6 @@ class Tried:
             if new.key not in self.keys:
                 return new
         return None
-
-    def changes_early(self, now: Branches, sooner: Branches) -> bool:
-        """Return whether to try other branches before the ones that lead on, which are left."""
-        early, n = {now.key, sooner.key}, len(now.branch)
-        if len(early) < 2 or not early.isdisjoint(self._early) or len(self._early) > 4 * n:
-            return False
-        self._early.add(now.key)
-        self.left.append(now)
-        return True
 
 
 class BranchedPath:
@@ -155,12 +145,7 @@ class BranchedPath:
             problem = replace(whole, start=leg.end, s_start=s, force_scale=leg.force_scale)
             trial, end, error = self._piece(now, problem, target)
             no_way = isinstance(error, NoQuasiStaticContinuation)
-            at, wrong, ahead = self._first_passed(now, problem, (trial, end), no_way)
-            # the branches in use may be changed before as well: fewer pieces
-            sooner = self.cones.passed(now, ahead)
-            if sooner.key not in tried.keys and tried.changes_early(now, sooner):
-                now = sooner
-                continue
+            at, wrong = self._first_passed(now, problem, (trial, end), no_way)
             error = None if wrong else error
             if at > s + END_TOLERANCE or (error is None and not wrong):
                 if error is None and at >= target - END_TOLERANCE:
@@ -245,22 +230,21 @@ class BranchedPath:
 
     def _first_passed(
         self, now: Branches, problem: LegProblem, piece: tuple[Leg, float], no_way: bool
-    ) -> tuple[float, list[tuple[int, int]], list[tuple[int, int]]]:
+    ) -> tuple[float, list[tuple[int, int]]]:
         """Return where another margin first passes zero or a bond forms, its kind and its nodes.
 
         Where no way leads on from the end of the piece, margins that just reach zero there are
-        passed too. The last value names all margins that are passed by nodes which stick until
-        then, if the first is one of them.
+        passed too.
         """
         found, end = piece
         stops = [(problem.s_start, problem.start.u), *found.stops, (end, found.end.u)]
         s, u = np.array([at for at, _ in stops]), np.array([one for _, one in stops])
         load = (1.0 - s)[:, None] * problem.ends[0] + s[:, None] * problem.ends[1]
         r = load @ self.system.r_star + u @ self.system.K
-        margins, in_use = self.cones.other_margins(now, r)
+        margins = self.cones.other_margins(now, r)
         slack = self._slack(found.end, found.force_scale)
         below = margins < -slack
-        first, wrong, ahead = np.inf, list[tuple[int, int]](), list[tuple[int, int]]()
+        first, wrong = np.inf, list[tuple[int, int]]()
         rows = np.flatnonzero(below.any(axis=(1, 2)))
         if len(rows):
             j = int(rows[0])
@@ -270,13 +254,6 @@ class BranchedPath:
                 at = np.where(below[j], s[i] + before / (before - after) * (s[j] - s[i]), np.inf)
             first = float(at.min())
             wrong = [(int(k), int(n)) for k, n in np.argwhere(at <= first + END_TOLERANCE)]
-            row = np.argmax(below, axis=0)[:2]
-            from_stick = below[:, :2].any(axis=0) & (problem.start.state == STICK)
-            from_stick &= np.take_along_axis(in_use, row[None], axis=0)[0] > slack
-            from_stick &= in_use[0] > slack
-            ahead = [(int(k), int(n)) for k, n in np.argwhere(from_stick)]
-            if not set(wrong) <= set(ahead):
-                ahead = []
         elif no_way:
             tied = (margins[-1, :2] <= slack) & (found.end.state != SEPARATION)
             wrong = [(int(k), int(n)) for k, n in np.argwhere(tied)]
@@ -285,8 +262,8 @@ class BranchedPath:
         forms &= events.new != SEPARATION
         if forms.any() and (begin := float(events.s[forms].min())) <= first:
             forms &= events.s <= begin + END_TOLERANCE
-            return begin, [(FORMS, node) for node in set(events.node[forms].tolist())], []
-        return min(first, end), wrong, ahead
+            return begin, [(FORMS, node) for node in set(events.node[forms].tolist())]
+        return min(first, end), wrong
 
     def _no_branch(self, node: int, load: Array) -> NoQuasiStaticContinuation:
         """Return the error where all branches were tried."""
@@ -382,7 +359,7 @@ class BranchedPath:
 
     def _violated(self, now: Branches, end: ContactState, scale: float) -> list[tuple[int, int]]:
         """Return kind and node of the margins passed and the bonds formed at the end of a step."""
-        margins = self.cones.other_margins(now, end.r[None])[0][0]
+        margins = self.cones.other_margins(now, end.r[None])[0]
         lands = self.cones.cohesive & ~now.bonded & (end.state != SEPARATION)
         wrong = np.argwhere(margins < -self._slack(end, scale)).tolist()
         return [(k, i) for k, i in wrong] + [(FORMS, i) for i in np.flatnonzero(lands).tolist()]

@@ -101,7 +101,10 @@ class Certificate:
 
         LinAlgError: what moves freely, or with one of these, has a motion without stiffness.
         """
-        free, factor = self._free_stiffness(open_)
+        if self._factor is None or self._factor[0] != open_:
+            free = self.free(mask_of(open_, self.system.n))
+            self._factor = open_, (free, cholesky(pinned_stiffness(self.system, free)))
+        free, factor = self._factor[1]
         K = self.system.K[rows][:, rows[:columns]]
         if len(free) and len(rows):
             coupled = self.system.K[free][:, rows]
@@ -111,13 +114,6 @@ class Certificate:
         if np.any(np.diagonal(K) <= SINGULAR * np.diagonal(self.system.K)[rows[:columns]]):
             raise np.linalg.LinAlgError
         return K
-
-    def _free_stiffness(self, open_: int) -> tuple[NDArray[np.intp], Array]:
-        """Return the freedoms free where nodes are open, and the factor of their stiffness."""
-        if self._factor is None or self._factor[0] != open_:
-            free = self.free(mask_of(open_, self.system.n))
-            self._factor = open_, (free, cholesky(pinned_stiffness(self.system, free)))
-        return self._factor[1]
 
     def margin(self, state: States) -> tuple[float, tuple[int, ...]]:
         """Return phi of a set of states, and the leading nodes of the critical slip mode.
