@@ -1,7 +1,7 @@
 """Gauss-Seidel iteration for one load step (section 2.2 of Ahn & Barber 2008).
 
 1. ``sweeps.solve_step`` starts from the last state or a guess and evaluates the reactions (eq. 11).
-2. A sweep visits every node. ``node_problem.NodeProblem.solve`` solves the node in its last state
+2. A sweep visits every node. ``sweeps.NodeProblem.solve`` solves the node in its last state
    and changes the state until the node's inequalities hold; an open node that touches slips from
    ``NodeProblem.touch_down``. The reactions follow by columns of K.
 3. Two accelerations leave the answer alone: slipping and open nodes are over-relaxed, and once no

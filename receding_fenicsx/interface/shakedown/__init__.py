@@ -25,7 +25,7 @@ A slip that satisfies all of them is *safe* at $\lambda$: a contact that has it 
    Below it every start shakes down: proved for two nodes (Ahn, Bertocchi & Barber 2008) and, with
    $K_{tn} = 0$, for any number, where $\lambda_1 = \lambda_2$ (Klarbring, Ciavarella & Barber
    2007); else a conjecture. By the remark in 1. a node has one pair $(k, l)$ only, not $V^2$.
-4. :func:`~receding_fenicsx.interface.shakedown.programs.minimise` solves each program by HiGHS,
+4. :func:`~receding_fenicsx.interface.shakedown.margins.minimise` solves each program by HiGHS,
    polishes the answer on the rows that bind, and accepts it if the margins hold to 1e-9 and the
    multipliers prove the value to 1e-8.
    :func:`~receding_fenicsx.interface.shakedown.margins.margin_residual` evaluates the

@@ -14,23 +14,20 @@ from receding_fenicsx.errors import InputError, SolveError
 from receding_fenicsx.interface.mirror import mirror_of
 from receding_fenicsx.interface.shakedown.margins import (
     BACKWARD,
+    BINDS,
     FORWARD,
     REFUSE,
-    LoadRange,
+    VANISHES,
+    Answer,
     Loads,
     Margins,
+    dual_bound,
     largest_margin,
     load_range,
     margin_residual,
+    minimise,
     prepared,
     with_bound,
-)
-from receding_fenicsx.interface.shakedown.programs import (
-    BINDS,
-    VANISHES,
-    Answer,
-    dual_bound,
-    minimise,
 )
 from receding_fenicsx.interface.system import ContactSystem
 
@@ -149,7 +146,50 @@ def shakedown_limits(
     margins, away = prepared(system, loads, separated)
     upper = upper_limit(margins)
     lower, _ = lower_limit(with_bound(margins, largest_slip), upper)
-    return assembled(system, loads, margins, upper, lower, away)
+    bounded = np.isfinite(upper.value)
+    mu = -upper.value
+    y = upper.z[:-1] if bounded else largest_margin(margins).z[:-1]
+    if lower is not None and lower.value > mu:
+        lower = None
+    # the smallest slip with the same margins: nothing resists a free motion along the plane
+    y = np.linalg.lstsq(margins.G, margins.G @ y, rcond=1e-10)[0]
+    v = np.zeros(system.n)
+    v[margins.nodes] = margins.slip_scale * y
+    top = mu * margins.range_scale
+    residual = margin_residual(system, loads, v, top if bounded else 0.0, away)
+    if residual > BINDS:
+        raise SolveError(f"the safe slip violates margins by {residual:.1e} of the largest force")
+    answers = {"lower": lower, "upper": upper if bounded else None}
+    found = {limit: answer for limit, answer in answers.items() if answer is not None}
+    active = []
+    for limit, answer in found.items():
+        # rows with a multiplier but bounds of slips, and the equations
+        size = np.abs(answer.multipliers[: len(margins.c)])
+        holding = np.flatnonzero(size > BINDS * np.abs(answer.multipliers).max(initial=0.0))
+        for row in np.union1d(holding, np.array(answer.equations, dtype=int)):
+            node, vertex = int(margins.node[row]), int(np.argmin(margins.D[row]))
+            active.append(Active(limit, node, float(system.x[node]), margins.kind[row], vertex))
+    # a node loses its pressure, or another one touches
+    at_upper = {(a.node, a.vertex, a.kind) for a in active if a.limit == "upper"}
+    opens = any(
+        kind not in (FORWARD, BACKWARD) or (kind == FORWARD and (n, k, BACKWARD) in at_upper)
+        for n, k, kind in at_upper
+    )
+    proved = not margins.coupled or (
+        len(margins.nodes) <= 2 and 2 * len(margins.nodes) == len(margins.c)
+    )
+    return ShakedownLimits(
+        top if lower is None else lower.value * margins.range_scale,
+        top,
+        mirror_of(system).odd(v),
+        v,
+        PROVED if proved else CONJECTURE,
+        tuple(active),
+        opens,
+        away,
+        residual,
+        max((abs(a.value - a.bound) / (1.0 + abs(a.value)) for a in found.values()), default=0.0),
+    )
 
 
 def upper_limit(margins: Margins) -> Answer:
@@ -200,58 +240,3 @@ def lower_limit(
         if top <= VANISHES:
             break
     return best, proofs
-
-
-def assembled(
-    system: ContactSystem,
-    loads: LoadRange,
-    margins: Margins,
-    upper: Answer,
-    lower: Answer | None,
-    away: NDArray[np.bool_],
-) -> ShakedownLimits:
-    """Return the limits in the units of the load factors, checked afresh against eq. (11)."""
-    bounded = np.isfinite(upper.value)
-    mu = -upper.value
-    y = upper.z[:-1] if bounded else largest_margin(margins).z[:-1]
-    if lower is not None and lower.value > mu:
-        lower = None
-    # the smallest slip with the same margins: nothing resists a free motion along the plane
-    y = np.linalg.lstsq(margins.G, margins.G @ y, rcond=1e-10)[0]
-    v = np.zeros(system.n)
-    v[margins.nodes] = margins.slip_scale * y
-    top = mu * margins.range_scale
-    residual = margin_residual(system, loads, v, top if bounded else 0.0, away)
-    if residual > BINDS:
-        raise SolveError(f"the safe slip violates margins by {residual:.1e} of the largest force")
-    answers = {"lower": lower, "upper": upper if bounded else None}
-    found = {limit: answer for limit, answer in answers.items() if answer is not None}
-    active = []
-    for limit, answer in found.items():
-        # rows with a multiplier but bounds of slips, and the equations
-        size = np.abs(answer.multipliers[: len(margins.c)])
-        holding = np.flatnonzero(size > BINDS * np.abs(answer.multipliers).max(initial=0.0))
-        for row in np.union1d(holding, np.array(answer.equations, dtype=int)):
-            node, vertex = int(margins.node[row]), int(np.argmin(margins.D[row]))
-            active.append(Active(limit, node, float(system.x[node]), margins.kind[row], vertex))
-    # a node loses its pressure, or another one touches
-    at_upper = {(a.node, a.vertex, a.kind) for a in active if a.limit == "upper"}
-    opens = any(
-        kind not in (FORWARD, BACKWARD) or (kind == FORWARD and (n, k, BACKWARD) in at_upper)
-        for n, k, kind in at_upper
-    )
-    proved = not margins.coupled or (
-        len(margins.nodes) <= 2 and 2 * len(margins.nodes) == len(margins.c)
-    )
-    return ShakedownLimits(
-        top if lower is None else lower.value * margins.range_scale,
-        top,
-        mirror_of(system).odd(v),
-        v,
-        PROVED if proved else CONJECTURE,
-        tuple(active),
-        opens,
-        away,
-        residual,
-        max((abs(a.value - a.bound) / (1.0 + abs(a.value)) for a in found.values()), default=0.0),
-    )

@@ -31,8 +31,7 @@ from scipy import sparse
 from receding_fenicsx.arrays import Array, Ints
 from receding_fenicsx.errors import SolveError
 from receding_fenicsx.interface.residual import law_residual
-from receding_fenicsx.interface.shakedown.margins import LoadRange
-from receding_fenicsx.interface.shakedown.programs import BINDS
+from receding_fenicsx.interface.shakedown.margins import BINDS, LoadRange
 from receding_fenicsx.interface.system import ContactSystem
 
 LARGEST = 10.0

@@ -28,9 +28,14 @@ from receding_fenicsx.interface.shakedown.limits import (
     shakedown_limits,
     upper_limit,
 )
-from receding_fenicsx.interface.shakedown.margins import Margins, load_range, prepared, with_bound
+from receding_fenicsx.interface.shakedown.margins import (
+    Margins,
+    load_range,
+    minimise,
+    prepared,
+    with_bound,
+)
 from receding_fenicsx.interface.shakedown.opening import Opening
-from receding_fenicsx.interface.shakedown.programs import minimise
 from receding_fenicsx.interface.system import ContactSystem
 from receding_fenicsx.output.plots import style
 from receding_fenicsx.output.plots.labels import load_text

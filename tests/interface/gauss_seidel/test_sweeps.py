@@ -7,7 +7,7 @@ from models import block_system
 from small import cyclic, small_system, table
 
 import receding_fenicsx as rf
-from receding_fenicsx.interface.gauss_seidel.node_problem import NodeProblem
+from receding_fenicsx.interface.gauss_seidel.sweeps import NodeProblem
 from receding_fenicsx.interface.residual import law_residual
 
 BLOCK = block_system(20, 10)
