@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from receding_fenicsx.arrays import Array
-from receding_fenicsx.errors import InputError, NoEquilibrium, SolveError
+from receding_fenicsx.errors import InputError, SolveError
 from receding_fenicsx.interface.law import State
-from receding_fenicsx.interface.residual import is_carried_by_round_off
 from receding_fenicsx.interface.system import ContactState, ContactSystem, Leg
 from receding_fenicsx.scene.history import History
 
@@ -40,16 +39,6 @@ def energy_error(
     return (abs(D + stored + leg.work) / scale if scale > 0.0 else 0.0), largest
 
 
-def check_energy(model: ContactSystem, error: float, load: Array) -> None:
-    """Raise SolveError where a leg of the exact path breaks its energy identity."""
-    if error > 1e-6:  # correct ones have up to 1e-8
-        raise SolveError(
-            f"the exact path breaks the energy identity before {model.load_text(load)}: "
-            f"error {error:.1e} over 1e-06 of the leg's energy; try the other "
-            "solver method, and report this scene"
-        )
-
-
 def check_force_range(model: ContactSystem, history: History, force: float) -> None:
     """Raise SolveError where the cycles change the forces by no more than their round-off."""
     way = (history.loop - history.loop[0]) @ model.r_star
@@ -76,14 +65,4 @@ def check_landing(model: ContactSystem, end: ContactState) -> None:
             f"{model.g0[i]:.3g}, and lands on the first leg, which an initial slip makes one "
             "static problem: where its slip begins is not defined; leave out the initial slip, "
             "or the gap"
-        )
-
-
-def check_holds(model: ContactSystem, leg: Leg, load: Array) -> None:
-    """Raise NoEquilibrium where only round-off of K balances the loads at a leg's end."""
-    if is_carried_by_round_off(model, leg.end.u, leg.force_scale):
-        raise NoEquilibrium(
-            f"nothing holds the body at {model.load_text(load)}: it has moved by "
-            f"{np.abs(leg.end.u).max():.3g}, where round-off alone balances the loads; add a "
-            "[[support]], or check the signs of the loads"
         )

@@ -60,8 +60,7 @@ def state_at(
             f"cycle {cycle}, leg {leg}: is not in the record, which holds cycles 0 to {last}"
         )
     row = int(rows[0])
-    polyline = history.path if cycle == 0 else history.loop
-    a, b = polyline[leg], polyline[leg + 1]
+    a, b = history.polyline(cycle)[leg : leg + 2]
     load = b if s == 1.0 else (1.0 - s) * a + s * b
     before = row - 1 if leg > 0 else record.start_row(cycle)
     if s == 1.0:
@@ -111,8 +110,7 @@ def turning_point(record: Record, system: ContactSystem, row: int) -> ContactSta
     """
     table, model = record.turning_points, frictional_form(system)
     right = ~mirror_of(system).left
-    v, w = table.v[row][right], table.w[row][right]
-    state = table.state[row][right]
+    v, w, state = (getattr(table, key)[row][right] for key in ("v", "w", "state"))
     v = np.where(system.slip_map is None, v, 0.0)
     u = np.concatenate([v, w])
     r = reactions(model, table.load[row], u)

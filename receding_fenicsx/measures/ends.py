@@ -43,13 +43,13 @@ def half_width_estimates(record: Record, row: int, betas: tuple[float, ...] = ()
 
 def estimates_at(record: Record, row: int, found: Sequence[Tractions]) -> dict[str, Any]:
     """Return :func:`half_width_estimates` of tractions, one for each value of Dundurs' constant."""
-    shown: dict[str, Any] = {}
     estimates = {"contact": contact_half_width_estimate, "stick": stick_half_width_estimate}
-    for name, estimate in estimates.items():
-        ends = [estimate(at) for at in found]
-        bears = _bears(record, row) and np.isfinite(ends[0].value)
-        shown[f"{name}_half_width_estimate"] = _shown(ends) if bears else None
-    return shown
+    ends = {name: [estimate(at) for at in found] for name, estimate in estimates.items()}
+    bears = _bears(record, row)
+    return {
+        f"{name}_half_width_estimate": _shown(of) if bears and np.isfinite(of[0].value) else None
+        for name, of in ends.items()
+    }
 
 
 def half_widths(record: Record, row: int) -> dict[str, float | None]:

@@ -86,7 +86,7 @@ def test_bad_input_is_refused_in_one_line() -> None:
     for options, words in (
         (HistoryOptions(kind="monotonic", until="limit"), "needs cycles"),
         (HistoryOptions(cycles=4, until="limit"), "raise cycles"),
-        (HistoryOptions(until="lmit"), 'use "steady", "limit"'),
+        (HistoryOptions(until="lmit"), 'use "steady" or "limit"'),
     ):
         with pytest.raises(InputError, match=words) as caught:
             history_from_scene(replace(scene, history=options))

@@ -64,7 +64,7 @@ class LimitSearch:
         self._tolerance = problem.solver.steady_tolerance or LIMIT_CYCLE_TOLERANCE
         self.limit = Limit(False, -1, 0, np.nan, -1, "the search has not begun")
         self.steady: Steady | None = None
-        self.searched = 0
+        self.searched = self._allowed = 0
         self._tell: Callable[[str], None] | None = None
         if problem.system.has_branches:
             why = "with a shear limit or a cohesion cycles are played until they repeat themselves"
@@ -103,12 +103,12 @@ class LimitSearch:
     def _cycle(self, cycles: list[FinishedCycle]) -> FinishedCycle:
         """Return the cycle that repeats itself, played and checked."""
         number, in_steps = len(cycles), self.problem.solver.method != "events"
-        allowed, force = self.searched + MAX_PLAYED, cycles[-1].totals.force_scale
+        force, self._allowed = cycles[-1].totals.force_scale, self.searched + MAX_PLAYED
         if in_steps or number == self.problem.history.cycles:
-            played = 1 if in_steps else number
-            tail = self._later_tail(cycles[-1].corners[-1].state, force, allowed, played)
+            start = cycles[-1].corners[-1].state
+            tail = self._later_tail(start, force, 1 if in_steps else number)
         else:
-            tail = self._tail(cycles[-2].corners[-1].state, force, allowed)
+            tail = self._tail(cycles[-2].corners[-1].state, force)
         trial = RunState(self.problem, cycles)
         begin, cycle = self._played(trial, tail)
         ends = [begin, cycle.corners[-1]]
@@ -132,7 +132,7 @@ class LimitSearch:
         self.steady = Steady(True, number, watch.kind, watch.period, change)
         return cycle
 
-    def _tail(self, start: ContactState, force: float, allowed: int) -> Tail:
+    def _tail(self, start: ContactState, force: float) -> Tail:
         """Return the limit of the exact path from the start of a cycle on.
 
         Cycles to come in which releases have another order than in this one are played.
@@ -149,14 +149,14 @@ class LimitSearch:
         k = np.concatenate(self._model.local_stiffness)
         for u, after in tail.others:
             state = ContactState(u, reactions(self._model, loop[0], u), cycle.end.state)
-            end = self._exact_cycle(state, force, allowed)
+            end = self._exact_cycle(state, force)
             if np.any(k * np.abs(end.u - after) > tolerance):
                 raise NoLimit("events will come in another order")
         return tail
 
-    def _exact_cycle(self, state: ContactState, force: float, allowed: int) -> ContactState:
+    def _exact_cycle(self, state: ContactState, force: float) -> ContactState:
         """Return the end of a cycle of the exact path; raise NoLimit where too many are played."""
-        if self.searched >= allowed:
+        if self.searched >= self._allowed:
             raise NoLimit(f"a search plays {MAX_PLAYED} cycles at most")
         self.searched += 1
         if self._tell is not None:
@@ -165,16 +165,16 @@ class LimitSearch:
             state = self._exact.trace_leg(state, leg, force).end
         return state
 
-    def _later_tail(self, state: ContactState, force: float, allowed: int, played: int) -> Tail:
+    def _later_tail(self, state: ContactState, force: float, played: int) -> Tail:
         """Return the limit of the exact path that goes on where the history is.
 
         Load steps come to one near it; other histories have played so many cycles.
         """
         for number in count(played):
-            before, state = state, self._exact_cycle(state, force, allowed)
+            before, state = state, self._exact_cycle(state, force)
             if is_step(number):
                 try:
-                    tail = self._tail(before, force, allowed)
+                    tail = self._tail(before, force)
                 except NoLimit:
                     continue
                 if tail.walks and self.problem.solver.method != "events":
