@@ -19,7 +19,7 @@ import json
 import shutil
 import signal
 from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
-from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, as_completed, wait
+from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, wait
 from dataclasses import dataclass, field, fields, is_dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
@@ -234,9 +234,6 @@ def on_ranks(comm: MPI.Comm, work: Callable[[Executor | None], T]) -> T | None:
 
 # -- cases in processes --------------------------------------------------------------------------
 
-Played = Generator[tuple[int, Outcome], None, None]
-"""Numbers of the cases as they finish, and their outcomes."""
-
 
 @dataclass
 class Runner:
@@ -268,12 +265,9 @@ class Runner:
             self._remove_results()
         done, failed = len(share) - len(todo), 0
         tell = Countdown(self.options.progress, f"{self.kind.name}: case")
-        if self.executor is not None:
-            play_all = _on_executor(self.executor, todo, measure)
-        elif self.workers is not None:
-            play_all = _on_processes(todo, measure, self.workers)
-        else:
-            play_all = ((number, play(case, measure)) for number, case in todo.items())
+        play_all = ((number, play(case, measure)) for number, case in todo.items())
+        if self.executor is not None or self.workers is not None:
+            play_all = _elsewhere(todo, measure, self.workers, self.executor)
         with contextlib.closing(play_all) as played:
             for more, (number, outcome) in enumerate(played, 1):
                 self._finish(cases[number], outcome)
@@ -340,46 +334,46 @@ def play(case: Case, measure: Measure) -> Outcome:
         return Outcome({}, text, final=False)
 
 
-def _on_executor(executor: Executor, cases: Mapping[int, Case], measure: Measure) -> Played:
-    """Run cases on an executor; those not begun are withdrawn when the caller stops early."""
-    futures: dict[Future[Outcome], int] = {}
-    try:
-        futures |= {executor.submit(play, case, measure): k for k, case in cases.items()}
-        for future in as_completed(futures):
-            yield futures[future], future.result()
-    except BrokenExecutor:
-        raise RecedingError(
-            "a process that ran a case was ended from outside; the finished cases are kept, "
-            "continue by --resume"
-        ) from None
-    finally:
-        for future in futures:
-            future.cancel()
+def _elsewhere(
+    cases: Mapping[int, Case], measure: Measure, count: int | None, executor: Executor | None
+) -> Generator[tuple[int, Outcome], None, None]:
+    """Run cases on an executor or on new processes; yield their numbers as they finish.
 
-
-def _on_processes(cases: Mapping[int, Case], measure: Measure, count: int) -> Played:
-    """Run cases on new processes; when one dies, those begun are run again, each alone."""
+    When a new process dies, the cases begun are run again, each alone. Those not begun are
+    withdrawn when the caller stops early.
+    """
     waiting, alone = list(cases), list[int]()
     while waiting or alone:
         again = bool(alone)
-        queue, most = (alone[:1], 1) if again else (waiting, min(count, len(cases)))
+        queue, most = (alone[:1], 1) if again else (waiting, min(count or len(cases), len(cases)))
         running: dict[Future[Outcome], int] = {}
         died: list[int] = []
         try:
             while running or (queue and not died):
                 while queue and not died and len(running) < most:
                     number = queue.pop(0)
-                    case = cases[number]
-                    job = workers.submit("study", play, case, measure, count=most, loud=True)
+                    work = play, cases[number], measure
+                    if executor is not None:
+                        job = executor.submit(*work)
+                    else:
+                        job = workers.submit("study", *work, count=most, loud=True)
                     running[job] = number
                 for job in wait(running, return_when=FIRST_COMPLETED).done:
                     number = running.pop(job)
-                    if isinstance(job.exception(), BrokenExecutor):
+                    if executor is None and isinstance(job.exception(), BrokenExecutor):
                         died.append(number)
                     else:
                         yield number, job.result()
+        except BrokenExecutor:
+            raise RecedingError(
+                "a process that ran a case was ended from outside; the finished cases are kept, "
+                "continue by --resume"
+            ) from None
         finally:
-            workers.end("study")
+            for job in running:
+                job.cancel()
+            if executor is None:
+                workers.end("study")
         if again:
             text = "its process was ended from outside, or crashed"
             yield from ((number, Outcome({}, text, final=False)) for number in died)
