@@ -260,9 +260,8 @@ def _system(
             whole = with_profiles(scene, mpi.given(bare))
             own = system_for(scene, whole)
         elif new:
-            law = ("f", "f_backward", "cohesion", "shear_limit", "g0")
-            scenes_own = {k: getattr(own, k) for k in (*law, "scene_toml", "probes")}
-            whole = replace(read_system(mpi.given(saved)), **scenes_own)
+            whole = with_profiles(scene, read_system(mpi.given(saved)))
+            whole = replace(whole, probes=own.probes)
         if new:
             write_system(mpi.given(place), whole)
         return own

@@ -250,7 +250,9 @@ class Runner:
         """Read the finished cases; ``systems`` is for condensed systems until the last case."""
         self.folder = None if self.file is None else self.file.folder
         self.systems = None if self.folder is None else self.folder / SYSTEMS
-        self.finished = {} if self.file is None else self.file.read(final=True)
+        read = {} if self.file is None else self.file.read(final=True)
+        # one that failed ends those that depend on it: it is tried again
+        self.finished = {k: v for k, v in read.items() if self.kind.shares or not v.error}
 
     def outcomes(self, cases: Sequence[Case], measure: Measure) -> list[Outcome]:
         """Run the cases of this share that are not finished; return the outcomes of all."""
@@ -285,7 +287,7 @@ class Runner:
 
     def kept(self, case: Case, measure: Callable[[], dict[str, Any]]) -> dict[str, Any]:
         """Return the cells of a finished case, or measure it here; an error is raised, not kept."""
-        if case.identity not in self.finished or self.finished[case.identity].error:
+        if case.identity not in self.finished:
             self._remove_results()
             self._finish(case, Outcome(measure()))
         return self.finished[case.identity].cells
@@ -352,11 +354,11 @@ def _elsewhere(
             while running or (queue and not died):
                 while queue and not died and len(running) < most:
                     number = queue.pop(0)
-                    work = play, cases[number], measure
+                    case = cases[number]
                     if executor is not None:
-                        job = executor.submit(*work)
+                        job = executor.submit(play, case, measure)
                     else:
-                        job = workers.submit("study", *work, count=most, loud=True)
+                        job = workers.submit("study", play, case, measure, count=most, loud=True)
                     running[job] = number
                 for job in wait(running, return_when=FIRST_COMPLETED).done:
                     number = running.pop(job)

@@ -188,7 +188,8 @@ def test_carried_profiles_become_node_pairs_for_small_strokes() -> None:
     scene = sliding(60, 0.1)
     pairs = pairs_of(scene)
     first = pairs.begin()
-    carried = Convected(pairs, 0.3, 1e-3 * pairs.slip_at_corners, A)
+    pairs.slip_at_corners *= 1e-3
+    carried = Convected(pairs, 0.3, A)
     # the same sliding distance
     carried.positions = [(load, s, 1e3 * way) for load, s, way in carried.positions]
     row = carried.settled(first, np.zeros(2 * len(first["P"])))

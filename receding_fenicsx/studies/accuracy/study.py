@@ -121,7 +121,7 @@ def search(
     scene, own = to_limit(scene), scene.mesh.contact_elements
     found = Search(scene)
     while True:
-        wanted = next_elements(scene, found.levels, found.failures)
+        wanted = next_elements(scene, found)
         found.reason = _too_much(scene, found.levels, wanted)
         if found.reason:
             # the numbers that keep it from its tolerance, with the meshes that they need
@@ -158,23 +158,22 @@ def search(
             return found
 
 
-def next_elements(
-    scene: Scene, levels: Sequence[Level], failures: Sequence[tuple[int, str]] = ()
-) -> int:
+def next_elements(scene: Scene, found: Search) -> int:
     """Choose the next mesh from what was found: the one that is predicted to meet the tolerance.
 
     The error of a number falls with elements^-p, p its observed order. A mesh much finer than the
     last is approached in equal ratios. The finest is tried where no other could follow the next.
     """
+    levels = found.levels
     if not levels:
         first = doublings(scene)[0] if is_refined(scene) else 24
-        return max([first, *(2 * elements for elements, _ in failures)])
+        return max([first, *(2 * elements for elements, _ in found.failures)])
     last = levels[-1].elements
     if is_refined(scene):
         return 2 * last
     ratio = 2.5  # from which the orders are seen
     if len(levels) > 2:
-        asked, tolerance = asked_numbers(scene, levels).values(), scene.accuracy.tolerance or 1.0
+        asked, tolerance = found.way[-1].values(), scene.accuracy.tolerance or 1.0
         # smaller ratios repeat work, larger ones leave the estimate no meshes to compare with
         needed = max([1.6, *(_needed(e, 0.75 * tolerance) for e in asked)])
         # coarse meshes may have shown too little: mostly the next one shows a higher order

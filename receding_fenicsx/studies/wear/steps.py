@@ -55,6 +55,7 @@ class NodePairs:
         problem: the same without probes, to be played until cycles repeat.
         rate: (N,) depth per dissipation of a node, c / m; 0 where nothing wears.
         carried: whether the profiles are carried along by the stroke.
+        slip_at_corners: mean slips at the corners of the unworn contact's loop.
     """
 
     carried = False
@@ -250,8 +251,8 @@ class Convected(NodePairs):
 
     carried = True
 
-    def __init__(self, pairs: NodePairs, share: float, slip: Array, half_width: float) -> None:
-        """Place positions along the loop of load factors; ``slip`` are mean ones at its corners.
+    def __init__(self, pairs: NodePairs, share: float, half_width: float) -> None:
+        """Place positions along the loop of load factors.
 
         ``share`` is the part of the wear that the first body takes, ``half_width`` the contact's.
         """
@@ -260,7 +261,7 @@ class Convected(NodePairs):
         self.system = system = pairs.problem.system
         self._known: tuple[bytes, Any] = (b"", None)
         loop, found = pairs.problem.history.loop, dict[tuple[bytes, int], list[Any]]()
-        for k, (a, b) in enumerate(pairwise(slip)):
+        for k, (a, b) in enumerate(pairwise(pairs.slip_at_corners)):
             # ten positions along the stroke on half the width
             count = int(np.ceil(10.0 * abs(b - a) / half_width))
             for part in (np.arange(count) + 0.5) / max(count, 1):

@@ -207,7 +207,7 @@ def wear(
     """Wear a contact over the cycles of the table [wear]; all ranks of an MPI job call this.
 
     Args:
-        scene: the scene, with cycles; of its history the number of cycles does not count.
+        scene: the scene, with cycles, whose number does not count.
         out: folder for ``wear.csv``, ``wear.json``, ``wear.npz`` and the figures, from which an
             interrupted study, or one for fewer cycles, is continued. None writes nothing.
         options: overwrite, resume, progress.
@@ -269,8 +269,7 @@ def _begin(scene: Scene, system: ContactSystem) -> tuple[NodePairs, Row]:
             "[wear]: needs a history with cycles, this one is monotonic; use "
             'kind = "cyclic", "table" or "harmonic"'
         )
-    system, options = problem.system, scene.wear
-    law = system.law
+    system, options, law = problem.system, scene.wear, problem.system.law
     if system.kind == "normal" or not np.any(law.present):
         raise InputError("[wear]: nothing dissipates without friction; give [contact] friction")
     if options.archard is not None and (system.has_branches or np.any(law.forward != law.backward)):
@@ -286,11 +285,8 @@ def _begin(scene: Scene, system: ContactSystem) -> tuple[NodePairs, Row]:
     strokes = np.where(first["P"] > 0.0, 0.5 * first["path"], 0.0)
     touches = lengths(system) * (first["zone"] != State.SEPARATION)[mirror_of(system).index]
     edge = system.edges[mirror_of(system).index]
-    sizes = [
-        (float(strokes[system.edges == k].max()), float(touches[edge == k].sum()))
-        for k in np.unique(edge)
-    ]
-    # that of the edge on which the stroke is largest against the contact
+    sizes = [(strokes[system.edges == k].max(), touches[edge == k].sum()) for k in np.unique(edge)]
+    # those of the edge on which the stroke is largest against the contact
     stroke, width = max(sizes, key=lambda size: size[0] / (size[1] or np.inf))
     small = 0.05  # of the width, up to which node pairs stay opposite each other
     if stroke <= small * width:
@@ -305,7 +301,7 @@ def _begin(scene: Scene, system: ContactSystem) -> tuple[NodePairs, Row]:
             f"{width:.4g}, above {small:g}: nodes do not stay opposite each other; this is "
             "modelled for two half-planes of equal materials that slide grossly, by friction alone"
         )
-    found = Convected(pairs, scene.wear.share, pairs.slip_at_corners, 0.5 * width)
+    found = Convected(pairs, scene.wear.share, 0.5 * width)
     return found, found.settled(first, np.zeros(2 * n))
 
 
