@@ -64,7 +64,7 @@ def commands(workflow: Any) -> Iterator[str]:
     for job in workflow["jobs"].values():
         for step in job["steps"]:
             assert ("run" in step) != ("uses" in step)
-            assert re.search(r".[@:][\w.]+$", step.get("uses", "a@v1")), "an action of no version"
+            assert re.search(r".[@:][\w./]+$", step.get("uses", "a@v1")), "an action of no version"
             yield from step.get("run", "").strip().splitlines()
 
 
