@@ -1,6 +1,6 @@
 """Pictures of a run: figures, snapshots of the body, films.
 
-Drawing modules are imported when something is drawn: a run without pictures needs no such library.
+Drawing modules are imported when something is drawn: ``plots`` and ``snapshots`` load them then.
 """
 
 from __future__ import annotations
@@ -21,6 +21,7 @@ from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.evolution.replay import instant_of
 from receding_fenicsx.measures.limit_nodes import as_shown
 from receding_fenicsx.mpi import world
+from receding_fenicsx.output import plots, snapshots
 from receding_fenicsx.scene import history
 from receding_fenicsx.scene.model import Scene
 from receding_fenicsx.store.run_folder import read_run
@@ -55,10 +56,8 @@ def snapshot(
     Returns:
         The files written, on rank 0; None on the others.
     """
-    from receding_fenicsx.output.snapshots.draw import snapshots
-
     with _run_body(folder, lambda _: [(cycle, leg, at)], comm, progress) as (bulk, instants, say):
-        return snapshots(bulk, instants, Path(folder) / "snapshots", say=say)
+        return snapshots.draw.snapshots(bulk, instants, Path(folder) / "snapshots", say=say)
 
 
 def animate(
@@ -82,10 +81,8 @@ def animate(
     Returns:
         The files written, .mp4 and .gif, on rank 0; None on the others.
     """
-    from receding_fenicsx.output.snapshots.draw import animate as film
-    from receding_fenicsx.output.snapshots.page import quantity_of
-
-    quantity, file = quantity_of(stress), Path(folder) / f"animations/cycle{cycle:04d}_{stress}"
+    quantity = snapshots.page.quantity_of(stress)
+    file = Path(folder) / f"animations/cycle{cycle:04d}_{stress}"
 
     def spaced(scene: Scene) -> tuple[Any, Any, Any]:
         return history.evenly_spaced(history.history_from_scene(scene), cycle, frames)
@@ -95,7 +92,7 @@ def animate(
         return [(cycle, str(leg), float(s)) for leg, s in zip(legs, at, strict=True)]
 
     with _run_body(folder, places, comm, progress) as (bulk, instants, say):
-        return film(bulk, instants, spaced(bulk.scene)[2], quantity, file, say)
+        return snapshots.draw.animate(bulk, instants, spaced(bulk.scene)[2], quantity, file, say)
 
 
 @contextlib.contextmanager
@@ -128,10 +125,8 @@ def draw_slip_mode(
 
     The scene is that of the system that the mode is of. Rank 0 gets the file.
     """
-    from receding_fenicsx.output.snapshots.draw import draw_mode
-
     with picture_body(scene, comm or world()) as bulk:
-        return draw_mode(bulk, critical, Path(file))
+        return snapshots.draw.draw_mode(bulk, critical, Path(file))
 
 
 def draw_run(
@@ -150,21 +145,18 @@ def draw_run(
 
     Not ``everything``: only the pictures that answer the scene's question.
     """
-    from receding_fenicsx.output.plots import figures
-    from receding_fenicsx.output.snapshots.draw import snapshots
-    from receding_fenicsx.output.snapshots.page import quantity_of
 
     def begin() -> list[Instant]:
         found, formats = mpi.given(record), ("png", "pdf") if pdf else ("png",)
-        figures.plot_all(found, mpi.given(folder) / "figures", formats, say, everything)
+        plots.figures.plot_all(found, mpi.given(folder) / "figures", formats, say, everything)
         return default_instants(scene, mpi.given(system), found, everything) if body else []
 
     instants, place = comm.bcast((mpi.on_root(comm, begin), folder))
     if body:
         with picture_body(scene, comm) as fine:
             names = ("von_mises", "max_shear") if everything else ("max_shear",)
-            quantities = tuple(quantity_of(name) for name in names)
-            snapshots(fine, instants, place / "snapshots", quantities, say)
+            quantities = tuple(snapshots.page.quantity_of(name) for name in names)
+            snapshots.draw.snapshots(fine, instants, place / "snapshots", quantities, say)
 
 
 @contextlib.contextmanager
@@ -216,7 +208,6 @@ def shown_instant(
 
 def plot(record: Record, folder: Path) -> list[Path]:
     """Draw all figures of a run into ``folder`` and write its report; return the files."""
-    from receding_fenicsx.output.plots import figures
     from receding_fenicsx.output.report.summary import write_report
 
-    return [*figures.plot_all(record, folder), write_report(folder.parent, record.scene_toml)]
+    return [*plots.figures.plot_all(record, folder), write_report(folder.parent, record.scene_toml)]

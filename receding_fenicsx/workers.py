@@ -36,13 +36,6 @@ class WorkerEnded(RecedingError):
         self.code = code
 
 
-def cores() -> int:
-    """Return the number of processor cores that this process may use."""
-    from loky import cpu_count
-
-    return int(cpu_count())
-
-
 def submit(
     pool: str, work: Callable[..., T], *arguments: Any, count: int = 1, loud: bool = False
 ) -> Future[T]:

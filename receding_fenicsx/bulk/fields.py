@@ -109,7 +109,8 @@ def _places(bodies: Stack, probe: Probe) -> Array:
 
 def gather_fields(parts: Sequence[BodyFields]) -> Fields | None:
     """Gather fields on rank 0 and complete half bodies by their mirror image; collective."""
-    pieces = [piece for k, part in enumerate(parts) for piece in _gather(part, k)]
+    found = [_gather(part, k) for k, part in enumerate(parts)]
+    pieces = [piece for piece in found if piece is not None]
     if not pieces:
         return None
     if len({piece.cells.shape[1] for piece in pieces}) > 1:
@@ -134,8 +135,8 @@ def gather_fields(parts: Sequence[BodyFields]) -> Fields | None:
     )
 
 
-def _gather(part: BodyFields, number: int) -> list[Fields]:
-    """Gather the fields of one body on rank 0, then the image of half of it."""
+def _gather(part: BodyFields, number: int) -> Fields | None:
+    """Gather the fields of one body on rank 0, with the image of half of it."""
     space, stresses = part.displacement.function_space, part.stresses
     dofmap, comm = space.dofmap, part.bulk.comm
     constant = next(iter(stresses.cell.values())).function_space
@@ -153,20 +154,20 @@ def _gather(part: BodyFields, number: int) -> list[Fields]:
     )
     every = comm.gather(own, root=0)
     if every is None:
-        return []
+        return None
     points, cells, moved, *values = (np.vstack(each) for each in zip(*every, strict=True))
     at_vertices, in_cells = (
         dict(zip(stresses.cell, each.T.copy(), strict=True)) for each in values
     )
-    body = np.full(len(points), number)
-    whole = Fields(points, cells, moved, at_vertices, in_cells, body)
-    if not part.bulk.body.half:
-        return [whole]
-    # u_x and s_xy change their sign in the image
-    flip = np.array([-1.0, 1.0])
-    at_vertices, in_cells = (
-        {k: -v if k == "sxy" else v for k, v in stress.items()}
-        for stress in (at_vertices, in_cells)
-    )
-    image = Fields(points * flip, cells[:, ::-1], moved * flip, at_vertices, in_cells, body)
-    return [whole, image]
+    if part.bulk.body.half:
+        # u_x and s_xy change their sign in the image, which shares the vertices on the axis
+        flip, axis = np.array([-1.0, 1.0]), np.abs(points[:, 0]) <= 1e-9 * np.abs(points).max()
+        points[axis, 0] = moved[axis, 0] = at_vertices["sxy"][axis] = 0.0
+        image = np.where(axis, np.arange(len(points)), len(points) - 1 + np.cumsum(~axis))
+        cells = np.vstack([cells, image[cells[:, ::-1]]])
+        points, moved = (np.vstack([a, a[~axis] * flip]) for a in (points, moved))
+        at_vertices, in_cells = (
+            {k: np.concatenate([v, -v[own] if k == "sxy" else v[own]]) for k, v in stress.items()}
+            for stress, own in ((at_vertices, ~axis), (in_cells, slice(None)))
+        )
+    return Fields(points, cells, moved, at_vertices, in_cells, np.full(len(points), number))

@@ -96,9 +96,10 @@ def by_cells(bulk: Stack, load: Array, u: Array, points: list[Array]) -> Array |
             continue
         for k, point in enumerate(at):
             if k < len(at) // 2:
-                n = len(gathered.points) // (2 if bulk.parts[0].scene.axisymmetric else 1)
-                i = int(np.argmin(np.hypot(*(gathered.points[:n] - point).T)))
+                i = int(np.argmin(np.hypot(*(gathered.points - point).T)))
                 stress = [gathered.stress[name][i] for name in STRESSES]
+                if fields.bulk.body.half and gathered.points[i, 0] == 0.0:
+                    stress[3] = np.nan  # zero in the picture, of both sides
                 rows.append([*gathered.displacement[i], *stress])
             else:
                 mirrored = fields.bulk.body.half and point[0] < 0.0

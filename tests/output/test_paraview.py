@@ -17,7 +17,7 @@ from receding_fenicsx import environment
 from receding_fenicsx.bulk.fields import fields_at
 from receding_fenicsx.evolution.moment import Moment
 from receding_fenicsx.output.snapshots.paraview import Grid, grid_of, write_instant
-from receding_fenicsx.output.snapshots.view import merge_axis, whole_contact
+from receding_fenicsx.output.snapshots.view import whole_contact
 from receding_fenicsx.pictures import picture_body
 from receding_fenicsx.scene.model import Body, Contact, HistoryOptions, Material, Scene, Support
 
@@ -65,10 +65,9 @@ def grids(scene: Scene, *times: float) -> dict[float, tuple[Grid, Moment]]:
         with picture_body(scene, COMM) as bulk:
             fields = fields_at(bulk, now.load, np.concatenate([now.v, now.state.w]))
             if fields is not None:
-                merged = merge_axis(fields) if bulk.body.half else fields
                 first, *_ = record.by_edge().values()
                 end = first.at(cycle=now.cycle, leg=now.leg)
-                found[time] = grid_of(merged, whole_contact(bulk, now)), end
+                found[time] = grid_of(fields, whole_contact(bulk, now)), end
     return COMM.bcast(found)
 
 

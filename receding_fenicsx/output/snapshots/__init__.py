@@ -7,3 +7,7 @@
 5. ``draw.draw_mode`` draws the body deformed by the slip mode at critical friction.
 6. ``draw.animate`` draws all instants of a cycle and writes MP4 and GIF.
 """
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach(__name__, ["draw", "page"])

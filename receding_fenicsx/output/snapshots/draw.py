@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.atomic import make_folder, new_file
-from receding_fenicsx.bulk.fields import Fields, fields_at, gather_fields, solve_fields
+from receding_fenicsx.bulk.fields import Fields, fields_at
 from receding_fenicsx.environment import child_environment
 from receding_fenicsx.errors import InputError, RecedingError
 from receding_fenicsx.evolution.instants import Instant
@@ -47,7 +47,6 @@ from receding_fenicsx.output.snapshots.view import (
     Units,
     View,
     largest_factors,
-    merge_axis,
     units_of,
     vertex_areas,
     view_of,
@@ -77,18 +76,14 @@ def snapshots(
 
     on_root(comm, prepare)
     names = [f"cycle{now.cycle:04d}_leg{now.leg}_s{now.s:.3f}" for now in instants]
-    solved = [
-        gather_fields(solve_fields(bulk, now.load, np.concatenate([now.v, now.state.w])))
-        for now in instants
-    ]
+    solved = [fields_at(bulk, now.load, np.concatenate([now.v, now.state.w])) for now in instants]
 
     def draw() -> list[Path]:
         history, files = history_from_scene(bulk.scene), [beside / f"{n}.xdmf" for n in names]
         # all fields first: they need no graphics library
         for now, file, fields in zip(instants, files, map(given, solved), strict=True):
             legs = len(history.path if now.cycle == 0 else history.loop) - 1
-            merged = merge_axis(fields) if bulk.body.half else fields
-            grid = paraview.grid_of(merged, whole_contact(bulk, now))
+            grid = paraview.grid_of(fields, whole_contact(bulk, now))
             # time counts cycles
             paraview.write_instant(file, grid, now.cycle + (now.leg + now.s) / legs)
         made: list[Path] = []
@@ -144,7 +139,7 @@ def draw_mode(bulk: Stack, critical: CriticalFriction | None, file: Path) -> Pat
     states = np.where(signs != 0.0, slips, stays).astype(np.int8)
     state = ContactState(critical.mode, critical.reactions, states)
     now = Instant(0, 0, 0.0, none, critical.mode[:n], state)
-    parts = gather_fields(solve_fields(bulk, none, critical.mode))
+    parts = fields_at(bulk, none, critical.mode)
 
     def draw() -> Path:
         fields = given(parts)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -25,34 +25,6 @@ if TYPE_CHECKING:
     from receding_fenicsx.bulk.stack import Stack
 
 # -- vertices of the fields ----------------------------------------------------------------------
-
-
-def merge_axis(fields: Fields) -> Fields:
-    """Merge the vertices of both halves of a body on the axis x = 0; average their values."""
-    near = 1e-9 * np.abs(fields.points).max()
-    axis = np.flatnonzero(np.abs(fields.points[:, 0]) <= near)
-    # vertices of two bodies are not merged
-    bodies = np.zeros(len(axis)) if fields.body is None else fields.body[axis]
-    keys = np.stack([fields.points[axis, 1], bodies], axis=1)
-    _, first, place = np.unique(keys, axis=0, return_index=True, return_inverse=True)
-    points = fields.points.copy()
-    points[axis, 0] = 0.0
-    target = np.arange(len(fields.points))
-    target[axis] = axis[first][place]
-    count = np.bincount(target, minlength=len(target)).astype(float)
-    used = np.flatnonzero(count)
-
-    def mean(values: Array) -> Array:
-        return np.bincount(target, values, minlength=len(target))[used] / count[used]
-
-    return replace(
-        fields,
-        points=points[used],
-        cells=np.searchsorted(used, target[fields.cells]),
-        displacement=np.stack([mean(part) for part in fields.displacement.T], axis=1),
-        stress={name: mean(values) for name, values in fields.stress.items()},
-        body=None if fields.body is None else fields.body[used],
-    )
 
 
 def outline(cells: NDArray[np.int64]) -> NDArray[np.int64]:
@@ -232,8 +204,6 @@ class View:
 def view_of(bulk: Stack, fields: Fields, instant: Instant, units: Units | None = None) -> View:
     """Return the view of the whole body at one instant, on rank 0; by default in its own units."""
     scene = bulk.scene
-    if bulk.body.half:
-        fields = merge_axis(fields)
     length = labels.length_of(scene)
     unit = length or 1.0
     units = units or units_of(bulk, [fields], instant.load)
