@@ -76,9 +76,7 @@ def _packages(tested: bool) -> list[Finding]:
     of_module, of_package = _module_version, metadata.version
     found: list[tuple[str, Callable[[str], str], str]] = [
         ("python", lambda _: platform.python_version(), ""),
-        ("receding_fenicsx", of_module, ""),
-        ("numpy", of_module, ""),
-        ("scipy", of_module, ""),
+        *((name, of_module, "") for name in ("receding_fenicsx", "numpy", "scipy")),
         ("numba", of_package, ""),
         ("h5py", of_module, "apt install python3-h5py (Debian's DOLFINx needs Debian's)"),
         ("MPI", _mpi, debian),
@@ -199,14 +197,9 @@ def _loaded(pattern: str, folder: str = "/") -> list[str]:
 
 def _child(program: str) -> tuple[str, str]:
     """Run a Python program outside this MPI job; return its output, and why it failed, or ""."""
+    command, env = [sys.executable, "-c", program], child_environment()
     try:
-        done = subprocess.run(
-            [sys.executable, "-c", program],
-            env=child_environment(),
-            capture_output=True,
-            text=True,
-            timeout=120,
-        )
+        done = subprocess.run(command, env=env, capture_output=True, text=True, timeout=120)
     except (OSError, subprocess.TimeoutExpired) as error:
         return "", type(error).__name__
     if done.returncode == 0:

@@ -270,19 +270,6 @@ def uniqueness_rows(summary: Summary) -> Rows:
     return rows
 
 
-def corner_rows(corners: Sequence[Summary]) -> Rows:
-    """Return a row for each different corner and state."""
-    rows = []
-    for (x, state), corner in {(f"{c['x']:z.4g}", c["state"]): c for c in corners}.items():
-        exact, fitted = (shown(corner[k], "{:z.4f}") for k in ("exponent", "fitted"))
-        known = "no closed form here"
-        if exact != "-":
-            known = f"closed form, {corner['angle']:g} degrees"
-        words = f"stresses like d^m, m = {exact} ({known}), fitted {fitted}"
-        rows.append([f"corner at {x}, {state}", words + "; singular" * is_singular(corner)])
-    return rows
-
-
 def tell_checks(summary: Summary) -> Told:
     """Tell residual, energy, steps, jumps, uniqueness, corners, and where the limit is reached."""
     paths, jumps = uniqueness_rows(summary), summary.get("jumps") or {"count": 0}
@@ -298,8 +285,15 @@ def tell_checks(summary: Summary) -> Told:
         ["largest relative error of a leg's energy balance", f"{summary['energy_error_max']:.2e}"],
         *([k, str(summary[k])] for k in ("events", "sweeps")),
         *paths,
-        *corner_rows(corners),
     ]
+    # each different corner and state
+    for (x, state), corner in {(f"{c['x']:z.4g}", c["state"]): c for c in corners}.items():
+        exact, fitted = (shown(corner[k], "{:z.4f}") for k in ("exponent", "fitted"))
+        known = "no closed form here"
+        if exact != "-":
+            known = f"closed form, {corner['angle']:g} degrees"
+        words = f"stresses like d^m, m = {exact} ({known}), fitted {fitted}"
+        rows.append([f"corner at {x}, {state}", words + "; singular" * is_singular(corner)])
     ranges = ", ".join(
         " on ".join([f"{a:z.4g} to {b:z.4g}", *edge])
         for a, b, *edge in summary.get("limit_without_slip") or []

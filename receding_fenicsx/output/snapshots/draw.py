@@ -110,7 +110,9 @@ def draw_pages(
     """Yield the pages of a stress of several views with the same units, layout and colours."""
     # fringes show 2 tau_max, the difference of principal stresses
     values = [view.stress[quantity.name] * (1.0 + quantity.fringes) for view in views]
-    seen = np.concatenate([layout.shows(view.moved) for view in views])
+    left, right, bottom, top = layout.window
+    x, y = np.concatenate([view.moved for view in views]).T
+    seen = (left <= x) & (x <= right) & (bottom <= y) & (y <= top)
     areas = np.concatenate([vertex_areas(view.points, view.cells) for view in views])[seen]
     symbol = views[0].pressure_symbol
     colours = colours_of(np.concatenate(values)[seen], quantity, symbol, areas)

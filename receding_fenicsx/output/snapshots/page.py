@@ -14,7 +14,6 @@ from matplotlib.colors import ListedColormap, Normalize
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 from matplotlib.tri import Triangulation
-from numpy.typing import NDArray
 
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.errors import InputError
@@ -131,12 +130,6 @@ class Layout:
     window: tuple[float, float, float, float]
     height: float  # of the body's axes in inches
     dpi: float  # dots per inch
-
-    def shows(self, points: Array) -> NDArray[np.bool_]:
-        """Return (n,) whether points (n, 2) lie within the body's axes."""
-        left, right, bottom, top = self.window
-        x, y = points.T
-        return (left <= x) & (x <= right) & (bottom <= y) & (y <= top)
 
     @property
     def pixels(self) -> tuple[int, int]:
