@@ -191,8 +191,7 @@ def _mass(part: Bulk) -> sparse.csr_matrix:
         densities = np.array([material.density for material in part.scene.materials])
         tensor = densities[part.body.materials][:, None, None]
         density = _dolfinx.cell_tensor(part.space.mesh, tensor)[0, 0]
-    form = _dolfinx.compile_form(density * radius * ufl.inner(u, v) * ufl.dx)
-    matrix = _dolfinx.assemble_matrix(form)
+    matrix = _dolfinx.assemble_matrix(density * radius * ufl.inner(u, v) * ufl.dx)
     M = _csr(matrix) * (part.scene.material.density if part.body.materials is None else 1.0)
     matrix.destroy()
     P = None if part.ties is None else _csr(part.ties)

@@ -65,12 +65,6 @@ def _quiet() -> Iterator[None]:
         logging.disable(before)
 
 
-def compile_form(form: ufl.Form) -> Any:
-    """Compile a form, or load it from the cache."""
-    with _quiet():
-        return fem.form(form)
-
-
 def vector_space(mesh: dmesh.Mesh, degree: int) -> fem.FunctionSpace:
     """Return the continuous Lagrange space of plane displacements."""
     with _quiet():
@@ -191,9 +185,11 @@ def _element(cell: str, degree: int) -> Any:
     return basix.create_element(family, getattr(basix.CellType, cell), degree, variant)
 
 
-def assemble_matrix(form: Any) -> PETSc.Mat:
-    """Assemble a bilinear form without boundary conditions."""
-    matrix = fem_petsc.assemble_matrix(form)
+def assemble_matrix(form: ufl.Form) -> PETSc.Mat:
+    """Compile a bilinear form, or load it from the cache; assemble it without conditions."""
+    with _quiet():
+        compiled = fem.form(form)
+    matrix = fem_petsc.assemble_matrix(compiled)
     matrix.assemble()
     return matrix
 

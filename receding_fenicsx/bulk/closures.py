@@ -47,8 +47,8 @@ from receding_fenicsx.arrays import Array, Ints
 from receding_fenicsx.bulk.body import Bulk
 from receding_fenicsx.bulk.constraints import nodes_at
 from receding_fenicsx.bulk.contact_operator import ContactPoints
-from receding_fenicsx.bulk.edges import edge_facets, edge_nodes, facet_mass
 from receding_fenicsx.bulk.join_bodies import JoinedBodies
+from receding_fenicsx.bulk.loads import edge_facets, edge_nodes, facet_mass
 from receding_fenicsx.bulk.mesh.meshing import BodyMesh
 from receding_fenicsx.bulk.rigid_motions import free_motions, motions, scaled
 from receding_fenicsx.errors import InputError, MeshMisfit

@@ -24,8 +24,7 @@ from numpy.typing import NDArray
 from scipy import sparse
 
 from receding_fenicsx.arrays import Array, Ints
-from receding_fenicsx.bulk.edges import edge_nodes
-from receding_fenicsx.bulk.loads import profile_values
+from receding_fenicsx.bulk.loads import edge_nodes, profile_values
 from receding_fenicsx.bulk.mesh.meshing import BodyMesh
 from receding_fenicsx.bulk.mesh.rectangle import POSITION_TOLERANCE
 from receding_fenicsx.bulk.rigid_motions import motions

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from receding_fenicsx.arrays import Array, Ints
 from receding_fenicsx.bulk.constraints import Constraints, find_constraints
-from receding_fenicsx.bulk.edges import integrate, measure, tagged_facets
+from receding_fenicsx.bulk.loads import integrate, measure, tagged_facets
 from receding_fenicsx.bulk.mesh.contact_edges import ContactFacets
 from receding_fenicsx.bulk.mesh.meshing import BodyMesh
 from receding_fenicsx.bulk.mesh.raw_mesh import Line
@@ -134,7 +134,16 @@ def find_contact(
             others = np.concatenate([own[:0], *(o for o in tied if o is not own)])
             carries = ~np.isin(own, others)
         else:
-            carries &= ~_held_obliquely(own, points, normal, found.given, carries)
+            # a support holds in one direction oblique to the edge
+            fixed = np.isin(2 * own[:, None] + [0, 1], found.given)
+            oblique = (fixed[:, 0] != fixed[:, 1]) & carries
+            oblique &= np.abs(normal).max(axis=1) <= 1.0 - 1e-10
+            for px, py in points[1:-1][oblique[1:-1]]:
+                raise InputError(
+                    f"[[support]]: holds the contact node at ({px:g}, {py:g}), inside the contact, "
+                    'obliquely to its edge; fix "xy", or move it'
+                )
+            carries &= ~oblique
         rows = {int(number): i for i, number in enumerate(own)}
         facets = np.array([[rows.get(int(n), -1) for n in facet] for facet in nodes_of_facets])
         if not (contact.tie or isinstance(contact.line, Line)):
@@ -175,18 +184,3 @@ def _edge_nodes(
         # at order 2 the node on the axis has no weight: it gets no contact condition
         order = order[weight[order] > 1e-9 * weight.max()]
     return node[order], points[order], x[order], weight[order], facets.nodes
-
-
-def _held_obliquely(
-    node: Ints, points: Array, normal: Array, dofs: Ints, carries: NDArray[np.bool_]
-) -> NDArray[np.bool_]:
-    """Return which nodes, ends of the edge, a support holds in one direction oblique to it."""
-    fixed = np.isin(2 * node[:, None] + [0, 1], dofs)
-    single = (fixed[:, 0] != fixed[:, 1]) & carries
-    single &= np.abs(normal).max(axis=1) <= 1.0 - 1e-10
-    for i in np.flatnonzero(single[1:-1]) + 1:
-        raise InputError(
-            f"[[support]]: holds the contact node at ({points[i, 0]:g}, {points[i, 1]:g}), inside "
-            'the contact, obliquely to its edge; fix "xy", or move it'
-        )
-    return single

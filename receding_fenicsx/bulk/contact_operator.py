@@ -32,7 +32,7 @@ from scipy.spatial import cKDTree
 
 from receding_fenicsx.arrays import Array, Ints
 from receding_fenicsx.bulk.contact_nodes import ContactNodes, ContactSide, tangent_of
-from receding_fenicsx.bulk.edges import shape_functions
+from receding_fenicsx.bulk.loads import shape_functions
 from receding_fenicsx.bulk.mesh.raw_mesh import gauss
 from receding_fenicsx.errors import InputError, MeshMisfit
 from receding_fenicsx.scene.model import Scene

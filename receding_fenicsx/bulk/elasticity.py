@@ -111,8 +111,7 @@ def stiffness_matrix(space: fem.FunctionSpace, C: Array, axisymmetric: bool) -> 
     density = ufl.inner(ufl.dot(stiffness, e(u)), e(v))
     degree = len(space.dofmap.dof_layout.entity_closure_dofs(1, 0)) - 1
     dx = ufl.dx(metadata={"quadrature_degree": 2 * degree + 2} if axisymmetric else {})
-    form = _dolfinx.compile_form((r * density if axisymmetric else density) * dx)
-    return _dolfinx.assemble_matrix(form)
+    return _dolfinx.assemble_matrix((r * density if axisymmetric else density) * dx)
 
 
 def warm_up() -> None:

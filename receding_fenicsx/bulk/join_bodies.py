@@ -163,8 +163,17 @@ def join(
             L += Y.T @ body.r_star.T
     common = common_motions([body.constraints for body in bodies], relative.links)
     _pin(H, L, common, bodies, rest, load_names)
-    y = -_solve(H, np.hstack([C, L])) if len(rest) else np.zeros((0, size + len(sign)))
+    y = np.zeros((0, size + len(sign)))
     if len(rest):
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter("error", LinAlgWarning)
+                y = -solve(H, np.hstack([C, L]), assume_a="pos")
+        except (LinAlgError, LinAlgWarning):
+            raise SolveError(
+                "the stiffness of the joined bodies is singular to round-off; bring their Young's "
+                "moduli closer together or hold the stiffer one"
+            ) from None
         K += C.T @ y[:, :size]
     if not alone:
         symmetrise(K)
@@ -222,16 +231,3 @@ def _pin(
                 "by its part on the other body (a [[load]] of the same name)"
             )
         H += R @ R.T * stiffness
-
-
-def _solve(H: Array, columns: Array) -> Array:
-    """Solve with the positive definite stiffness of the bodies; singular ones are an error."""
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("error", LinAlgWarning)
-            return np.asarray(solve(H, columns, assume_a="pos"))
-    except (LinAlgError, LinAlgWarning):
-        raise SolveError(
-            "the stiffness of the joined bodies is singular to round-off; bring their Young's "
-            "moduli closer together or hold the stiffer one"
-        ) from None

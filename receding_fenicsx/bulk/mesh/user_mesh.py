@@ -257,43 +257,34 @@ def _check_cells(mesh: RawMesh, where: str) -> None:
             f"{where}: {int(flat.sum())} of its cells are flat or folded, one at ({x:g}, {y:g}); "
             "mesh the body better"
         )
-    n, width = len(mesh.points), mesh.cells.shape[1]
-    cell = np.arange(len(mesh.cells))
-    parts, _ = _parts(np.repeat(mesh.cells[:, 0], width), mesh.cells.ravel(), n)
-    if parts > 1:
-        raise InputError(
-            f"{where}: falls into {parts} parts that share no nodes; join them (Coherence), or "
-            "name the part that is the body by body.surface"
-        )
     pairs, owner = sides(mesh.cells)
-    _, side = np.unique(pairs[:, 0] * n + pairs[:, 1], return_inverse=True)
-    times = np.bincount(side.ravel())
+    keys = pairs[:, 0] * len(mesh.points) + pairs[:, 1]
+    _, side, times = np.unique(keys, return_inverse=True, return_counts=True)
     if times.max() > 2:
         x, y = mesh.points[pairs[np.argmax(times[side.ravel()])]].mean(axis=0)
         raise InputError(
             f"{where}: more than two of its cells share the side at ({x:g}, {y:g}); put each "
             "surface into one physical group, and mesh it once"
         )
-    parts, part = _parts(owner, len(cell) + side.ravel(), len(cell) + int(side.max()) + 1)
-    if parts > 1:
-        first = part[np.repeat(cell, width)] == part[0]
-        corner = mesh.cells.ravel()
-        x, y = mesh.points[np.intersect1d(corner[first], corner[~first])[0]]
-        raise InputError(
-            f"{where}: falls into {parts} parts that meet in single nodes only, one at "
-            f"({x:g}, {y:g}), about which they turn freely; join them along a curve"
-        )
-
-
-def _parts(rows: Ints, columns: Ints, n: int) -> tuple[int, Ints]:
-    """Return the number of parts of a graph with n nodes and these links, and that of each node."""
     # gmsh's process does without SciPy: it would take as long to load as gmsh
     from scipy.sparse import coo_matrix
     from scipy.sparse.csgraph import connected_components
 
-    links = coo_matrix((np.ones(len(rows)), (rows, columns)), shape=(n, n))
-    count, part = connected_components(links, directed=False)
-    return int(count), part
+    n = len(mesh.cells) + len(times)
+    links = coo_matrix((np.ones(len(owner)), (owner, len(mesh.cells) + side.ravel())), (n, n))
+    parts, part = connected_components(links, directed=False)
+    if parts > 1:
+        first = part[: len(mesh.cells)] == part[0]
+        how = (
+            "share no nodes; join them (Coherence), or name the part that is the body by "
+            "body.surface"
+        )
+        for x, y in mesh.points[np.intersect1d(mesh.cells[first], mesh.cells[~first])[:1]]:
+            how = (
+                f"meet in single nodes only, one at ({x:g}, {y:g}), about which they turn freely; "
+                "join them along a curve"
+            )
+        raise InputError(f"{where}: falls into {parts} parts that {how}")
 
 
 def takes_elements(body: Body) -> bool:
