@@ -298,8 +298,7 @@ def import_file(specification: str, out: str, overwrite: bool) -> None:
     check_file(path, overwrite)
     system = import_system(specification)
     write_system(path, system, overwrite)
-    pressed = system.r_star[:, system.n :].sum(axis=1)
-    loads = zip(system.load_names, pressed, strict=True)
+    loads = zip(system.load_names, system.r_star[:, system.n :].sum(axis=1), strict=True)
     told = ", ".join(f"{name} (pressed by {P:.6g})" for name, P in loads)
     free = system.rigid.shape[1]
     print(f"{system.n} contact nodes, {free} rigid motion(s), {told}, written to {path}")
@@ -314,11 +313,10 @@ def export_matrices(source: Path, out: Path, overwrite: bool) -> None:
     law, held = system.friction, system.held.reshape(2, -1).astype(int)
     columns = (system.x, *system.points.T, system.weight, law.forward, law.backward, system.g0)
     names = "x px py weight f_forward f_backward gap held_v held_w".split()
-    nodes = dict(zip(names, (*columns, *held), strict=True))
     with kind.new(out, overwrite) as beside:
         for name, matrix in matrices.items():
             symmetry = "symmetric" if name == "stiffness" else "general"
             text = f"{name} of [v; w]; loads {', '.join(system.load_names)}"
             io.mmwrite(beside / f"{name}.mtx", matrix, text, precision=17, symmetry=symmetry)
-        write_csv(beside / "nodes.csv", nodes)
+        write_csv(beside / "nodes.csv", dict(zip(names, (*columns, *held), strict=True)))
     print(f"{system.n} contact nodes, {len(system.load_names)} load(s), written to {out}")

@@ -2,11 +2,9 @@
 
 1. ``toml_file.read_scene`` parses the file; ``apply_override`` applies ``--set table.key=value``,
    and ``profiles.with_files`` replaces ``{file = "gap.csv"}`` by the rows in that file.
-2. ``toml_reader.scene_of`` converts the tables into the dataclass ``model.Scene``, whose types say
-   what each key may be; Pydantic checks them. Keys of bodies, materials, mesh and contacts are in
-   ``model``, those of loads, supports, history, solver, output and studies in ``options``.
-3. ``validate.validate`` checks the rules between values too, those of ``validate_bodies`` and
-   ``validate_loads``, also of a scene made in Python.
+2. ``toml_reader.scene_of`` converts the tables into the dataclass ``model.Scene``, whose types,
+   there and in ``options``, say what each key may be; Pydantic checks them.
+3. ``validate.validate`` checks the rules between values too, also of a scene made in Python.
 4. ``history.history_from_scene`` makes the load history, a polyline of load factors.
 5. ``symmetry.is_mirror_symmetric`` decides whether half of the body is modelled, and
    ``one_body.part_of`` gives each of several bodies its own scene.

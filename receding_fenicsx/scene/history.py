@@ -105,9 +105,8 @@ def leg_number(history: History, name: str, cycle: int = 1) -> int:
     """Return the index of a leg in its cycle: a number, "unloading" or "loading"."""
     polyline = history.polyline(cycle)
     n = len(polyline) - 1
-    size = np.abs(polyline).sum(axis=1)
     if name in ("loading", "unloading"):
-        legs = np.flatnonzero((np.diff(size) > 0.0) == (name == "loading"))
+        legs = np.flatnonzero((np.diff(np.abs(polyline).sum(axis=1)) > 0.0) == (name == "loading"))
         if len(legs) == 1:
             return int(legs[0])
     elif name.isdecimal() and int(name) < n:
@@ -309,8 +308,7 @@ def _harmonic(options: HistoryOptions, names: tuple[str, ...]) -> tuple[Array, A
     """Return path and polygon of a harmonic history, the coarsest one without ``corners``."""
     loads = [options.harmonic[name] for name in names]
     mean, amplitude, phase = np.array([[o.mean, o.amplitude, o.phase] for o in loads]).T
-    degrees = corner_angles(options, names)[:-1, None] - phase
-    loop = mean + amplitude * cosdg(degrees)
+    loop = mean + amplitude * cosdg(corner_angles(options, names)[:-1, None] - phase)
     path = np.vstack([np.zeros_like(mean), mean, loop[0]])
     moves = np.concatenate([[True], np.any(np.diff(path, axis=0) != 0.0, axis=1)])
     return path[moves], np.vstack([loop, loop[:1]])

@@ -85,8 +85,7 @@ def body_difference(a: Scene, b: Scene) -> str | None:
 
 def digest(scene: Scene) -> str:
     """Return the SHA-256 of the data that determine the condensed system, mesh files included."""
-    whole = scene if scene.others else part_of(scene, scene.body)
-    half = is_half_meshed(whole)
+    half = is_half_meshed(scene if scene.others else part_of(scene, scene.body))
     found = hashlib.sha256(f"{half}\n{to_toml(condensed_part(scene))}".encode())
     for body in scene.bodies:
         if body.mesh is not None:

@@ -144,11 +144,6 @@ class Material(Table):
     shear: Positive | None = None
     angle: Number = 0.0
 
-    @property
-    def poisson_limit(self) -> float:
-        """Poisson's ratio at which the material is incompressible in its kinematics."""
-        return 1.0 if self.kinematics == "plane stress" else 0.5
-
 
 @dataclass(frozen=True, repr=False)
 class Refinement(Table):
@@ -369,12 +364,6 @@ class Scene(Table):
     def bodies(self) -> tuple[Body, ...]:
         """All bodies, the first one first."""
         return (self.body, *self.others)
-
-    @property
-    def is_stack(self) -> bool:
-        """Whether there are more than two bodies, or two of which one touches a plane too."""
-        on_plane = any(joint.against is None for joint in self.joints)
-        return len(self.bodies) > 2 or (len(self.bodies) == 2 and on_plane)
 
     def material_of(self, body: Body) -> Material:
         """Return the material of a body; raise InputError for one that the scene lacks."""

@@ -154,15 +154,12 @@ def contact_elements(scene: Scene, body: Body) -> int:
         return n
     first = scene.contacts[0].edge
     own = next((edge for _, edge, _ in _touching(scene, body)), first)
-    if not scene.find_edge(first)[0].is_rectangle or scene.find_edge(first)[0] == body:
+    if not scene.find_edge(first)[0].is_rectangle:
         return n
     # for a cylinder the diameters
-    before, length = (
-        owner.width if name in HORIZONTAL else owner.height
-        for owner, name in map(scene.find_edge, (first, own))
-    )
-    wanted = n * length / before
-    return max(2, 2 * round(wanted / 2))
+    sides = map(scene.find_edge, (first, own))
+    before, length = (side.width if name in HORIZONTAL else side.height for side, name in sides)
+    return max(2, 2 * round(0.5 * n * length / before))
 
 
 def in_order(scene: Scene) -> list[Body]:

@@ -135,8 +135,7 @@ class Load(Table):
     @property
     def is_prescribed(self) -> bool:
         """Whether displacements are given, not forces: tension gives those far from the contact."""
-        given = (self.displacement, self.tension, self.gap)
-        return any(part is not None for part in given)
+        return any(part is not None for part in (self.displacement, self.tension, self.gap))
 
     @property
     def label(self) -> str:

@@ -41,16 +41,6 @@ FrictionProfile = Annotated[
 """A profile, or one for each of the ``DIRECTIONS``."""
 
 
-def evaluate(profile: Profile, x: ArrayLike, y: ArrayLike | None = None) -> Array:
-    """Evaluate a profile at points; a table is linear between its points, constant beyond them."""
-    points = np.asarray(x, dtype=float)
-    if isinstance(profile, str):
-        return evaluate_expression(profile, points, y)
-    if isinstance(profile, dict):
-        return np.interp(points, profile["x"], profile["value"])
-    return np.full(points.shape, float(profile))
-
-
 def directions(friction: FrictionProfile, where: str = "friction") -> tuple[Profile, Profile]:
     """Return the profiles of friction for forward and backward slip."""
     if not isinstance(friction, dict) or set(friction) <= {"x", "value"}:
@@ -110,19 +100,25 @@ FUNCTIONS: dict[str, tuple[Callable[..., Array], int, int]] = {
 """Functions in expressions: implementation, smallest and largest number of arguments."""
 
 
-def evaluate_expression(text: str, x: ArrayLike, y: ArrayLike | None = None) -> Array:
-    """Evaluate an expression in ``x`` (and ``y``, unless None) at many points.
+def evaluate(profile: Profile, x: ArrayLike, y: ArrayLike | None = None) -> Array:
+    """Evaluate a profile at points; a table is linear between its points, constant beyond them.
 
-    It may use numbers, ``x``, ``y``, ``pi``, ``+ - * / **``, comparisons (1 if true, else 0) and
-    ``min max abs sqrt sin cos exp log tanh where(test, yes, no)``.
+    An expression may use numbers, ``x``, ``y`` unless None, ``pi``, ``+ - * / **``, comparisons (1
+    if true, else 0) and ``min max abs sqrt sin cos exp log tanh where(test, yes, no)``.
     """
+    points = np.asarray(x, dtype=float)
+    if isinstance(profile, dict):
+        return np.interp(points, profile["x"], profile["value"])
+    if not isinstance(profile, str):
+        return np.full(points.shape, float(profile))
+    text = profile
     if len(text) > 1000:  # longer ones may exceed the recursion limit of the parser
         raise InputError(f"expression of {len(text)} characters: at most 1000 are allowed")
     try:
         tree = ast.parse(text.strip(), mode="eval")
     except (SyntaxError, ValueError, MemoryError, RecursionError):
         raise InputError(f"'{text}' is not an expression like 0.3 + 0.1*cos(pi*x)") from None
-    names: dict[str, Array] = {"x": np.asarray(x, dtype=float), "pi": np.asarray(np.pi)}
+    names: dict[str, Array] = {"x": points, "pi": np.asarray(np.pi)}
     if y is not None:
         names["y"] = np.asarray(y, dtype=float)
     with np.errstate(all="ignore"):
@@ -130,11 +126,9 @@ def evaluate_expression(text: str, x: ArrayLike, y: ArrayLike | None = None) -> 
             value = _walk(tree.body, names, text)
         except RecursionError:
             raise InputError(f"'{text}': nested too deeply") from None
-    result = np.broadcast_to(np.asarray(value, dtype=float), np.shape(x)).copy()
-    bad = ~np.isfinite(result)
-    if np.any(bad):
-        where = np.asarray(x, dtype=float)[bad].flat[0]
-        raise InputError(f"'{text}' is not a finite number at x = {where:.6g}; change it")
+    result = np.broadcast_to(np.asarray(value, dtype=float), points.shape).copy()
+    for bad in points[~np.isfinite(result)]:
+        raise InputError(f"'{text}' is not a finite number at x = {bad:.6g}; change it")
     return result
 
 
@@ -175,8 +169,7 @@ def _walk(node: ast.expr, names: dict[str, Array], text: str) -> Array:
         if not least <= len(node.args) <= most:
             count = str(least) if least == most else f"{least} to {most}"
             raise InputError(f"'{text}': {node.func.id}() takes {count}, not {len(node.args)}")
-        arguments = [_walk(a, names, text) for a in node.args]
-        return np.asarray(function(*arguments), dtype=float)
+        return np.asarray(function(*[_walk(a, names, text) for a in node.args]), dtype=float)
     hint = " (write ** for a power)" if "^" in text else ""
     known = f"numbers, x, y, pi, + - * / **, comparisons and {', '.join(FUNCTIONS)}"
     raise InputError(f"'{text}': '{ast.unparse(node)}' is not allowed{hint}; use {known}")

@@ -33,9 +33,8 @@ def read_scene(path: str | Path, overrides: Iterable[str] = ()) -> Scene:
         InputError: the file cannot be read, or the scene cannot be modelled; one line each.
     """
     check_types("read_scene", path=(path, str, Path))
-    text = read_text(path)
     try:
-        return from_toml(text, overrides, Path(path).parent)
+        return from_toml(read_text(path), overrides, Path(path).parent)
     except InputError as error:
         raise InputErrors(*(f"{path}: {line}" for line in str(error).splitlines())) from None
 
@@ -118,8 +117,7 @@ def apply_override(raw: dict[str, Any], override: str) -> None:
     if not equals or not all(part.strip() for part in key.split(".")):
         raise InputError(f"{where}: write table.key=value, for example contact.friction=0.5")
     # a title may be any text
-    value = parse_value(text, None if key.strip() == "title" else where)
-    set_value(raw, key, value, where)
+    set_value(raw, key, parse_value(text, None if key.strip() == "title" else where), where)
 
 
 def parse_value(text: str, where: str | None) -> Any:
@@ -128,8 +126,7 @@ def parse_value(text: str, where: str | None) -> Any:
         parsed = parse_toml(f"value = {text}")
     except InputError as error:
         if where is not None and text.strip().startswith(("{", "[")):
-            reason = str(error).partition(" (")[0]
-            raise InputError(f"{where}: the value is {reason}") from None
+            raise InputError(f"{where}: the value is {str(error).partition(' (')[0]}") from None
         return text.strip()
     return parsed["value"] if set(parsed) == {"value"} else text
 

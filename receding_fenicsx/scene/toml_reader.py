@@ -95,10 +95,9 @@ def plain(value: Any, sparse: bool = False) -> Any:
     if not dataclasses.is_dataclass(value):
         return value
     omitted = RECTANGLE_KEYS if sparse and getattr(value, "mesh", None) is not None else ()
-    fields = [(f.name, getattr(value, f.name)) for f in dataclasses.fields(value)]
     return {
         name: plain(item, sparse)
-        for name, item in fields
+        for name, item in [(f.name, getattr(value, f.name)) for f in dataclasses.fields(value)]
         if not sparse
         or (name not in omitted and (is_given(value, name) or item not in (None, "", (), {})))
     }

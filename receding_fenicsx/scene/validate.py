@@ -107,8 +107,7 @@ def _of_fatigue(scene: Scene) -> checks.Rules:
     for probe in scene.probes:
         edge, at = probe.edge, f"probe '{probe.name}'"
         body = scene.find_edge(edge)[0] if edge else loads.body_named(scene, probe.body, at)
-        mixed = len(scene.surface_materials(body)) > 1
-        if mixed or scene.material_of(body).young_2 is not None:
+        if len(scene.surface_materials(body)) > 1 or scene.material_of(body).young_2 is not None:
             yield f"{at}: [fatigue] needs a body of one isotropic material; leave one of them out"
 
 
@@ -189,9 +188,8 @@ def _of_points(scene: Scene, probe: Probe, at: str) -> checks.Rules:
     if probe.segment and (len(probe.segment) != 2 or probe.segment[0] == probe.segment[1]):
         yield f"{at} segment: needs two different ends, [[x, y], [x, y]]"
     if probe.edge is None:
-        body = loads.body_named(scene, probe.body, at)
         for point in probe.coordinates:
-            yield from loads.of_place(scene, body, point, at)
+            yield from loads.of_place(scene, loads.body_named(scene, probe.body, at), point, at)
         return
     known = [e for c in scene.contacts for e in (c.edge, c.against) if e is not None]
     checks.check_known(probe.edge, known, f"{at} edge", "contact edge")

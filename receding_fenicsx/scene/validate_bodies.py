@@ -47,8 +47,8 @@ def of_bodies(scene: Scene) -> Rules:
     yield from unused(scene.material, "[material]", scene.material not in used, keys, own)
     for m in used:
         at = f"[material.{m.name}]" if m.name else "[material]"
-        if m.poisson >= m.poisson_limit:
-            yield f"{at} poisson: must be below {m.poisson_limit:g} in {m.kinematics}"
+        if m.poisson >= 0.5 and m.kinematics != "plane stress":
+            yield f"{at} poisson: must be below 0.5 in {m.kinematics}"
         if (m.young_2 is None) != (m.shear is None):
             yield f"{at}: an orthotropic material has both young_2 and shear; give both"
         yield from unused(m, at, m.young_2 is None, ("angle",), "an isotropic material has none")
@@ -71,7 +71,8 @@ def of_half_planes(scene: Scene) -> Rules:
     flat = [body for body in scene.bodies if body.is_half_plane]
     if not flat:
         return
-    if scene.is_stack:
+    on_plane = any(joint.against is None for joint in scene.joints)
+    if len(scene.bodies) > 2 or (scene.others and on_plane):
         yield f"{scene.label(flat[0])} shape: is not for a stack of bodies; use a large rectangle"
     if scene.axisymmetric:
         yield "[material] kinematics: a half-plane is not axisymmetric; use another one"

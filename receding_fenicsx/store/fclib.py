@@ -55,9 +55,8 @@ def export(
         load = np.ones(len(system.load_names))
         text = "from rest to load factors 1"
     problem = form.step_problem(system, load, start)
-    solution = form.solve_problem(system, load, start)
     title = known_scene(system.scene_toml).title if system.scene_toml else ""
-    write_fclib(out, problem, solution, title, text, overwrite)
+    write_fclib(out, problem, form.solve_problem(system, load, start), title, text, overwrite)
     free = problem.V.shape[1]
     return f"{text}: {len(problem.mu)} contacts, {free} rigid motion(s) left to the contact"
 

@@ -34,7 +34,6 @@ def new_hdf5(path: str | Path, overwrite: bool = False, kind: str = "") -> Itera
 
     It is filled in memory, because HDF5 crashes at the interpreter's exit on a full disk.
     """
-    about = {"format": kind, "format_version": 1} if kind else {}
     with new_file(path, overwrite) as temporary:
         # attributes above 64 kB (a scene with long tables) need the layout of HDF5 1.8
         layout = ("v108", "v110")
@@ -43,7 +42,7 @@ def new_hdf5(path: str | Path, overwrite: bool = False, kind: str = "") -> Itera
         old = h5py.version.hdf5_version_tuple < (1, 14, 0)
         memory, how = io.BytesIO(), {} if old else {"driver": "core", "backing_store": False}
         with h5py.File(memory if old else temporary, "w", libver=layout, **how) as file:
-            file.attrs.update(about)
+            file.attrs.update({"format": kind, "format_version": 1} if kind else {})
             yield file
             file.flush()
             image = b"" if old else file.id.get_file_image()

@@ -55,11 +55,6 @@ def run_folder(
     ``overwrite`` replaces an earlier run, finished or interrupted; ``resume`` continues an
     interrupted or a shorter one, and starts a new one if there is none. After an error the working
     folder is removed unless it holds a checkpoint.
-
-    Raises:
-        InputError: the folder exists already or cannot be created, another process is using it, or
-            the run to be resumed has another scene.
-        RecedingError: the disk is full.
     """
     path = Path(os.path.abspath(path))
     part = part_of(path)

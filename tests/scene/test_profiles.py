@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from receding_fenicsx.errors import InputError
-from receding_fenicsx.scene.profiles import evaluate, evaluate_expression
+from receding_fenicsx.scene.profiles import evaluate
 from receding_fenicsx.scene.toml_file import from_toml, read_scene, to_toml
 from receding_fenicsx.scene.validate import scene_warnings
 
@@ -101,7 +101,7 @@ def test_expression_has_pythons_value(text: str, expected: Callable[[float, floa
     x = np.array([-1.0, -0.5, 0.0, 0.25, 1.0])
     y = np.array([0.5, -0.5, 2.0, 0.25, -1.0])
     wanted = [expected(a, b) for a, b in zip(x, y, strict=True)]
-    np.testing.assert_allclose(evaluate_expression(text, x, y), wanted, rtol=1e-15, atol=1e-16)
+    np.testing.assert_allclose(evaluate(text, x, y), wanted, rtol=1e-15, atol=1e-16)
 
 
 @pytest.mark.parametrize(
@@ -117,12 +117,12 @@ def test_expression_has_pythons_value(text: str, expected: Callable[[float, floa
 )
 def test_other_text_is_no_expression(text: str, word: str) -> None:
     with pytest.raises(InputError) as caught:
-        evaluate_expression(text, np.array([-1.0, 1.0]))
+        evaluate(text, np.array([-1.0, 1.0]))
     assert word in str(caught.value)
 
 
 def test_long_sums_are_refused_or_right_but_never_crash() -> None:
     text = "+".join(400 * ["x"])
-    np.testing.assert_allclose(evaluate_expression(text, np.array([0.5])), [200.0])
+    np.testing.assert_allclose(evaluate(text, np.array([0.5])), [200.0])
     with pytest.raises(InputError):
-        evaluate_expression(999 * "-" + "x", np.array([0.5]))
+        evaluate(999 * "-" + "x", np.array([0.5]))
