@@ -47,20 +47,16 @@ def condensed_part(scene: Scene) -> Scene:
         # a system file stores the scene of its single body
         scene = part_of(replace(scene, ties=()), scene.body)
     bodies = [replace(body, mesh=body.mesh and "file") for body in scene.bodies]
+    kept = ("material", "materials", "mesh", "loads", "supports", "springs")
     return Scene(
         body=bodies[0],
         others=tuple(bodies[1:]),
-        material=scene.material,
-        materials=scene.materials,
-        mesh=scene.mesh,
+        **{name: getattr(scene, name) for name in kept},
         contacts=tuple(
             replace(c, friction=0.0, initial_gap=0.0, shear_limit=None, cohesion=None)
             for c in scene.contacts
         ),
         ties=ties,
-        loads=scene.loads,
-        supports=scene.supports,
-        springs=scene.springs,
         bolts=tuple(
             replace(bolt, shortening=0.0, preload=None, tightening=()) for bolt in scene.bolts
         ),

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.scene.model import Body, Contact, Load, Refinement, Scene, Spring, Support
-from receding_fenicsx.scene.symmetry import HORIZONTAL, edge_range, is_horizontal
+from receding_fenicsx.scene.symmetry import HORIZONTAL, edge_points, edge_range, is_horizontal
 
 
 def part_of(scene: Scene, body: Body) -> Scene:
@@ -41,17 +41,14 @@ def part_of(scene: Scene, body: Body) -> Scene:
     held = [replace(s, edge=own(s.edge), body=None) for s in scene.supports if is_own(s)]
     springs = [replace(s, edge=own(s.edge) or "", body=None) for s in scene.springs if is_own(s)]
     bolts = [replace(b, head=own(b.head) or "", nut=own(b.nut) or "") for b in scene.bolts]
+    mesh = replace(scene.mesh, refine=places_on(scene, body))
     return replace(
         scene,
         body=body,
         others=(),
         material=replace(scene.material_of(body), name=""),
         materials=scene.surface_materials(body),
-        mesh=replace(
-            scene.mesh,
-            contact_elements=contact_elements(scene, body),
-            refine=places_on(scene, body),
-        ),
+        mesh=replace(mesh, contact_elements=contact_elements(scene, body)),
         contacts=tuple(contacts),
         ties=(),
         loads=tuple(loads),
@@ -120,16 +117,9 @@ def _on_rectangle(
     places: list[Refinement],
 ) -> list[Refinement]:
     """Return the places of a contact on one of its rectangles, and breaks at its ends."""
-
-    def zero(body: Body, name: str) -> float:
-        """Return the coordinate, along a rectangle's edge, from which positions on it count."""
-        if name in HORIZONTAL:
-            return 0.0 if scene.axisymmetric else body.position[0]
-        return body.position[1] + 0.5 * body.height
-
-    sides = [scene.find_edge(edge) for edge in edges]
-    # from the middle of the first edge
-    shifts = [zero(*side) - zero(*sides[0]) for side in sides]
+    # coordinates from which positions count, from the middle of the first edge
+    zeros = [edge_points(scene, e, 0.0)[0 if is_horizontal(scene, e) else 1] for e in edges]
+    shifts = [float(zero - zeros[0]) for zero in zeros]
     ranges = [edge_range(scene, edge) for edge in edges]
     low = max(shift + a for shift, (a, _) in zip(shifts, ranges, strict=True))
     high = min(shift + b for shift, (_, b) in zip(shifts, ranges, strict=True))
@@ -140,7 +130,8 @@ def _on_rectangle(
     if len(edges) == 1:
         return places
     places += [Refinement(high - low, s, 2.0) for s in (low, high)]
-    mine = next(shift for shift, side in zip(shifts, sides, strict=True) if side[0] == body)
+    owners = [scene.find_edge(edge)[0] for edge in edges]
+    mine = shifts[owners.index(body)]
     return [_moved(place, 1.0, -mine) for place in places]
 
 

@@ -71,7 +71,13 @@ def run_folder(
     make_folder(part)
     with locked(part):
         try:
-            _fill(part, scene, earlier)
+            for item in part.iterdir() if earlier != part else ():
+                shutil.rmtree(item) if item.is_dir() else item.unlink()
+            for item in earlier.iterdir() if earlier and earlier != part else ():
+                if item.name in (SYSTEM, CORNERS, CASES, JOURNAL):
+                    (shutil.copytree if item.is_dir() else shutil.copy2)(item, part / item.name)
+            with new_file(part / SCENE, overwrite=True) as beside:
+                beside.write_text(to_toml(scene), encoding="utf-8")
         except OSError as error:
             if earlier != part:
                 shutil.rmtree(part, ignore_errors=True)
@@ -107,17 +113,6 @@ def shared_folder(
         folder = on_root(comm, lambda: stack.enter_context(opened))
         yield folder
         on_root(comm, stack.close)
-
-
-def _fill(part: Path, scene: Scene, earlier: Path | None) -> None:
-    """Fill the working folder with the scene and the files that a resumed run needs."""
-    for item in part.iterdir() if earlier != part else ():
-        shutil.rmtree(item) if item.is_dir() else item.unlink()
-    for item in earlier.iterdir() if earlier and earlier != part else ():
-        if item.name in (SYSTEM, CORNERS, CASES, JOURNAL):
-            (shutil.copytree if item.is_dir() else shutil.copy2)(item, part / item.name)
-    with new_file(part / SCENE, overwrite=True) as beside:
-        beside.write_text(to_toml(scene), encoding="utf-8")
 
 
 def read_run(folder: Path) -> tuple[Scene, ContactSystem, Record]:
