@@ -53,11 +53,7 @@ from .store.hdf5 import read_record as read_record, write_record as write_record
 from .evolution.replay import instant_of as instant_of, state_at as state_at
 
 # Several continuations
-from .evolution.branches import (
-    branches as branches,
-    BranchTree as BranchTree,
-    Branch as Branch,
-)
+from .evolution.branches import branches as branches, BranchTree as BranchTree, Branch as Branch
 from .interface.branches.critical_friction import (
     critical_friction as critical_friction,
     CriticalFriction as CriticalFriction,
@@ -82,10 +78,7 @@ from .interface.measures.zones import (
     contact_half_width as contact_half_width,
     stick_half_width as stick_half_width,
 )
-from .measures.ends import (
-    half_widths as half_widths,
-    half_width_estimates as half_width_estimates,
-)
+from .measures.ends import half_widths as half_widths, half_width_estimates as half_width_estimates
 from .interface.measures.zone_ends import dundurs_beta as dundurs_beta
 from .evolution.moment import recovered_tractions as recovered_tractions
 from .interface.measures.tractions import traction_at as traction_at

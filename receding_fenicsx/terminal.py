@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, NoReturn
 from cyclopts import CycloptsError
 from rich.console import Console
 
-from receding_fenicsx.errors import NO_ROOM, InputErrors, Interrupted, RecedingError
+from receding_fenicsx.errors import NO_ROOM, InputErrors, RecedingError
 from receding_fenicsx.timing import Say, Step
 
 if TYPE_CHECKING:
@@ -111,10 +111,8 @@ def ending(error: BaseException) -> tuple[int, str]:
             return 2, f"error: {' '.join(str(error).split())} See {see}"
         case RecedingError():
             return error.exit_code, f"error: {error}".replace("\n", " ")
-        case Interrupted():
-            return error.exit_code, str(error)
-        case KeyboardInterrupt():
-            return 130, "interrupted"  # 128 + SIGINT, as shells have it
+        case KeyboardInterrupt():  # 128 + SIGINT, as shells have it
+            return getattr(error, "exit_code", 130), str(error) or "interrupted"
         case SystemExit():
             return int(error.code or 0), ""
         case ImportError():

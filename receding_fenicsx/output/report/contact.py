@@ -124,9 +124,7 @@ def console_table(summary: Summary, most: int) -> list[str]:
         below = [p.get(f"{kind}_half_width_estimate") or {"fitted": False} for p in chosen]
         if all(e["fitted"] for e in below):
             known = [e["value"] for e in below]
-        dash = "" if all(value is None for value in known) else "-"
-        form = length_format(summary)
-        widths.append([dash if value is None else f"{value:{form}}" for value in known])
+        widths.append([shown(value, f"{{:{length_format(summary)}}}") for value in known])
     columns = {
         "edge": [p.get("edge", "") for p in chosen],
         "cycle": [str(p["cycle"]) for p in chosen],
@@ -137,7 +135,7 @@ def console_table(summary: Summary, most: int) -> list[str]:
         "|q|_max": [q for _, q in largest],
         zones_header(summary): [zones_shown(p, summary) for p in chosen],
     }
-    columns = {head: cells for head, cells in columns.items() if any(cells)}
+    columns = {head: cells for head, cells in columns.items() if {*cells} - {"", "-"}}
     while columns:
         heads = [_in_units(head, summary) for head in columns]
         lines = aligned([heads, *zip(*columns.values(), strict=True)])

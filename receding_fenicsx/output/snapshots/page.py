@@ -25,8 +25,6 @@ from receding_fenicsx.output.snapshots.render import Pixels
 from receding_fenicsx.output.snapshots.view import Strip, View, outline
 from receding_fenicsx.scene.options import in_unit
 
-# -- colours ---------------------------------------------------------------------------------------
-
 
 @dataclass(frozen=True)
 class Quantity:
@@ -114,8 +112,6 @@ def fringe_value(largest: float) -> float:
     return float(max(k * power for k in (1.0, 2.0, 5.0) if k * power <= part))
 
 
-# -- layout --------------------------------------------------------------------------------------
-
 # inches: left of all axes and their width, which leaves 0.98 for the colour bar or a film's loads;
 # foot and height of the axes of the tractions, foot of the body's axes
 LEFT, WIDTH = 0.62, style.PAGE - 0.62 - 0.98
@@ -176,9 +172,6 @@ def visible_box(view: View) -> Array:
     # half the width of a close-up of a small contact, over the contact's length
     reach = 1.5 * float(np.linalg.norm(np.ptp(places, axis=0)))
     return np.stack([middle - reach, middle + reach])
-
-
-# -- page --------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True)
@@ -326,9 +319,6 @@ def _draw_tractions(axes: Axes, view: View, layout: Layout, clock: Clock | None)
     axes.set_xlabel(view.x_label + which, labelpad=1.0)
     axes.set_ylabel(in_unit(curves, view.stress_unit))
     style.ticks(axes.yaxis, 5)
-
-
-# -- outlines, contact and loads -----------------------------------------------------------------
 
 
 def _draw_plane(axes: Axes, view: View, strip: Strip) -> None:

@@ -24,8 +24,6 @@ from receding_fenicsx.scene.symmetry import HORIZONTAL, edge_points, edge_range
 if TYPE_CHECKING:
     from receding_fenicsx.bulk.stack import Stack
 
-# -- vertices of the fields ----------------------------------------------------------------------
-
 
 def outline(cells: NDArray[np.int64]) -> NDArray[np.int64]:
     """Return (k, 2) vertices of the edges that belong to one cell only."""
@@ -56,9 +54,6 @@ def edge_values(fields: Fields, values: Array, place: Array, normal: Array, body
     order = np.argsort(along[on], kind="stable")
     position, known = along[on][order], values[on][order]
     return np.stack([np.interp(wanted, position, column) for column in known.T], axis=1)
-
-
-# -- nodes of the contact ------------------------------------------------------------------------
 
 
 @dataclass(frozen=True)
@@ -125,9 +120,6 @@ def whole_contact(bulk: Stack, instant: Instant) -> WholeContact:
         initial_gap=gap,
         shown=mirror.states(instant.state.state if instant.shown is None else instant.shown),
     )
-
-
-# -- what a picture shows --------------------------------------------------------------------------
 
 
 @dataclass(frozen=True)
@@ -298,9 +290,6 @@ def _caption(scene: Scene, instant: Instant) -> str:
     parts = instant.load / largest_factors(scene)
     told = labels.told_loads(scene, names, instant.load)
     return ", ".join([way, *(labels.describe_factor(names[k], float(parts[k])) for k in told)])
-
-
-# -- arrows of loads -----------------------------------------------------------------------------
 
 
 def load_arrows(
