@@ -109,7 +109,7 @@ def _modes(
     A, M, fixed, locals_ = whole.A, whole.M, whole.fixed.copy(), whole.contact
     # the relative displacements that vanish: of tied contact points, and of [[tie]]
     relative = bulk.relative
-    gone = np.concatenate([tied, np.ones(relative.rows - relative.size, dtype=bool)])
+    gone = np.concatenate([tied, np.ones(len(relative.joint) - relative.size, dtype=bool)])
     own = np.concatenate(locals_)
     rows = relative.of(gone)
     _, Y, rest, _ = eliminate(rows, fixed[own], [A.diagonal()[part] for part in locals_])

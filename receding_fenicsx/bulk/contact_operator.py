@@ -66,11 +66,6 @@ class Relative:
     links: tuple[frozenset[int], ...]  # numbers of the contacts and ties of each body
     places: Array  # (rows, 2) coordinates of the points
 
-    @property
-    def rows(self) -> int:
-        """Number of rows."""
-        return len(self.joint)
-
     def of(self, rows: NDArray[np.bool_]) -> Relative:
         """Return some of the rows."""
         on = tuple(G[rows] for G in self.on)
@@ -80,7 +75,7 @@ class Relative:
     def held(self, held: NDArray[np.bool_]) -> NDArray[np.bool_]:
         """Return which rows hold no freedom that is not held (n,), of all bodies."""
         coo = sparse.hstack(self.on).tocoo()
-        return np.bincount(coo.row, weights=~held[coo.col], minlength=self.rows) == 0
+        return np.bincount(coo.row, weights=~held[coo.col], minlength=len(self.joint)) == 0
 
 
 def eliminate(
@@ -106,7 +101,7 @@ def eliminate(
     stuck = relative.held(held)
     tied = np.unique(relative.joint[relative.size :])
     stages = [np.flatnonzero((relative.joint == k) & ~stuck) for k in tied]
-    A, Y = sparse.csr_matrix((n, relative.rows)), sparse.identity(n, format="csr")
+    A, Y = sparse.csr_matrix((n, len(relative.joint))), sparse.identity(n, format="csr")
     fixed, left = held.copy(), np.ones(n)
     for stage in (*stages, np.arange(relative.size)):
         G = (every[stage] @ Y).tocsr()
@@ -135,7 +130,9 @@ def eliminate(
             )
         pivot, scale = column[order[first]], value[order[first]]
         fixed[pivot], left[pivot] = True, 0.0
-        step = sparse.csr_matrix((1.0 / scale, (pivot, stage[rows])), shape=(n, relative.rows))
+        step = sparse.csr_matrix(
+            (1.0 / scale, (pivot, stage[rows])), shape=(n, len(relative.joint))
+        )
         others = sparse.diags(left)
         A = Y @ step
         Y = Y @ (others - step[:, stage] @ (G @ others))
@@ -157,8 +154,7 @@ def relative_of(
     for body, (own, nodes) in enumerate(zip(numbers, contacts, strict=True)):
         for (joint, sign), side in zip(own, nodes.sides, strict=True):
             joints[joint].append((sign, body, side))
-    points: list[_Points] = []
-    slave = []
+    points, slave = [], []
     for k, sides in enumerate(joints):
         sides.sort(key=lambda side: -side[0])
         same, (a, b) = True, (sides[0][2], sides[-1][2])
@@ -172,39 +168,23 @@ def relative_of(
         slave.append(-1 if same else sides[0][1])
         points.append(_points(scene, k, contacts, sides, same))
     count = len(scene.contacts)
+    x, places, normals, weights, on = zip(*points, strict=True)
     # along t, then n, of contacts, then the same of ties
-    every = list(enumerate(points))
-    order = [(k, axis, p) for s in (every[:count], every[count:]) for axis in (0, 1) for k, p in s]
-    on = [
-        sparse.vstack(
-            [part.on[body][axis * len(part.x) :][: len(part.x)] for _, axis, part in order]
-        ).tocsr()
+    every = range(count), range(count, len(points))
+    order = [(k, axis) for some in every for axis in (0, 1) for k in some]
+    rows = [
+        sparse.vstack([on[k][body][axis * len(x[k]) :][: len(x[k])] for k, axis in order]).tocsr()
         for body in range(len(contacts))
     ]
-    n = sum(len(part.x) for part in points[:count])
-    joint = np.concatenate([np.full(len(part.x), k) for k, _, part in order])
-    places = np.concatenate([part.places for *_, part in order])
+    joint = np.concatenate([np.full(len(x[k]), k) for k, _ in order])
+    at = np.concatenate([places[k] for k, _ in order])
+    n = sum(map(len, x[:count]))
     links = tuple(frozenset(k for k, _ in own) for own in numbers)
-    relative = Relative(tuple(on), 2 * n, joint, np.array(slave), links, places)
+    relative = Relative(tuple(rows), 2 * n, joint, np.array(slave), links, at)
     held = relative.held(np.concatenate([nodes.held for nodes in contacts]))[: 2 * n]
-    x, normal, weight = (
-        np.concatenate([getattr(part, name) for part in points[:count]])
-        for name in ("x", "normal", "weight")
-    )
+    along, normal, weight = (np.concatenate(part[:count]) for part in (x, normals, weights))
     tangent = tangent_of(normal)
-    return relative, ContactPoints(x, joint[:n], places[:n], tangent, normal, weight, held)
-
-
-@dataclass(frozen=True)
-class _Points:
-    """The points of one contact or tie, and the displacements there."""
-
-    # x, places, normal, weight: as of ``ContactPoints``
-    x: Array
-    places: Array
-    normal: Array
-    weight: Array
-    on: list[sparse.csr_matrix]  # (2n, 2N_b) relative displacement [v; w] from those of each body
+    return relative, ContactPoints(along, joint[:n], at[:n], tangent, normal, weight, held)
 
 
 def _points(
@@ -213,8 +193,12 @@ def _points(
     contacts: Sequence[ContactNodes],
     sides: Sequence[tuple[int, int, ContactSide]],
     same: bool,
-) -> _Points:
-    """Return the points of one contact or tie; of two sides the slave is the first."""
+) -> tuple[Array, Array, Array, Array, list[sparse.csr_matrix]]:
+    """Return the points of one contact or tie; of two sides the slave is the first.
+
+    They are x, places, normal and weight as of ``ContactPoints``, and (2n, 2N_b) the relative
+    displacements [v; w] from those of each body.
+    """
     sign, body, slave = sides[0]
     if same and joint >= len(scene.contacts):
         slave = replace(slave, carries=np.ones(len(slave.x), dtype=bool))
@@ -271,7 +255,7 @@ def _points(
         found = sparse.csr_matrix((value, (coo.row, coo.col)), coo.shape)
         found.eliminate_zeros()
         on.append(found)
-    return _Points(slave.x[keep] + shift, places, normal, weight, on)
+    return slave.x[keep] + shift, places, normal, weight, on
 
 
 def _merged(side: ContactSide, where: str) -> sparse.csr_matrix:

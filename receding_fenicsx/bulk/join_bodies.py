@@ -49,11 +49,11 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
-from scipy.linalg import LinAlgError, LinAlgWarning, solve
+from scipy.linalg import LinAlgError, LinAlgWarning, qr, solve
 
 from receding_fenicsx.arrays import Array, Ints
 from receding_fenicsx.bulk.contact_operator import Relative, eliminate
-from receding_fenicsx.bulk.rigid_motions import common_motions, free_motions, independent, scaled
+from receding_fenicsx.bulk.rigid_motions import common_motions, free_motions, scaled
 from receding_fenicsx.bulk.schur import norm, symmetrise
 from receding_fenicsx.errors import InputError, SolveError
 
@@ -136,7 +136,7 @@ def join(
     held = held[:size]
     starts = np.cumsum([0, *(len(body.held) for body in bodies)])
     motions = tuple((A[i:j, :size], Y[i:j]) for i, j in pairwise(starts.tolist()))
-    driven = np.zeros((len(sign), relative.rows))
+    driven = np.zeros((len(sign), len(relative.joint)))
     for body, G in zip(bodies, relative.on, strict=True):
         driven += (G @ body.driven.T).T
     for k in np.flatnonzero(np.abs(driven[:, size:]).max(axis=1, initial=0.0)):
@@ -181,11 +181,14 @@ def join(
     compliance = sum(body.compliance for body in bodies) + sign[:, None] * (L.T @ y[:, size:])
     parts = zip(relative.on, bodies, strict=True)
     own = np.hstack([scaled(G @ (b.modes @ free_motions(b.constraints))) for G, b in parts])
-    if relative.rows > size:
+    if len(relative.joint) > size:
         # the motions that part no tie
         own = own[:size] @ free_motions(own[size:], 1e-9)
     # one less for each common motion
-    rigid = scaled(independent(own, sum(found.shape[1] for _, found in common)))
+    rank = own.shape[1] - sum(found.shape[1] for _, found in common)
+    rigid = scaled(
+        own[:, np.sort(qr(own, mode="economic", pivoting=True)[2][:rank])] if rank else own[:, :0]
+    )
     error = np.abs((K @ rigid)[~held]).max(initial=0.0) / norm(K)
     if not error <= 1e-11:
         raise SolveError(

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Collection, Sequence
 
 import numpy as np
-from scipy.linalg import qr
 
 from receding_fenicsx.arrays import Array
 
@@ -68,11 +67,3 @@ def common_motions(
         if motions.shape[1] and not on_plane:
             found.append((sorted(group), motions))
     return found
-
-
-def independent(motions: Array, dependent: int) -> Array:
-    """Return the columns of motions (2N, n) without a number of them that depend on the others."""
-    rank = motions.shape[1] - dependent
-    if not rank:
-        return motions[:, :0]
-    return motions[:, np.sort(qr(motions, mode="economic", pivoting=True)[2][:rank])]

@@ -78,21 +78,17 @@ def make_meshes(comm: MPI.Comm, scene: Scene, half: bool) -> tuple[BodyMesh, ...
         low, high = np.min(np.vstack(contacts), axis=0), np.max(np.vstack(contacts), axis=0)
         size = max(mesh.size for mesh in meshes)
         shared = {"size": size, "pivot": 0.5 * (low + high), "half": half}
-        return [
-            (found | shared, arrays)
-            for body, mesh in zip(scene.bodies, meshes, strict=True)
-            for own in [[side for side in interfaces if scene.bodies[side.body] == body]]
-            for found, arrays in [_tagged(scene, body, mesh, own)]
-        ]
+        found = []
+        for k, (body, mesh) in enumerate(zip(scene.bodies, meshes, strict=True)):
+            data, parts = _tagged(scene, body, mesh, [s for s in interfaces if s.body == k])
+            found.append((data | shared, parts))
+        return found
 
     made = on_root(comm, tagged)
-    every = comm.bcast(None if made is None else [data for data, _ in made])
+    # arrays are empty on all ranks but 0
+    every = comm.bcast(made and [(data, tuple(part[:0] for part in parts)) for data, parts in made])
     found = []
-    for i, data in enumerate(every):
-        corners = {"triangle": 3, "quadrilateral": 4}[data["cell"]]
-        none = np.empty((0, 2), np.int64), np.empty(0, np.int32), np.empty(0, np.int32)
-        empty = np.empty((0, 2)), np.empty((0, corners), np.int64), *none
-        points, cells, facets, tags, of_cells = empty if made is None else made[i][1]
+    for data, (points, cells, facets, tags, of_cells) in made or every:
         mesh = _dolfinx.create_mesh(comm, data["cell"], cells, points)
         tags = _dolfinx.tag_entities(mesh, 1, facets, tags)
         numbers = None
