@@ -33,8 +33,9 @@ def read_scene(path: str | Path, overrides: Iterable[str] = ()) -> Scene:
         InputError: the file cannot be read, or the scene cannot be modelled; one line each.
     """
     check_types("read_scene", path=(path, str, Path))
+    text = read_text(path)
     try:
-        return from_toml(read_text(path), overrides, Path(path).parent)
+        return from_toml(text, overrides, Path(path).parent)
     except InputError as error:
         raise InputErrors(*(f"{path}: {line}" for line in str(error).splitlines())) from None
 

@@ -96,8 +96,7 @@ def of_half_planes(scene: Scene) -> Rules:
                 both = f"remove {key}, or give both half-planes the same"
                 yield f"{at} {key}: the contact nodes are those of {whose}; {both}"
     if len(flat) == 2 and len({name for _, name in on}) == 1:
-        one = 'one has to be "bottom" and the other one "top"'
-        yield f'[contact] against: both half-planes have the surface "{on[0][1]}"; {one}'
+        yield f'[contact] against: both half-planes have "{on[0][1]}"; use "bottom" and "top"'
 
 
 def of_mesh(scene: Scene) -> Rules:
@@ -135,11 +134,9 @@ def _of_refinement(scene: Scene, place: model.Refinement, at: str, meshed: bool)
         slack = 1e-6 * (high - low)  # below it round-off counts
         if place.size < slack:
             yield f"{at} size: {place.size:g} is less than 1e-06 of the contact edge; enlarge it"
-        ends = (low, high) if isinstance(place.at, str) else place.span
-        if ends[0] < low - slack or ends[1] > high + slack:
-            beyond = ends[0] if ends[0] < low - slack else ends[1]
-            runs = f"the contact edge, which runs from {low:g} to {high:g}"
-            yield f"{at} at: {beyond:g} lies beyond {runs}; move it"
+        for end in () if isinstance(place.at, str) else place.span:
+            if not low - slack <= end <= high + slack:
+                yield f"{at} at: {end:g} lies beyond the edge, from {low:g} to {high:g}; move it"
 
 
 def count_cells(mesh: model.MeshOptions, slenderness: float) -> float:
@@ -194,10 +191,7 @@ def of_joint(scene: Scene, number: int) -> Rules:
 
 
 def on_contact(scene: Scene, contact: Contact, profile: Profile, at: str) -> tuple[Array, Array]:
-    """Return positions along a contact and the values of a checked profile there.
-
-    On the edge of a mesh file, whose nodes are not known yet, they are none but for a number.
-    """
+    """Return positions on a contact and a checked profile there; of a mesh file's a number only."""
     x = np.zeros(1)
     if not has_mesh_file(scene, contact.edge):
         x = symmetry.contact_samples(scene, contact)
@@ -212,12 +206,9 @@ def of_contact(scene: Scene, number: int) -> Rules:
     contact, at = scene.contacts[number], scene.joint_labels[number]
     body, edge = scene.find_edge(contact.edge)
     forward, backward = directions(contact.friction, f"{at} friction")
-    profiles = {"friction": forward}
-    if forward != backward:
-        profiles = {"friction forward": forward, "friction backward": backward}
-    for key in ("initial_gap", "shear_limit", "cohesion", "interference"):
-        if (profile := getattr(contact, key)) is not None:
-            profiles[key] = profile
+    profiles = {"friction": forward, "friction backward": backward}
+    keys = ("initial_gap", "shear_limit", "cohesion", "interference")
+    profiles |= {key: getattr(contact, key) or 0.0 for key in keys}
     if contact.interference is not None and not scene.others and body.is_half_plane:
         yield f"{at} interference: a half-plane moves as a whole; remove it"
     if body.is_rectangle:
