@@ -67,11 +67,6 @@ class SteadyStates:
         """Number of starts of each kind."""
         return dict(Counter(self.kind))
 
-    @property
-    def slips_for_ever(self) -> int:
-        """Number of starts that do not shake down."""
-        return sum(kind in ("cyclic slip", "ratchetting", NOT_REACHED) for kind in self.kind)
-
     def zones(self, start: int) -> list[tuple[str, float, float]]:
         """Return the zones of one steady state over its last cycle."""
         return zones(self.x, self.state[start])

@@ -403,11 +403,16 @@ def _end(system: ContactSystem, rows: list[Row], cycles: float, depth: float) ->
 @mpl.rc_context(style.RC)
 def figures(study: WearStudy, fatigue: list[dict[str, Any]]) -> dict[str, Figure]:
     """Draw a study: profiles and zones, and fatigue parameters where there are some."""
-    found = {"profiles.png": _profiles(study), "zones.png": _zones(study)}
+    touches = study.x[np.any(study.zone != State.SEPARATION, axis=0)]
+    touches = touches if len(touches) else study.x
+    # what touches in any row, with some room
+    room = 0.1 * np.ptp(touches)
+    seen = touches.min() - room, touches.max() + room
+    found = {"profiles.png": _profiles(study, seen), "zones.png": _zones(study, seen)}
     return found | ({"fatigue.png": fatigue_figure(fatigue)} if fatigue else {})
 
 
-def _profiles(study: WearStudy) -> Figure:
+def _profiles(study: WearStudy, seen: tuple[float, float]) -> Figure:
     """Draw worn depth and pressure over x at some numbers of cycles, evenly by the depth."""
     figure = style.new_figure(style.COLUMN, 4.2)
     upper, lower = figure.subplots(2, 1, sharex=True)
@@ -416,7 +421,7 @@ def _profiles(study: WearStudy) -> Figure:
         label = f"{study.cycles[row]:,.0f} cycles"
         lower.plot(study.x, -study.depth[row], color=colour, label=label)
     upper.set(ylabel="$p$", ylim=(0.0, None))
-    lower.set(xlabel="$x$", ylabel="worn depth, downwards", xlim=_seen(study))
+    lower.set(xlabel="$x$", ylabel="worn depth, downwards", xlim=seen)
     figure.legend(loc="outside lower center", ncols=3)
     return figure
 
@@ -439,14 +444,14 @@ def fatigue_figure(found: list[dict[str, Any]]) -> Figure:
     return figure
 
 
-def _zones(study: WearStudy) -> Figure:
+def _zones(study: WearStudy, seen: tuple[float, float]) -> Figure:
     """Draw stick, slip and separation over the cycles upwards."""
     x, cycles = study.x, np.append(study.cycles, study.cycles[-1])
     edges = np.concatenate([x[:1], 0.5 * (x[1:] + x[:-1]), x[-1:]])
     figure = style.new_figure(style.COLUMN, 3.2)
     axes = figure.subplots()
     style.state_mesh(axes, edges, cycles, study.zone)
-    axes.set(xlabel="$x$", ylabel="cycles", xlim=_seen(study))
+    axes.set(xlabel="$x$", ylabel="cycles", xlim=seen)
     if cycles[-1] > 0.0:
         axes.set_yscale("symlog", linthresh=max(1.0, 1e-3 * cycles[-1]))
     patches = style.state_patches(np.unique(study.zone))
@@ -454,12 +459,3 @@ def _zones(study: WearStudy) -> Figure:
         patch.set_label(str(patch.get_label())[3:].removeprefix("forward "))
     figure.legend(handles=patches, loc="outside upper center", ncols=len(patches))
     return figure
-
-
-def _seen(study: WearStudy) -> tuple[float, float]:
-    """Return the ends of what touches in any row, with some room."""
-    touches: Array = study.x[np.any(study.zone != State.SEPARATION, axis=0)]
-    if not len(touches):
-        touches = study.x
-    room = 0.1 * float(np.ptp(touches))
-    return float(touches.min()) - room, float(touches.max()) + room
