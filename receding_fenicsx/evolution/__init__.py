@@ -10,7 +10,7 @@
    :func:`~receding_fenicsx.evolution.solvers.make_solver` makes.
 3. **Trace cycle after cycle** in :func:`~receding_fenicsx.evolution.evolve.continue_history`:
    :meth:`~receding_fenicsx.evolution.run_state.RunState.trace_cycle` follows each leg by the solver
-   and checks its energy identity (:func:`~receding_fenicsx.evolution.checks.energy_error`). The
+   and checks its energy identity (:func:`~receding_fenicsx.evolution.run_state.energy_error`). The
    finished cycle goes to the journal and to the watch for the steady state
    (:func:`~receding_fenicsx.evolution.instants.steady_watch`). At checkpoints the solver is
    replaced by a new one, so that a resumed run repeats an undisturbed one bit by bit.

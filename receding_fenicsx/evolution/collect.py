@@ -51,6 +51,7 @@ def record_of(
     open_ = [cycle.corners[-1].state.state == State.SEPARATION for cycle in cycles]
     steps = zip(pairwise(open_), cycles[1:], strict=False)
     slip = np.reshape([np.where(a | b, 0.0, c.slip) for (a, b), c in steps], (-1, system.n))
+    same = "certified", "solutions", "cycle", "leg", "s"
     return Record(
         **_nodes(system, mirror),
         load_names=system.load_names,
@@ -81,20 +82,13 @@ def record_of(
         jumps=totals.jumps,
         released=mirror.factor * totals.released,
         probes=probes_table(system, corners, samples),
-        uniqueness=_uniqueness(mirror, unique),
-    )
-
-
-def _uniqueness(mirror: Mirror, found: Uniqueness) -> PathUniqueness:
-    """Return the uniqueness of the path, with nodes of the whole contact."""
-    _, nodes = mirror.nodes(np.array([i for i in found.nodes if i >= 0], dtype=np.intp))
-    known = found.certified or found.cycle >= 0
-    return PathUniqueness(
-        **{key: getattr(found, key) for key in ("certified", "solutions", "cycle", "leg", "s")},
-        margin=found.margin if known else np.nan,
-        nodes=np.sort(nodes),
-        first_loading=found.static,
-        first_loading_proved=found.proved,
+        uniqueness=PathUniqueness(
+            **{key: getattr(unique, key) for key in same},
+            margin=unique.margin if unique.certified or unique.cycle >= 0 else np.nan,
+            nodes=np.sort(mirror.nodes(np.array([i for i in unique.nodes if i >= 0], np.intp))[1]),
+            first_loading=unique.static,
+            first_loading_proved=unique.proved,
+        ),
     )
 
 

@@ -13,7 +13,6 @@ from receding_fenicsx.errors import (
     NoQuasiStaticContinuation,
     SolveError,
 )
-from receding_fenicsx.evolution.checks import check_force_range
 from receding_fenicsx.evolution.collect import record_of
 from receding_fenicsx.evolution.histories import with_corners
 from receding_fenicsx.evolution.instants import end_of
@@ -21,7 +20,7 @@ from receding_fenicsx.evolution.journal import Journal
 from receding_fenicsx.evolution.limit.search import LimitSearch, Progress
 from receding_fenicsx.evolution.problem import Problem, problem_of_history, problem_of_scene
 from receding_fenicsx.evolution.record import Record
-from receding_fenicsx.evolution.run_state import RunState
+from receding_fenicsx.evolution.run_state import RunState, check_force_range
 from receding_fenicsx.interface.branches.choice import Choice, Chooser
 from receding_fenicsx.interface.system import ContactSystem, softest_motion
 from receding_fenicsx.scene.history import History, ended_by

@@ -49,13 +49,10 @@ def with_corners(
     """Return a scene with the number of corners that its harmonic history needs, bolts tightened.
 
     The corners are doubled until the error estimate of the dissipation meets the tolerance;
-    SolveError where the largest number does not. A scene without a harmonic history, with a fixed
-    number of corners, or with all loads in phase (where two corners are exact) is returned as it
-    is.
-
-    With the scene comes a row (k, 2) for each polygon, its corners and error estimate, NaN in the
-    first two; None where nothing was doubled. Where a polygon cannot be followed to its end, the
-    scene has that polygon.
+    SolveError where the largest number does not. A scene with a fixed number of corners, or with
+    all loads in phase (where two are exact), is returned as it is. Where a polygon cannot be
+    followed to its end, the scene has that polygon. With the scene comes a row (k, 2) for each
+    polygon, its corners and error estimate, NaN in the first two; None where nothing was doubled.
     """
     scene, options = tightened(system, scene), scene.history
     if options.kind != "harmonic" or options.corners is not None or is_straight(options):

@@ -64,8 +64,7 @@ def probes_table(
 ) -> Probes | None:
     """Return the record's table of the probes: turning points, samples and events, in order.
 
-    At each place of the load path there is one instant: a turning point rather than the sample or
-    event there.
+    Of several at a place the first of these is kept.
     """
     probes = system.probes
     if probes is None:

@@ -67,10 +67,6 @@ def system_for(scene: Scene, system: ContactSystem) -> ContactSystem:
 
     Without friction the tangential displacements are eliminated. All arrays are made contiguous, as
     they are when read from a file, so that a saved system gives the same answer bit by bit.
-
-    Raises:
-        InputError: as :func:`with_profiles`; or the scene has friction and the system has no
-            tangential displacements.
     """
     system = with_profiles(scene, system)
     if system.kind == "frictional" and not np.any(system.law.present):

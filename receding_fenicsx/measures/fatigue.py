@@ -51,15 +51,10 @@ from receding_fenicsx.scene.model import FatigueOptions, Material, Scene
 
 @dataclass(frozen=True)
 class Parameter:
-    """A fatigue parameter at the m points of a probe.
+    """A fatigue parameter at the m points of a probe."""
 
-    Attributes:
-        value: (m,) values.
-        angle: (m,) degrees in [0, 180) of the critical plane's normal to x; NaN without a plane.
-    """
-
-    value: Array
-    angle: Array
+    value: Array  # (m,) values
+    angle: Array  # (m,) degrees in [0, 180) of the critical plane's normal to x; NaN without one
 
 
 def fatigue_at(stress: Array, material: Material, options: FatigueOptions) -> dict[str, Parameter]:

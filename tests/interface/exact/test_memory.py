@@ -9,9 +9,9 @@ from small import table
 
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.errors import SolveError
-from receding_fenicsx.evolution.checks import energy_error
 from receding_fenicsx.evolution.evolve import evolve
 from receding_fenicsx.evolution.replay import turning_point
+from receding_fenicsx.evolution.run_state import energy_error
 from receding_fenicsx.interface.exact.path import EventPath
 from receding_fenicsx.interface.system import frictional_form
 
