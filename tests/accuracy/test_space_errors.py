@@ -49,6 +49,8 @@ def test_where_a_zone_is_not_resolved_no_order_above_one_is_assumed() -> None:
     values = [(r, 3.0 + 0.01 * r**1.5) for r in (1.0, 2.0, 4.0)]
     levels = [rf.Level(round(64 / r), 0, 0.0, {"a": rf.Number(a)}) for r, a in values]
     assert rf.estimates_of(levels)["a"].error == pytest.approx(0.01)
+    # two meshes tell no order
+    assert rf.estimates_of(levels[:2])["a"].error == pytest.approx(0.01 * (2.0**1.5 - 1.0))
     levels[0] = replace(levels[0], resolved=False)
     assert rf.estimates_of(levels)["a"].error == pytest.approx(0.01 * (4.0**1.5 - 2.0**1.5) / 2.0)
 

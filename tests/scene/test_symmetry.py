@@ -4,7 +4,7 @@ from typing import Any
 
 import pytest
 
-from receding_fenicsx.scene.model import Load, Scene, Spring, Support
+from receding_fenicsx.scene.model import Load, Material, Scene, Spring, Support
 from receding_fenicsx.scene.symmetry import is_mirror_symmetric
 from receding_fenicsx.scene.toml_file import from_toml
 from receding_fenicsx.scene.validate import validate
@@ -80,3 +80,11 @@ def test_supports_and_springs_need_their_images(
     parts: dict[str, Any] = {"springs" if isinstance(held[0], Spring) else "supports": held}
     scene = dataclasses.replace(block("load.p0.span=[-0.5, 0.5]"), **parts)
     assert is_mirror_symmetric(scene) == symmetric
+
+
+@pytest.mark.parametrize(("angle", "symmetric"), [(30.0, False), (90.0, True)])
+def test_fibres_of_any_body_lie_along_or_across(angle: float, symmetric: bool) -> None:
+    fibres = Material(8.0, 0.25, "plane stress", name="b", young_2=2.0, shear=0.7, angle=angle)
+    scene = block("load.p0.span=[-0.5, 0.5]")
+    for parts in ({"material": fibres}, {"materials": (fibres,)}):
+        assert is_mirror_symmetric(dataclasses.replace(scene, **parts)) == symmetric  # type: ignore[arg-type]
