@@ -179,6 +179,8 @@ def test_history_takes_lists_and_refuses_rows_of_unequal_length_and_text() -> No
     one, two = (rf.evolve(system, history).turning_points for history in (lists, arrays))
     assert np.array_equal(one.v, two.v) and np.array_equal(one.Q, two.Q)
     assert repr(lists) == repr(arrays)
+    words = ["History: 3 corners from rest, 2 cycles of 2 legs", "load P 0 to 1", "load Q -1 to 1"]
+    assert [" ".join(line.split()) for line in repr(lists).splitlines()] == words
     assert History(("P", "Q"), path, []).loop.shape == (0, 2)  # type: ignore[arg-type]
     for wrong in ([[0, 0], [1]], [[0, 0], ["a", 1]], [[0, 0], [None, {}]]):
         with pytest.raises(rf.InputError, match="history's path: has to be numbers"):

@@ -237,6 +237,17 @@ def test_a_kill_or_failure_and_resume_repeat_an_undisturbed_study_bit_by_bit(
     summary = json.loads((tmp_path / "cut" / "wear.json").read_text())
     assert summary["end"] == "cycles done" and summary["estimates"]["volume"] > 0.0
     assert whole.depth_max == pytest.approx(whole.depth.max(axis=1))
+    depth, volume = (getattr(whole, f"{name}_estimate")[-1] for name in ("depth", "volume"))
+    contact, stick = (getattr(whole, f"{name}_half_width")[-1] for name in ("contact", "stick"))
+    assert [" ".join(line.split()) for line in repr(whole).splitlines()] == [
+        f"Wear: 5000 cycles in {len(rows) - 1} steps",
+        "end cycles done",
+        f"depth {whole.depth_max[-1]:.6g} +- {depth:.1g} (steps, mesh)",
+        f"volume {whole.volume[-1]:.6g} +- {volume:.1g} (steps, mesh)",
+        f"scar {whole.width[-1]:.6g} wide",
+        f"half widths contact {contact:.6g}, stick {stick:.6g}",
+        f"dissipation {whole.dissipation[-1]:.6g}",
+    ]
     assert np.all(whole.depth_of_bodies.sum(axis=1) == whole.depth)
     for half, zones in (("contact", (1, 3)), ("stick", (1,))):
         inside = np.isin(whole.zone, zones) @ whole.system.weight
