@@ -84,15 +84,16 @@ def test_slip_lines_find_the_power_that_the_slip_follows() -> None:
 def test_node_at_the_limit_that_never_moves_is_found_where_it_reaches_it() -> None:
     found = record(method="gauss-seidel")
     table = found.samples
-    rows = np.flatnonzero(table.cycle == 10)
+    rows = np.flatnonzero(table.cycle == 9)
     node, when = len(found.x) // 2 + 3, rows[len(rows) // 4]
     state, Q, v = table.state.copy(), table.Q.copy(), table.v.copy()
     state[rows[:, None], np.arange(len(found.x))] = rf.State.STICK
-    v[rows] = found.turning_points.v[found.turning_points.cycle == 9][-1]
+    v[rows] = found.turning_points.v[found.turning_points.cycle == 8][-1]
     v[rows, 0] += np.linspace(0.0, 1.0, len(rows))
+    v[table.cycle == 10, node] += 1.0  # it slips later
     Q[rows] = 0.5 * found.f * table.P[rows]
     Q[when, node] = found.f[node] * table.P[when, node]
-    still = limit_nodes(replace(found, samples=replace(table, state=state, Q=Q, v=v)), 10)
+    still = limit_nodes(replace(found, samples=replace(table, state=state, Q=Q, v=v)), 9)
     assert still.node.tolist() == [node]
     assert still.leg.tolist() == [table.leg[when]]
     assert still.s.tolist() == [table.s[when]]

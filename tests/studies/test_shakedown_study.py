@@ -116,6 +116,12 @@ def test_the_safe_slip_of_half_a_body_is_written_for_both_halves(tmp_path: Path)
     x, slip = np.loadtxt(out / "safe_slip.csv", delimiter=",", skiprows=1).T
     assert x == pytest.approx(np.linspace(-2.0, 2.0, len(x))) and len(x) == 17
     assert np.array_equal(slip, -slip[::-1]) and slip.any()
+    receding, half, *_ = json.loads((out / "shakedown.json").read_text())["notes"]
+    assert receding == (
+        "at an edge where the contact is free to recede the continuum slips at any load range: "
+        "both limits are those of the mesh, and fall on finer ones"
+    )
+    assert half == "half of the body is modelled: the limits are those of mirror-symmetric slip"
 
 
 def test_text_and_diagram_show_the_limits_at_the_mean_of_the_scene() -> None:
