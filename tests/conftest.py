@@ -10,7 +10,6 @@ mpi-pytest hangs there under ``mpirun``, or starts MPI and DOLFINx anew for each
 from __future__ import annotations
 
 import array
-import atexit
 import contextlib
 import faulthandler
 import io
@@ -39,13 +38,8 @@ import pytest
 import pytest_timeout
 
 POLL_SECONDS = 0.001
-EXIT_WAIT_SECONDS = 30.0
-"""A rank's wait for the others once pytest has ended."""
 LAUNCHER_SECONDS = 0.5
 """A rank's pause before it ends the job: MPICH's launcher drops what it has not passed on yet."""
-COLLECTION_WAIT_SECONDS = 60.0
-"""A failing rank's wait for ranks that are still collecting: they may be importing DOLFINx."""
-
 PASSED, FAILED = range(2)
 
 SERIAL_FOLDERS = [Path(__file__).parent / name for name in ("half_plane", "interface", "reference")]
@@ -96,13 +90,6 @@ def exchange(step: str, outcome: int, patience: float) -> list[int] | None:
     return list(gathered[1::2])
 
 
-@atexit.register
-def leave_together() -> None:
-    """End the job if this rank ends while others go on: MPI's end would wait for them for ever."""
-    if comm.size > 1 and exchange("the end of the program", FAILED, EXIT_WAIT_SECONDS) is None:
-        abort("pytest ended here, and the other ranks go on")
-
-
 def pytest_addoption(parser: pytest.Parser) -> None:
     """Add the patience of a failing rank."""
     parser.addini("rank_wait", "seconds that a failing rank waits for the others", default="5")
@@ -147,24 +134,6 @@ def pytest_collectreport(report: pytest.CollectReport) -> None:
     """Remember what could not be collected."""
     if report.failed:
         failures.append(f"collecting {report.nodeid} on rank {comm.rank}:\n{report.longreprtext}")
-
-
-def pytest_collection_finish(session: pytest.Session) -> None:
-    """Stop on every rank if any rank could not collect, or collected other tests."""
-    if comm.size == 1:
-        return
-    status = FAILED if failures else PASSED
-    outcomes = exchange("the end of collection", status, COLLECTION_WAIT_SECONDS)
-    if outcomes is None:
-        abort("could not collect the tests, and the other ranks are still collecting")
-    names = "\n".join(item.nodeid for item in session.items)
-    everywhere = comm.allgather((zlib.crc32(names.encode()), failures))
-    if max(outcomes) == FAILED:
-        if status == PASSED:
-            texts = [text for _, others in everywhere for text in others]
-            raise session.Interrupted("\n".join(["another rank could not collect", *texts]))
-    elif len({checksum for checksum, _ in everywhere}) > 1:
-        raise session.Interrupted("the ranks collected different tests")
 
 
 @pytest.hookimpl(wrapper=True, tryfirst=True)

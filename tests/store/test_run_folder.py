@@ -2,8 +2,11 @@ import os
 import signal
 import subprocess
 import sys
+from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -53,39 +56,44 @@ def interrupt(out: Path, **how: bool) -> None:
         raise Killed
 
 
-def test_folder_appears_whole_or_not_at_all(tmp_path: Path) -> None:
-    out = tmp_path / "deep" / "run"
-    with pytest.raises(RuntimeError), run_folder(out, BLOCK) as folder:
-        (folder / "summary.json").write_text("{}")
-        raise RuntimeError
-    assert not out.exists()
-    assert os.listdir(out.parent) == []
-    with run_folder(out, BLOCK) as folder:
-        (folder / "summary.json").write_text("{}")
-        assert not out.exists()
-        assert folder == tmp_path / "deep" / "run.part"
-    assert sorted(os.listdir(out)) == [SCENE, "summary.json"]
-    assert os.listdir(out.parent) == ["run"]
+KIND = FolderKind("curve", ("curve.json", "cases/sweep.json"))
+ONCE = FolderKind("study", ("nodes.csv",), resumable=False)
 
 
-def test_only_earlier_runs_are_replaced_and_only_when_asked(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    "opened", [partial(run_folder, scene=BLOCK), ONCE.new], ids=["run", "study"]
+)
+def test_folder_appears_whole_or_not_at_all_and_is_replaced_when_asked(
+    opened: Callable[..., Any], tmp_path: Path
+) -> None:
+    out, name = tmp_path / "deep" / "out", "nodes.csv" if opened == ONCE.new else "summary.json"
+    for number in range(2):
+        with pytest.raises(RuntimeError), opened(out, overwrite=number > 0) as folder:
+            (folder / name).write_text("half")
+            raise RuntimeError
+        assert os.listdir(out.parent) == ["out"][:number]
+        with opened(out, overwrite=number > 0) as folder:
+            (folder / name).write_text(str(number))
+            assert (out / name).read_text() == "0" if number else not out.exists()
+        assert os.listdir(out.parent) == ["out"]
+        assert {*os.listdir(out), SCENE} == {name, SCENE}
+        assert (out / name).read_text() == str(number)
+    (tmp_path / "empty").mkdir()  # holds nothing to lose
+    with opened(tmp_path / "empty") as folder:
+        (folder / name).touch()
+
+
+def test_only_runs_are_replaced(tmp_path: Path) -> None:
     out = tmp_path / "run"
-    out.mkdir()
-    with run_folder(out, BLOCK) as folder:  # an empty folder holds nothing to lose
-        (folder / "summary.json").write_text("first")
+    with run_folder(out, BLOCK) as folder:
+        (folder / "summary.json").touch()
     refused(r"already exists.*--overwrite", out)
-    with pytest.raises(RuntimeError), run_folder(out, BLOCK, overwrite=True) as folder:
-        raise RuntimeError
-    assert (out / "summary.json").read_text() == "first"
-    with run_folder(out, BLOCK, overwrite=True) as folder:
-        (folder / "summary.json").write_text("second")
-    assert (out / "summary.json").read_text() == "second"
+    refused("no run that can be resumed", out, resume=True)  # it is finished, without a journal
     (tmp_path / "thesis").mkdir()
     (tmp_path / "thesis" / "chapter.tex").write_text("years of work")
     refused("no folder of a run", tmp_path / "thesis", overwrite=True)
-    assert (tmp_path / "thesis" / "chapter.tex").exists()
-    refused("no run that can be resumed", out, resume=True)  # it is finished, without a journal
     refused("is a file", tmp_path / "thesis" / "chapter.tex", overwrite=True)
+    assert (tmp_path / "thesis" / "chapter.tex").exists()
 
 
 def test_interrupted_run_is_neither_forgotten_nor_taken_for_finished(tmp_path: Path) -> None:
@@ -160,10 +168,6 @@ def test_folder_in_use_is_left_alone(tmp_path: Path) -> None:
     interrupt(out, resume=True)
 
 
-KIND = FolderKind("curve", ("curve.json", "cases/sweep.json"))
-ONCE = FolderKind("study", ("nodes.csv",), resumable=False)
-
-
 @pytest.mark.parametrize(
     ("kind", "files", "how", "answer"),
     [
@@ -195,20 +199,6 @@ def test_only_results_of_the_kind_are_replaced_or_continued_and_only_when_asked(
     with pytest.raises(InputError, match=answer):
         kind.check(tmp_path, **how)
     assert all((tmp_path / name).read_text() == "mine" for name in files)
-
-
-def test_a_folder_of_one_piece_appears_whole_or_not_at_all(tmp_path: Path) -> None:
-    out = tmp_path / "deep" / "out"
-    for number in range(2):
-        with pytest.raises(RuntimeError), ONCE.new(out, number > 0) as folder:
-            (folder / "nodes.csv").write_text("half")
-            raise RuntimeError
-        assert os.listdir(out.parent) == ["out"][:number]
-        with ONCE.new(out, number > 0) as folder:
-            (folder / "nodes.csv").write_text(str(number))
-            assert not number or (out / "nodes.csv").read_text() == "0"
-        assert os.listdir(out.parent) == ["out"] and os.listdir(out) == ["nodes.csv"]
-        assert (out / "nodes.csv").read_text() == str(number)
 
 
 @pytest.mark.parametrize("name", ["", "file.lock"])
