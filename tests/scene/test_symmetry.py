@@ -87,4 +87,4 @@ def test_fibres_of_any_body_lie_along_or_across(angle: float, symmetric: bool) -
     fibres = Material(8.0, 0.25, "plane stress", name="b", young_2=2.0, shear=0.7, angle=angle)
     scene = block("load.p0.span=[-0.5, 0.5]")
     for parts in ({"material": fibres}, {"materials": (fibres,)}):
-        assert is_mirror_symmetric(dataclasses.replace(scene, **parts)) == symmetric  # type: ignore[arg-type]
+        assert is_mirror_symmetric(dataclasses.replace(scene, **parts)) == symmetric

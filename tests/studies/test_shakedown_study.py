@@ -163,11 +163,11 @@ def test_whether_it_slips_for_ever_depends_on_the_start_between_the_limits_only(
     low, high = states.interval
     assert low == 0.0 < high
     assert states.counts.keys() == {"shakedown", "cyclic slip"}
-    kinds = ", ".join(f"{count} {kind}" for kind, count in states.counts.items())
+    counted = ", ".join(f"{count} {kind}" for kind, count in states.counts.items())
     assert [" ".join(line.split()) for line in repr(states).splitlines()] == [
         "SteadyStates from 41 starts",
         f"dissipation per cycle {low:.6g} to {high:.6g}",
-        f"kinds {kinds}",
+        f"kinds {counted}",
     ]
     safe = states.names.index("safe")
     assert states.dissipation[safe] == 0.0
