@@ -2,10 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-from itertools import count
-from typing import Any
-
 import numpy as np
 import pytest
 from models import block_system
@@ -15,8 +11,6 @@ from unique_paths import FALSE, KINDS, tally
 from receding_fenicsx.evolution.evolve import evolve
 from receding_fenicsx.evolution.record_data import PathUniqueness
 from receding_fenicsx.interface.system import ContactSystem
-from receding_fenicsx.interface.uniqueness.instants import Instants
-from receding_fenicsx.interface.uniqueness.watch import UniquenessWatch
 from receding_fenicsx.scene.model import SolverOptions
 
 pytestmark = pytest.mark.one_rank
@@ -133,27 +127,3 @@ def test_nodes_that_may_land_count_in_the_static_problem_of_an_initial_slip(
     unique = found(node, table(node, [[0.0], [1.0]]), None, None, np.full(1, 0.01))
     assert unique.certified == (solutions == 1)
     assert unique.first_loading == unique.solutions == solutions
-
-
-@pytest.mark.parametrize("friction", [0.2, 0.9])
-def test_instants_that_were_met_before_are_known_and_no_others(
-    friction: float, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Hashes of instants save time only: the same sets of states are judged without them."""
-    system, met = block_system(40, 10, half=False), []
-    system = replace(system, f=np.full(system.n, friction))
-    keys, init, numbers = Instants.keys, UniquenessWatch.__init__, count()
-
-    def start(watch: UniquenessWatch, *args: Any, **options: Any) -> None:
-        init(watch, *args, **options)
-        met.append(watch._met)
-
-    monkeypatch.setattr(UniquenessWatch, "__init__", start)
-    found = []
-    for new in (keys, lambda one, marks: [next(numbers) for _ in keys(one, marks)]):
-        monkeypatch.setattr(Instants, "keys", new)
-        path = evolve(system, cyclic(12)).uniqueness
-        assert path is not None
-        found.append((path.certified, path.margin, path.solutions, path.cycle, path.leg, path.s))
-    assert met[0] == met[1] and sum(map(len, met[0].values())) > 20
-    assert found[0] == found[1]

@@ -106,8 +106,6 @@ class Sides(NamedTuple):
 Change = tuple[int, int, int, bool]
 """Node, old and new state, and whether it is a tie."""
 
-_PLACE = {FORWARD: 0, BACKWARD: 1, SEPARATION: 2, STICK: 3}
-
 
 class Instants(NamedTuple):
     """Instants of a leg: its start, and where states change."""
@@ -133,26 +131,8 @@ class Instants(NamedTuple):
         every = self.every
         return self.start, every.node, every.old, every.new, self.is_tie, self.first
 
-    def keys(self, marks: NDArray[np.uint64]) -> list[int]:
-        """Return a hash of each instant: of the states before it, and of what changes there.
-
-        ``marks`` are random numbers (N, 5, 5, 2) of changes of a node that are no ties, or are.
-        """
-        node, old, new, first = self.every.node, self.every.old, self.every.new, self.first
-        state = marks[:, 0, :, 0]
-        changed = np.where(self.is_tie, np.uint64(0), state[node, old] ^ state[node, new])
-        now = np.bitwise_xor.reduce(state[np.arange(len(self.start)), self.start])
-        before = now ^ np.append(np.uint64(0), np.bitwise_xor.accumulate(changed))[first[:-1]]
-        rank = np.arange(len(node)) - np.repeat(first[:-1], np.diff(first))
-        what = marks[node, old, new, self.is_tie.astype(int)] * (2 * rank + 1).astype(np.uint64)
-        summed = np.diff(np.append(np.uint64(0), what.cumsum())[first])
-        keys: list[int] = (before * np.uint64(0x9E3779B97F4A7C15) + summed).tolist()
-        return keys
-
-    def sides(
-        self, wanted: Iterable[int] | None = None, finite: Callable[[float], bool] | None = None
-    ) -> Iterator[tuple[float, Sides]]:
-        """Yield the place s of each instant, or some, and the sides with all slip that may be.
+    def sides(self, finite: Callable[[float], bool] | None = None) -> Iterator[tuple[float, Sides]]:
+        """Yield the place s of each instant, and the sides with all slip that may be.
 
         A node that was slipping, or that begins to, may slip or stick; so may a stuck one on a
         limit. One that comes into contact or leaves it, or whose slip turns round at once, may do
@@ -162,23 +142,14 @@ class Instants(NamedTuple):
         every, first = self.every, self.first.tolist()
         columns = every.node, every.old, every.new, self.is_tie
         rows = list(zip(*(column.tolist() for column in columns), strict=True))
-        now, row = [*Sides.of(self.start)[:3], 0], 0  # the last one is of no account
-
-        def go_to(end: int) -> Sides:
-            nonlocal row
-            for i, _, new, tie in rows[row:end]:
-                if not tie:
-                    others = ~(1 << i)
-                    now[:3] = now[0] & others, now[1] & others, now[2] & others
-                    now[_PLACE[new]] |= 1 << i
-            row = end
-            return Sides(*now[:3])
-
-        for k in range(len(first) - 1) if wanted is None else wanted:
+        now = Sides.of(self.start)
+        for k in range(len(first) - 1):
             s = float(every.s[first[k]]) if k else 0.0
-            before, group = go_to(first[k]), rows[first[k] : first[k + 1]]
+            before, group = now, rows[first[k] : first[k + 1]]
+            for i, _, new, tie in group:
+                now = now if tie else now.put(1 << i, new)
             if finite is not None and finite(s):
-                yield s, _loosest(go_to(first[k + 1]), [one for one in group if one[3]])
+                yield s, _loosest(now, [one for one in group if one[3]])
             else:
                 yield s, _loosest(before, group)
 

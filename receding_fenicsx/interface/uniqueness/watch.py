@@ -89,13 +89,9 @@ class UniquenessWatch:
         """Continue; ``in_steps`` if events are ends of load steps, not where states change."""
         self.found, self.in_steps = found, in_steps
         self.certificate, self._segments = Certificate(system), Segments(system)
-        # instants met before, and hashes of them, by direction of the leg
+        # instants met before, by direction of the leg
         self._met: dict[bytes, set[Sides]] = {}
-        self._keys: dict[bytes, set[int]] = {}
         self._legs: set[int] = set()  # hashes of whole legs, which mostly come again
-        self._marks = np.random.default_rng(0).integers(
-            0, 2**63, (system.n, 5, 5, 2), dtype=np.uint64
-        )
         self._patterns: list[Pattern] = []
         # met, and not proved to be definite
         self.indefinite: set[Sides] = set()
@@ -116,7 +112,6 @@ class UniquenessWatch:
             self._met[way].discard(sides)
         self._doubtful, self._left = [], 8
         self._judged.clear()
-        self._keys.clear()
         self._legs.clear()
 
     def add(
@@ -205,18 +200,15 @@ class UniquenessWatch:
             seen = {(s, i, state) for s, i, *states in events for state in states}
             ties = Changes.of(one for one in ties if (*one[:2], one[3]) not in seen)
             finite = self._is_finite
-        instants, wanted = Instants.of(start, events, ties), None
+        instants = Instants.of(start, events, ties)
         if finite is None:
             leg = hash((way, *(part.tobytes() for part in instants.columns)))
             if leg in self._legs:
                 return
             self._legs.add(leg)
-            keys, known = instants.keys(self._marks), self._keys.setdefault(way, set())
-            wanted = [k for k, key in enumerate(keys) if key not in known]
-            known.update(keys)
         rubbing, met = self.certificate.rubbing, self._met.setdefault(way, set())
         new = dict[Sides, float]()
-        for s, sides in instants.sides(wanted, finite):
+        for s, sides in instants.sides(finite):
             if sides not in met:
                 met.add(sides)
                 new[sides] = s
