@@ -189,36 +189,6 @@ class Pattern:
         return not nodes & (nodes - 1) or sum(self.turning[i] for i in nodes_of(nodes)) < 1.0
 
 
-def turned(pattern: Sides, one: Sides) -> int:
-    """Return the nodes that slip the other way in a set of states."""
-    return pattern.forward & one.backward | pattern.backward & one.forward
-
-
-def joined(pattern: Sides, one: Sides) -> Sides:
-    """Return a pattern with the slipping nodes of a set of states; those it has keep their way."""
-    forward, backward, *_ = pattern
-    forward, backward = forward | one.forward & ~backward, backward | one.backward & ~forward
-    return Sides(forward, backward, pattern.open | one.open, pattern.touching | one.touching)
-
-
-def grouped(sets: Sequence[Sides]) -> list[list[Sides]]:
-    """Sort sets of states into groups that share directions of slip but for one node of each."""
-    groups: list[list[Sides]] = []
-    united: list[Sides] = []
-    for one in sets:
-        for k, pattern in enumerate(united):
-            other = turned(pattern, one)
-            if not other & (other - 1):
-                break
-        else:
-            k = len(groups)
-            groups.append([])
-            united.append(Sides())
-        groups[k].append(one)
-        united[k] = joined(united[k], one)
-    return groups
-
-
 def certify(judge: Certificate, sets: Sequence[Sides], margin: float) -> Pattern | None:
     """Certify sets of states with all friction multiplied by a margin.
 
@@ -226,16 +196,16 @@ def certify(judge: Certificate, sets: Sequence[Sides], margin: float) -> Pattern
     first. The pattern holds all sets unless too many nodes are turned round or touch. Of a single
     set in which none touches None means that it is not definite with this friction.
     """
-    pattern, either, opened = Sides(), 0, sets[0].open
+    forward = backward = either = may_open = touching = 0
+    opened = sets[0].open
     for one in sets:
-        either |= turned(pattern, one)
-        pattern = joined(pattern, one)
-        opened &= one.open
+        either |= forward & one.backward | backward & one.forward
+        forward, backward = forward | one.forward & ~backward, backward | one.backward & ~forward
+        opened, touching = opened & one.open, touching | one.touching
+        may_open |= one.open | one.touching
     system, n, rubbing = judge.system, judge.system.n, judge.rubbing
-    may_open = pattern.open | pattern.touching
     varying = may_open & ~opened
-    unsigned = varying & rubbing & ~(pattern.forward | pattern.backward)
-    forward, backward = pattern.forward | unsigned, pattern.backward
+    forward |= varying & rubbing & ~backward
     state = Sides(forward, backward).states(n)
     # the rows v and w, and K_n of the slipping nodes, on the same columns
     slips, opening = judge.slipping(state), np.flatnonzero(mask_of(varying, n) & ~system.held[n:])
@@ -256,7 +226,7 @@ def certify(judge: Certificate, sets: Sequence[Sides], margin: float) -> Pattern
     except np.linalg.LinAlgError:
         return None
     # what it takes to turn round the slip of a node, round-off included
-    turns = np.flatnonzero(mask_of(either | pattern.touching & rubbing, n))
+    turns = np.flatnonzero(mask_of(either | touching & rubbing, n))
     if not len(turns):
         return Pattern(forward, backward, opened, may_open, rubbing, {}, 0)
     friction, now, at = system.friction[turns], state[turns], np.searchsorted(slips, turns)

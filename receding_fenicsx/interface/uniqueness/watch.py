@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -29,7 +28,6 @@ from receding_fenicsx.interface.uniqueness.certificate import (
     Pattern,
     certify,
     definite,
-    grouped,
 )
 from receding_fenicsx.interface.uniqueness.instants import (
     Instants,
@@ -230,47 +228,38 @@ class UniquenessWatch:
                 return False
         return one not in self.indefinite
 
-    def judge(self, sets: Sequence[Sides], made: list[Pattern] | None = None) -> None:
+    def judge(self, sets: list[Sides]) -> None:
         """Certify sets of states in which something slips; note those that are not definite.
 
-        ``made`` takes the patterns that are made; they are kept when it is left out.
+        They are certified all together, in halves, at last each alone.
         """
-        found = [] if made is None else made
-        for group in grouped(list(filter(self._is_new, sets))):
-            self._judge(group, found, 0)
-        if made is None:
-            self._patterns[:0] = found[::-1]
-
-    def _judge(self, sets: list[Sides], made: list[Pattern], seen: int) -> None:
-        """Certify a group together, in halves, at last each alone; ``seen`` hold none of it."""
-        while sets := [one for one in sets if not any(other.holds(one) for other in made[seen:])]:
-            seen = len(made)
+        while sets := [one for one in sets if self._is_new(one)]:
             pattern = certify(self.certificate, sets, LARGE_MARGIN)
             if pattern is not None and pattern.holds(sets[0]):
-                made.append(pattern)
+                self._patterns.insert(0, pattern)
             elif len(sets) > 1:
                 # those with fewer open nodes, and the others
                 ranked = sorted(range(len(sets)), key=lambda k: sets[k].open.bit_count())
                 for half in np.split(ranked, [len(sets) // 2]):
-                    self._judge([sets[k] for k in sorted(half)], made, seen)
+                    self.judge([sets[k] for k in sorted(half)])
                 return
             else:
-                if not self._is_definite(sets[0], made):
+                if not self._is_definite(sets[0]):
                     self.indefinite.add(sets[0])
                 return
 
-    def _is_definite(self, one: Sides, made: list[Pattern]) -> bool:
+    def _is_definite(self, one: Sides) -> bool:
         """Return whether the sets of states that the nodes may take are definite, one by one."""
         if not one.touching:
             self._measure(one)
             pattern = certify(self.certificate, [one], 1.0 + SAME_MARGIN)
             if pattern is not None:
-                made.append(pattern)
+                self._patterns.insert(0, pattern)
             return pattern is not None
         if not one.touches_few:
             return False
         sides = list(one.explicit(self.certificate.rubbing))
-        self.judge(sides, made)
+        self.judge(sides)
         return self.indefinite.isdisjoint(sides)
 
     def _measure(self, one: Sides) -> None:
