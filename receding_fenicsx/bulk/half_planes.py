@@ -197,7 +197,14 @@ def half_plane_of(
         size = float(np.ptp(contact.points[:, 0]))
     else:
         contact = first.contact
-        _check_straight(scene, contact)
+        outward = np.array([0.0, 1.0 if scene.contacts[0].edge == "top" else -1.0])
+        off = np.ptp(contact.points[:, 1]) > 1e-9 * np.ptp(contact.points[:, 0])
+        if off or np.abs(contact.normal - outward).max() > 1e-9:
+            raise InputError(
+                f"body '{scene.body.name}': the contact nodes of its partner do not lie on one "
+                f'horizontal line below which (edge "top") or above which (edge "bottom") the '
+                "half-plane lies; turn or exchange the bodies, or give the profile as initial_gap"
+            )
         size = first.size if isinstance(first, HalfPlane) else first.body.size
     constraints = np.eye(3)[~far.free[:3]]
     contact = replace(
@@ -268,20 +275,6 @@ def _stretched(part: HalfPlane, points: Array) -> Array:
 def _pivot(points: Array) -> Array:
     """Return the point that the far field rotates about: the middle of all contact nodes."""
     return np.asarray(0.5 * (points.min(axis=0) + points.max(axis=0)))
-
-
-def _check_straight(scene: Scene, partner: ContactNodes) -> None:
-    """Check that the partner's contact nodes lie on a horizontal line on the right side."""
-    (edge, *_) = {contact.edge for contact in scene.contacts}
-    outward = np.array([0.0, 1.0 if edge == "top" else -1.0])
-    length = np.ptp(partner.points[:, 0])
-    off = np.abs(partner.normal - outward).max() > 1e-9
-    if off or np.ptp(partner.points[:, 1]) > 1e-9 * length:
-        raise InputError(
-            f"body '{scene.body.name}': the contact nodes of its partner do not lie on one "
-            f'horizontal line below which (edge "top") or above which (edge "bottom") the '
-            "half-plane lies; turn or exchange the bodies, or give the profile as initial_gap"
-        )
 
 
 def _far_field(scene: Scene, names: tuple[str, ...], material: HalfPlaneMaterial) -> FarField:

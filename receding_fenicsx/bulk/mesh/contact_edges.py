@@ -42,11 +42,6 @@ class ContactFacets:
         line, sign = self.frame
         return sign * line.inward(points) + 0.0
 
-    def points(self, meshes: Sequence[RawMesh]) -> Array:
-        """Return the ends (k, 2, 2) of its facets."""
-        mesh = meshes[self.body]
-        return mesh.points[mesh.edges[self.edge][self.facets]]
-
 
 def find_interfaces(
     scene: Scene, meshes: Sequence[RawMesh], half: bool

@@ -74,8 +74,9 @@ def make_meshes(comm: MPI.Comm, scene: Scene, half: bool) -> tuple[BodyMesh, ...
     def tagged() -> list[tuple[dict[str, Any], tuple[NDArray[Any], ...]]]:
         meshes = raw_meshes(scene, half)
         interfaces = find_interfaces(scene, meshes, half and not scene.axisymmetric)
-        contacts = [side.points(meshes).reshape(-1, 2) for side in interfaces if not side.tie]
-        low, high = np.min(np.vstack(contacts), axis=0), np.max(np.vstack(contacts), axis=0)
+        sides = [(meshes[s.body], s) for s in interfaces if not s.tie]
+        ends = np.vstack([mesh.points[mesh.edges[s.edge][s.facets].ravel()] for mesh, s in sides])
+        low, high = ends.min(axis=0), ends.max(axis=0)
         size = max(mesh.size for mesh in meshes)
         shared = {"size": size, "pivot": 0.5 * (low + high), "half": half}
         found = []

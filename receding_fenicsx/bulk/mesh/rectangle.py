@@ -7,13 +7,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from importlib import resources
+from pathlib import Path
 
 import numpy as np
 
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.bulk.mesh.grading import Base, grade_half, graded
 from receding_fenicsx.bulk.mesh.raw_mesh import RawMesh
-from receding_fenicsx.bulk.mesh.user_mesh import geo_path, gmsh_model, mesh_of
+from receding_fenicsx.bulk.mesh.user_mesh import gmsh_model, mesh_of
 from receding_fenicsx.errors import InputError, MeshMisfit, SolveError
 from receding_fenicsx.scene.model import Body, Refinement, Scene
 from receding_fenicsx.scene.one_body import part_of
@@ -134,12 +136,14 @@ def _gmsh_half(frame: Frame, marks: Marks) -> RawMesh:
         "end_x": (marks.ends[:, 0] / unit).tolist(),
         "end_y": (marks.ends[:, 1] / unit).tolist(),
     }
-    path = str(geo_path("rectangle.geo"))
+    package = Path(str(resources.files("receding_fenicsx")))
+    # of the installed package, or of the repository
+    paths = [folder / "meshes" / "rectangle.geo" for folder in (package, package.parent)]
     with gmsh_model() as gmsh:
         for name, value in numbers.items():
             gmsh.parser.setNumber(name, value)
         try:
-            gmsh.merge(path)
+            gmsh.merge(str(paths[0] if paths[0].is_file() else paths[1]))
             if options.refine:
                 grade_half(gmsh, places_of(frame), marks.contact / unit, unit, frame.both)
             gmsh.model.mesh.generate(2)
@@ -156,17 +160,25 @@ def find_marks(frame: Frame) -> Marks:
     """Collect where loads, contact and supports need vertices, mirrored to s >= 0."""
     scene, near = frame.scene, frame.near
     wanted: list[tuple[str, Array]] = []
-    spans = [("contact.span", c.edge, c.span) for c in scene.contacts]
-    spans += [(f"{part.label} span", part.edge, part.span) for part in scene.edge_parts]
-    for key, edge, span in spans:
-        if span is not None:
-            wanted += [(key, place) for place in frame.on_edge(edge, span)]
+    uses = [("contact.span", c.edge, c.span) for c in scene.contacts]
+    uses += [(f"{part.label} span", part.edge, part.span) for part in scene.edge_parts]
+    uses += [("support", s.edge, None) for s in scene.supports if s.edge is not None]
+    uses += [("opposite", OPPOSITE[frame.edge], None)] if frame.both else []
+    ends = {}
+    for key, edge, span in uses:
+        places = frame.on_edge(edge, span or edge_range(scene, edge))
+        wanted += [(key, place) for place in places] if span is not None else []
+        for s, d in places.tolist() if key != "contact.span" else ():
+            # nothing ends on the axis of a body of revolution
+            if d > near and not (is_cylinder(scene, scene.body) and s <= near):
+                ends[round(abs(s) / near), round(d / near)] = abs(s), d
     for key, parts in (("support.point", scene.supports), ("spring.point", scene.springs)):
         for part in parts:
             if isinstance(part.point, tuple):
                 wanted += [(key, place) for place in frame.from_body(np.array([part.point]))]
 
-    dx = frame.length / scene.mesh.contact_elements
+    n = scene.mesh.contact_elements
+    dx = frame.length / n
     columns = scene.mesh.cell == "quadrilateral"
     stops: list[float] = []
     top, side, inner = [], [], []
@@ -182,7 +194,12 @@ def find_marks(frame: Frame) -> Marks:
             stops.append(s)
             continue
         if (on_contact or (columns and not on_side)) and abs(s - round(s / dx) * dx) > near:
-            raise MeshMisfit(_misfit(frame, key, s))
+            steps = ((m, frame.length / m) for m in range(n, 20 * n, 2))
+            fits = [m for m, step in steps if abs(s - round(s / step) * step) <= near]
+            raise MeshMisfit(
+                f"mesh.contact_elements = {n} puts no vertex {s:g} from the middle, where {key} "
+                f"needs one; {f'use {fits[0]}' if fits else f'move it to a multiple of {dx:g}'}"
+            )
         if on_contact or (on_top and (on_side or s == 0.0)):
             continue
         if on_top:
@@ -192,7 +209,7 @@ def find_marks(frame: Frame) -> Marks:
         else:
             inner.append((s, d))
     points = np.array(sorted(set(inner))).reshape(-1, 2)
-    n, half = scene.mesh.contact_elements, 0.5 * frame.length
+    half = 0.5 * frame.length
     stations = frame.length * np.arange(n // 2 + 1) / n
     if scene.mesh.refine:
         base = Base(np.array([0.0, half]), np.array([dx]))
@@ -204,7 +221,9 @@ def find_marks(frame: Frame) -> Marks:
         ordered = np.sort(np.array(values, dtype=float))
         return ordered[np.diff(ordered, prepend=-np.inf) > near]
 
-    return Marks(stations, apart(top), apart(side), points, _find_ends(frame))
+    return Marks(
+        stations, apart(top), apart(side), points, np.array(sorted(ends.values())).reshape(-1, 2)
+    )
 
 
 def places_of(frame: Frame) -> list[Refinement]:
@@ -220,34 +239,6 @@ def places_of(frame: Frame) -> list[Refinement]:
         low, high = frame.on_edge(place.edge, place.span)[:, 0].tolist()
         found += [replace(place, at=(low, high)), replace(place, at=(-high, -low))]
     return found
-
-
-def _find_ends(frame: Frame) -> Array:
-    """Return where loads and supports end off the contact edge, mirrored to s >= 0."""
-    scene, near = frame.scene, frame.near
-    spans = [(part.edge, part.span) for part in scene.edge_parts]
-    spans += [(support.edge, None) for support in scene.supports if support.edge is not None]
-    spans += [(OPPOSITE[frame.edge], None)] if frame.both else []
-    ends = {}
-    for edge, span in spans:
-        for s, d in frame.on_edge(edge, span or edge_range(scene, edge)).tolist():
-            # nothing ends on the axis of a body of revolution
-            if d > near and not (is_cylinder(scene, scene.body) and s <= near):
-                ends[round(abs(s) / near), round(d / near)] = abs(s), d
-    return np.array(sorted(ends.values())).reshape(-1, 2)
-
-
-def _misfit(frame: Frame, key: str, s: float) -> str:
-    """Return the error message for a position between the vertices of the contact edge."""
-    n = frame.scene.mesh.contact_elements
-    text = (
-        f"mesh.contact_elements = {n} puts no vertex {s:g} from the middle, where {key} needs one"
-    )
-    for m in range(n, 20 * n, 2):
-        dx = frame.length / m
-        if abs(s - round(s / dx) * dx) <= frame.near:
-            return f"{text}; use {m}"
-    return f"{text}; move it to a multiple of {frame.length / n:g}"
 
 
 def snap(frame: Frame, marks: Marks, mesh: RawMesh) -> None:

@@ -9,7 +9,6 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from importlib import resources
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -47,15 +46,6 @@ def gmsh_model() -> Iterator[Any]:
         gmsh.model.remove()
         if ours:
             gmsh.finalize()
-
-
-def geo_path(name: str) -> Path:
-    """Return the path of a .geo file of the installed package, or of the repository."""
-    package = Path(str(resources.files("receding_fenicsx")))
-    for path in (package / "meshes" / name, package.parent / "meshes" / name):
-        if path.is_file():
-            return path
-    raise InputError(f"the geometry '{name}' is missing from the package; install it again")
 
 
 def mesh_of(gmsh: Any, surface: str | None, where: str, scale: float) -> RawMesh:
