@@ -16,7 +16,7 @@ as in the rest of the package. K has no coupling of $q_b$ and $\eta$.
 from __future__ import annotations
 
 import inspect
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -40,7 +40,7 @@ from receding_fenicsx.scene.model import Scene
 from receding_fenicsx.scene.toml_file import read_scene
 from receding_fenicsx.scene.validate import validate
 from receding_fenicsx.scene.validate_loads import of_modes
-from receding_fenicsx.store.hdf5 import new_hdf5, write
+from receding_fenicsx.store.hdf5 import new_hdf5, write_all
 from receding_fenicsx.timing import Timer
 
 
@@ -79,8 +79,7 @@ class ReducedModel:
     def save(self, path: str | Path, overwrite: bool = False) -> None:
         """Write the model as HDF5 with a description."""
         with new_hdf5(Path(path), overwrite, "receding_fenicsx reduced model") as file:
-            for field in fields(self):
-                write(file, field.name, getattr(self, field.name))
+            write_all(file, self)
             file.attrs["description"] = inspect.getdoc(ReducedModel) or ""
 
 

@@ -183,8 +183,7 @@ def _message(kind: type, item: dict[str, Any], label: Callable[[Place], tuple[st
         choices = bounds["expected"].replace("'", '"')
         return f"{where}: {shown} is unknown; use {choices}"
     if error == "string_too_long":
-        most = bounds["max_length"]
-        return f"{where}: must have at most {most} characters, not {len(value)}"
+        return f"{where}: must have at most {bounds['max_length']} characters, not {len(value)}"
     wanted = "a finite number" if error == "finite_number" else item["msg"]
     if pair:
         wanted = "a pair [a, b]"
@@ -200,10 +199,8 @@ def _message(kind: type, item: dict[str, Any], label: Callable[[Place], tuple[st
                 beyond = f"{'below' if bound == SMALLEST else 'beyond'} {bound:g}"
                 return f"{where}: {shown} is {beyond}; choose units in which it is nearer to 1"
             wanted = f"{words} {bound if isinstance(bound, int) else f'{bound:g}'}"
-            if bound == SMALLEST or (key == "gt" and bound == 0):
-                wanted = "positive"
-            elif wanted == "at least 0":
-                wanted = "0 or more"
+            positive = dict.fromkeys(("above 0", f"at least {SMALLEST:g}"), "positive")
+            wanted = (positive | {"at least 0": "0 or more"}).get(wanted, wanted)
     return f"{where}: must be {wanted}, not {shown}"
 
 

@@ -91,21 +91,8 @@ def open_file(path: str | Path, kind: str) -> Iterator[h5py.File]:
         raise InputError(f"{path}: {other}; create it again") from None
 
 
-def write(group: h5py.Group, name: str, value: Any) -> None:
-    """Write arrays as datasets, everything else as an attribute."""
-    if isinstance(value, np.ndarray):
-        # number of values from which an array is compressed (without loss)
-        big = value.size >= 4096
-        options = {"compression": "gzip", "compression_opts": 1, "shuffle": True} if big else {}
-        group.create_dataset(name, data=value, **options)
-    elif isinstance(value, tuple):
-        group.attrs.create(name, list(value), dtype=h5py.string_dtype(), shape=(len(value),))
-    else:
-        group.attrs[name] = value
-
-
 def read(group: h5py.Group, name: str) -> Any:
-    """Read a value that :func:`write` wrote, as an array or a Python type."""
+    """Read a value that :func:`write_all` wrote, as an array or a Python type."""
     if name in group:
         return np.asarray(group[name][()])
     value = group.attrs[name]
@@ -120,24 +107,31 @@ def _place(group: h5py.Group, kind: type, name: str) -> h5py.Group:
     return group["nodes"] if kind is Record and name in of_nodes else group
 
 
-def _write_all(group: h5py.Group, data: Any, prefix: str = "") -> None:
-    """Write the values of a dataclass, and inner ones in groups of their own; None is left out."""
+def write_all(group: h5py.Group, data: Any, prefix: str = "") -> None:
+    """Write a dataclass: arrays as datasets, inner ones as groups, else attributes but for None."""
     if isinstance(data, Record):
         group.create_group("nodes")
     for field in dataclasses.fields(data):
         name, value = field.name, getattr(data, field.name)
+        place, key = _place(group, type(data), name), prefix + name
         if name == "choices":  # instants with several continuations
             group.attrs[name] = json.dumps([asdict(choice) for choice in value])
         elif name == "probes" and isinstance(data, ContactSystem) and value is not None:
-            _write_all(group, value, "probes/")  # attributes too are those of the file
+            write_all(group, value, "probes/")  # attributes too are those of the file
         elif dataclasses.is_dataclass(value):
-            _write_all(group.create_group(name), value)
+            write_all(group.create_group(name), value)
+        elif isinstance(value, np.ndarray):
+            # large ones are compressed, without loss
+            how = {"compression": "gzip", "compression_opts": 1, "shuffle": True}
+            place.create_dataset(key, data=value, **(how if value.size >= 4096 else {}))
+        elif isinstance(value, tuple):
+            place.attrs.create(key, list(value), dtype=h5py.string_dtype(), shape=(len(value),))
         elif value is not None:
-            write(_place(group, type(data), name), prefix + name, value)
+            place.attrs[key] = value
 
 
 def _read_all(group: h5py.Group, kind: Any, prefix: str = "") -> Any:
-    """Read a dataclass that :func:`_write_all` wrote."""
+    """Read a dataclass that :func:`write_all` wrote."""
     values: dict[str, Any] = {}
     hints = get_type_hints(kind)
     for name, optional in ((f.name, f.default is None) for f in dataclasses.fields(kind)):
@@ -161,7 +155,7 @@ def _read_all(group: h5py.Group, kind: Any, prefix: str = "") -> Any:
 def write_record(path: str | Path, record: Record, overwrite: bool = False) -> None:
     """Write ``record.h5``; InputError where the file exists already or cannot be written."""
     with new_hdf5(path, overwrite, "receding_fenicsx record") as file:
-        _write_all(file, record)
+        write_all(file, record)
 
 
 def read_record(path: str | Path) -> Record:
@@ -177,7 +171,7 @@ def write_system(path: str | Path, system: ContactSystem, overwrite: bool = Fals
     InputError where the file exists already or cannot be written.
     """
     with new_hdf5(path, overwrite, "receding_fenicsx contact system") as file:
-        _write_all(file, system)
+        write_all(file, system)
         file.attrs["description"] = inspect.getdoc(ContactSystem) or ""
         file.attrs["digest"] = digest(known_scene(system.scene_toml)) if system.scene_toml else ""
 
