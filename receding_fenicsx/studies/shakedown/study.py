@@ -95,36 +95,34 @@ def limits_at(
     return {"limits": found}
 
 
+@mpl.rc_context(style.RC)
 def diagram_figure(diagram: Diagram, opening: Opening | None = None) -> Figure:
     """Draw both limits: mean load along, load range up; a dot for the range with opening nodes."""
     x, lower, upper = diagram.mean, diagram.lower, diagram.upper
-    with mpl.rc_context(style.RC):
-        figure = style.new_figure(style.COLUMN, 2.9)
-        axes = figure.subplots()
-        seen = np.append(upper[np.isfinite(upper)], 0.0 if opening is None else opening.value)
-        top = 1.25 * float(seen.max()) or 1.0
-        for low, high, colour in ((0.0 * x, lower, "#bdbdbd"), (lower, upper, "#e6e6e6")):
-            axes.fill_between(x, np.minimum(low, top), np.minimum(high, top), color=colour, lw=0)
-        axes.plot(x, upper, color="black", label=r"$\lambda_2$")
-        axes.plot(x, lower, color="black", ls=(0, (4, 2)), label=r"$\lambda_1$")
-        axes.axvline(diagram.given, **style.GUIDE)
-        if opening is not None:
-            dot = [diagram.given], [opening.value]
-            axes.plot(*dot, "o", color="black", ms=4, zorder=5, label="opens without slip")
-        entries = [
-            mpl.patches.Patch(fc=colour, ec="black", lw=0.4, label=label)
-            for colour, label in (
-                ("white", "slips for ever, or opens"),
-                ("#e6e6e6", "depends on the start"),
-                ("#bdbdbd", "shakes down"),
-            )
-        ]
-        handles = [*axes.get_legend_handles_labels()[0], *entries]
-        figure.legend(handles=handles, loc="outside upper center", ncols=3, columnspacing=1.0)
-        axes.set(xlim=(x.min(), x.max()) if len(x) > 1 else None, ylim=(0.0, top))
-        axes.set(
-            xlabel=f"mean load factor of {load_text(diagram.load)}", ylabel=r"load range $\lambda$"
-        )
+    figure = style.new_figure(style.COLUMN, 2.9)
+    axes = figure.subplots()
+    seen = np.append(upper[np.isfinite(upper)], 0.0 if opening is None else opening.value)
+    top = 1.25 * float(seen.max()) or 1.0
+    areas = (
+        ("#bdbdbd", "shakes down", 0.0 * x, lower),
+        ("#e6e6e6", "depends on the start", lower, upper),
+    )
+    for colour, _, low, high in areas:
+        axes.fill_between(x, np.minimum(low, top), np.minimum(high, top), color=colour, lw=0)
+    axes.plot(x, upper, color="black", label=r"$\lambda_2$")
+    axes.plot(x, lower, color="black", ls=(0, (4, 2)), label=r"$\lambda_1$")
+    axes.axvline(diagram.given, **style.GUIDE)
+    if opening is not None:
+        dot = [diagram.given], [opening.value]
+        axes.plot(*dot, "o", color="black", ms=4, zorder=5, label="opens without slip")
+    entries = (("white", "slips for ever, or opens"), *(area[:2] for area in areas[::-1]))
+    handles = axes.get_legend_handles_labels()[0]
+    handles += [mpl.patches.Patch(fc=c, ec="black", lw=0.4, label=text) for c, text in entries]
+    figure.legend(handles=handles, loc="outside upper center", ncols=3, columnspacing=1.0)
+    axes.set(xlim=(x.min(), x.max()) if len(x) > 1 else None, ylim=(0.0, top))
+    axes.set(
+        xlabel=f"mean load factor of {load_text(diagram.load)}", ylabel=r"load range $\lambda$"
+    )
     return figure
 
 
@@ -247,12 +245,6 @@ def second_mesh(scene: Scene, body: str, systems: Path | None) -> dict[str, Any]
     return {"nodes": len(found.separated), "lower": found.lower, "upper": found.upper}
 
 
-def cycles_of(scene: Scene, system: ContactSystem, limits: ShakedownLimits) -> dict[str, Any]:
-    """Return the interval in which exact cycles begin to slip for ever."""
-    given, start = scene.shakedown, limits.safe_slip_modelled
-    return {"interval": limit_by_cycles(system, given.mean, given.range, limits.upper, start)}
-
-
 def opening_of(
     scene: Scene, system: ContactSystem, limits: ShakedownLimits, seen: float
 ) -> dict[str, Any]:
@@ -264,7 +256,8 @@ def opening_of(
 
 def measure(work: Any, *arguments: Any) -> dict[str, Any]:
     """Measure one case by its own function."""
-    return dict(work(*arguments))
+    found = work(*arguments)
+    return dict(found) if isinstance(found, dict) else {"interval": found}
 
 
 def _combined(
@@ -300,7 +293,8 @@ def _combined(
     if partner is not None:
         work["second mesh"] = (second_mesh, partner, body_of(partner), runner.systems)
     if plays:
-        work["exact cycles"] = (cycles_of, scene, system, limits)
+        range_of = given.mean, given.range, limits.upper, limits.safe_slip_modelled
+        work["exact cycles"] = (limit_by_cycles, system, *range_of)
     found = outcomes(work)
     for reason in (each.error for name, each in found.items() if name != "second mesh"):
         if reason:
