@@ -184,6 +184,13 @@ def test_nodes_that_open_where_the_pressure_is_read_wear_by_their_dissipation() 
         assert depth == pytest.approx(10.0 * pairs.rate[node] * row["energy"][node], rel=1e-12)
 
 
+def test_steps_of_a_singular_system_fail_as_a_solve(monkeypatch: pytest.MonkeyPatch) -> None:
+    pairs = pairs_of(cylinders(20))
+    monkeypatch.setattr(pairs, "increments", lambda *_: np.linalg.inv(np.zeros((1, 1))))
+    with pytest.raises(rf.SolveError, match="Singular matrix"):
+        advance(pairs, pairs.begin(), 0.2, 100.0)
+
+
 def test_carried_profiles_become_node_pairs_for_small_strokes() -> None:
     scene = sliding(60, 0.1)
     pairs = pairs_of(scene)

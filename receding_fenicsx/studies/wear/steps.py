@@ -350,8 +350,9 @@ def advance(model: NodePairs, row: Row, tolerance: float, last: float) -> Row:
                 found = model.settled(middle, worn - half)
                 break
             failure: SolveError | None = None
-        except SolveError as failed:
-            failure, ratio = failed, 4.0
+        except (SolveError, np.linalg.LinAlgError) as failed:
+            singular = SolveError(f"wear: an implicit step has no solution ({failed})")
+            failure, ratio = failed if isinstance(failed, SolveError) else singular, 4.0
         if step <= 1.0:
             raise failure or SolveError(
                 f"[wear] tolerance: after {row['cycles']:g} cycles a step of one cycle has an "
