@@ -181,14 +181,9 @@ def natural_states(
     """Return the states whose pieces of the natural map hold at a trial point.
 
     A node is open where the trial pressure is not positive. In contact it slips where the trial
-    tangential reaction is beyond a limit, or without friction, and sticks elsewhere.
-
-    Args:
-        friction: coefficients of the nodes.
-        P: (N,) normal reactions, which set the limits.
-        trial: (N,) trial reactions Q - k_t dv and P - k_n g.
-        loose: (N,) nodes that are not held tangentially.
-        can_open: (N,) nodes that are not held normally.
+    tangential reaction is beyond a limit, or without friction, and sticks elsewhere. P sets the
+    limits, ``trial`` are Q - k_t dv and P - k_n g; ``loose`` nodes are not held tangentially,
+    those that ``can_open`` not normally.
     """
     low, high = friction.limits(P)
     state = np.full(len(P), STICK, dtype=np.int8)

@@ -33,25 +33,17 @@ Key = tuple[int, int, int]
 
 @dataclass(frozen=True)
 class Choice:
-    """An instant with several continuations.
+    """An instant with several continuations."""
 
-    Attributes:
-        cycle, leg, s: place on the load path.
-        load: load factors.
-        nodes: modelled nodes whose states differ between the continuations.
-        solutions: number of continuations.
-        taken: the one that was taken, from 1; 1 is the one that is found first.
-        states: states of these nodes in each continuation.
-    """
-
+    # cycle, leg, s: place on the load path
     cycle: int
     leg: int
     s: float
-    load: tuple[float, ...]
-    nodes: tuple[int, ...]
-    solutions: int
-    taken: int
-    states: tuple[tuple[int, ...], ...]
+    load: tuple[float, ...]  # load factors
+    nodes: tuple[int, ...]  # modelled nodes whose states differ between the continuations
+    solutions: int  # number of continuations
+    taken: int  # the one that was taken, from 1; 1 is the one that is found first
+    states: tuple[tuple[int, ...], ...]  # states of these nodes in each continuation
 
 
 @dataclass

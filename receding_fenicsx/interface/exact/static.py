@@ -134,11 +134,9 @@ def _sweep(
     system: ContactSystem, start: ContactState, load: Array, sweeps: int, residual: float
 ) -> ContactState | None:
     """Solve by Gauss-Seidel with polish, in so many sweeps to so small a residual."""
-    options = GaussSeidelOptions(
-        max_sweeps=sweeps, stalled_sweeps=sweeps, residual_tolerance=residual
-    )
+    options = GaussSeidelOptions(max_sweeps=sweeps, residual_tolerance=residual)
     try:
-        return solve_step(system, start, load, options).end
+        return solve_step(system, start, load, options, patient=True).end
     except NotConverged:
         return None
 

@@ -144,8 +144,6 @@ class GaussSeidelOptions:
         change_tolerance: eq. (16), last change of a displacement over the step's largest one.
         residual_tolerance: residual of the contact law over the history's largest nodal force.
         max_sweeps: sweeps after which the step is given up with an error.
-        stalled_sweeps: sweeps, or 10 for each node, that must cut the residual to a tenth; those
-        that do not cycle or creep and are stopped before.
     """
 
     over_relaxation: float = 1.5
@@ -153,7 +151,6 @@ class GaussSeidelOptions:
     change_tolerance: float = 1e-10
     residual_tolerance: float = 1e-12
     max_sweeps: int = 20000
-    stalled_sweeps: int = 1000
 
 
 class Stalled(NotConverged):
@@ -167,11 +164,12 @@ def solve_step(
     options: GaussSeidelOptions,
     force_scale: float = 0.0,
     guess: ContactState | None = None,
+    patient: bool = False,
 ) -> Leg:
     """Advance the contact from ``start`` to the load factors (n_loads,) in one step.
 
-    The sweeps begin with a ``guess``, by default ``start``. Each node dissipates
-    -(Q_old + Q_new)/2 (v_new - v_start).
+    The sweeps begin with a ``guess``, by default ``start``. Unless ``patient``, those that cycle or
+    creep are stopped. Each node dissipates -(Q_old + Q_new)/2 (v_new - v_start).
 
     Raises:
         NotConverged: the sweeps ran out; the message holds the residual and the worst node.
@@ -182,8 +180,8 @@ def solve_step(
     # forces that change by less than this do not count: displacements of round-off never settle
     noise = 8.0 * float(np.finfo(float).eps) * largest
     still = noise / max(float(np.max(sweeper.stiffness)), float(np.finfo(float).tiny))
-    # plain sweeps carry a change on by about one node: more of them in a large contact
-    patience = max(options.stalled_sweeps, 10 * system.n)
+    # that must cut the residual to a tenth; plain sweeps carry a change on by about one node
+    patience = options.max_sweeps if patient else max(1000, 10 * system.n)
     settled = since_check = gained_at = 0
     best = gained = np.inf
     residual, worst = np.inf, 0
@@ -202,7 +200,12 @@ def solve_step(
             continue
         since_check = 0
         residual, worst, scale = sweeper.residual(force_scale)
-        if sweeper.reached(residual, scale) and (small or sweeper.polished):
+        # under its tolerance, or as small as round-off allows
+        tolerance = options.residual_tolerance
+        reached = residual <= tolerance or (
+            residual <= 100.0 * tolerance and residual <= round_off(system, sweeper.u, scale)
+        )
+        if reached and (small or sweeper.polished):
             return sweeper.accept(residual, scale, sweep)
         if residual > 10.0 * best:
             # over-relaxation has no convergence proof with friction
@@ -316,13 +319,6 @@ class _Sweeper:
             self.polished = True
         else:
             self.u, self.r, self.v_ref = old
-
-    def reached(self, residual: float, scale: float) -> bool:
-        """Return whether the residual is under its tolerance, or as small as round-off allows."""
-        tolerance = self.options.residual_tolerance
-        if residual <= tolerance or residual > 100.0 * tolerance:
-            return residual <= tolerance
-        return residual <= round_off(self.system, self.u, scale)
 
     def residual(self, force_scale: float) -> tuple[float, int, float]:
         """Return the fresh relative residual, its worst entry, and the force scale."""

@@ -105,8 +105,7 @@ class GaussSeidelPath:
     def static_leg(self, start: ContactState, ends: tuple[Array, Array], force_scale: float) -> Leg:
         """Jump to the end of a leg in one step; slip is counted from ``start``."""
         self._check_equilibrium(ends, 1.0)
-        patient = replace(self.options, stalled_sweeps=self.options.max_sweeps)
-        leg = solve_step(self.system, start, ends[1], patient, force_scale)
+        leg = solve_step(self.system, start, ends[1], self.options, force_scale, patient=True)
         leg.events = Changes.between(1.0, start.state, leg.end.state)
         leg.stops, leg.samples = [(1.0, leg.end.u)], [(1.0, leg.end)]
         return leg
@@ -218,9 +217,8 @@ class GaussSeidelPath:
         Returned are the walk at the place where the path ends or the part does, why the path ends,
         and whether the part ends at complete unloading, just beyond the walk.
         """
-        scale = problem.force_scale
-        for load in problem.ends:
-            scale = largest_force(self.system, load, problem.start.r, scale)
+        ends, start = np.array(problem.ends), problem.start
+        scale = largest_force(self.system, ends, start.r, problem.force_scale)
         walk = self.exact.walk(replace(problem, force_scale=scale))
         short = stops_short(self.exact.segments, problem.load(s_end))
         try:
@@ -264,10 +262,8 @@ class GaussSeidelPath:
         patient: bool = False,
     ) -> Leg:
         """Solve a part by sweeps, which may creep to the largest number of them if ``patient``."""
-        scale, options = leg.force_scale, self.options
-        if patient:
-            options = replace(options, stalled_sweeps=options.max_sweeps)
-        step = solve_step(self.system, leg.end, part[1], options, scale, guess)
+        scale = leg.force_scale
+        step = solve_step(self.system, leg.end, part[1], self.options, scale, guess, patient)
         mean = 0.5 * (part[0] + part[1])
         step.work = float(mean @ self.system.r_star @ (step.end.u - leg.end.u))
         leg.sweeps += step.sweeps

@@ -36,21 +36,13 @@ PROVED, CONJECTURE = "proved", "conjecture"
 
 @dataclass(frozen=True)
 class Active:
-    """A margin that vanishes at a limit.
+    """A margin that vanishes at a limit."""
 
-    Attributes:
-        limit: "lower" or "upper".
-        node: contact node of the model.
-        x: its position.
-        kind: "forward slip", "backward slip", "unloads" or "touches".
-        vertex: vertex of the range at which the margin vanishes, from 0.
-    """
-
-    limit: str
-    node: int
-    x: float
-    kind: str
-    vertex: int
+    limit: str  # "lower" or "upper"
+    node: int  # contact node of the model
+    x: float  # its position
+    kind: str  # "forward slip", "backward slip", "unloads" or "touches"
+    vertex: int  # vertex of the range at which the margin vanishes, from 0
 
 
 @dataclass(frozen=True, repr=False)

@@ -41,28 +41,19 @@ of such a force, that the programs look at (the big M of the binaries)."""
 
 @dataclass(frozen=True)
 class Opening:
-    """Largest range round which a motion without slip was found, and the motion.
+    """Largest range round which a motion without slip was found, and the motion."""
 
-    Attributes:
-        value: lambda.
-        top: the largest lambda that was looked at.
-        slip: (N,) tangential displacements at the first corner.
-        closed: (intervals, N) nodes that are closed between the points.
-        best: no such motion goes further with as many changes of the set as nodes may open
-            (two on each leg of a loop), these nodes, and numbers below ``LARGEST``.
-        cut: the search ended before its last program was solved.
-        residual: largest violation of the contact law at the points, over the largest force.
-        dissipation: largest of exact cycles from ``slip`` at just below ``value``, over F^2 / K_ii
-            of the largest force F; NaN before they are played.
-    """
-
-    value: float
-    top: float
-    slip: Array
-    closed: NDArray[np.bool_]
+    value: float  # lambda
+    top: float  # the largest lambda that was looked at
+    slip: Array  # (N,) tangential displacements at the first corner
+    closed: NDArray[np.bool_]  # (intervals, N) nodes that are closed between the points
+    # no such motion goes further with as many changes of the set as nodes may open (two on each leg
+    # of a loop), these nodes, and numbers below ``LARGEST``
     best: bool
-    cut: bool
-    residual: float
+    cut: bool  # the search ended before its last program was solved
+    residual: float  # largest violation of the contact law at the points, over the largest force
+    # largest of exact cycles from ``slip`` at just below ``value``, over F^2 / K_ii of the largest
+    # force F; NaN before they are played
     dissipation: float = np.nan
 
 

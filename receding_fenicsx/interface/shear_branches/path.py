@@ -84,7 +84,7 @@ class BranchedPath:
         self, start: ContactState, ends: tuple[Array, Array], force_scale: float, samples: int = 0
     ) -> Leg:
         """Follow one leg, as :meth:`EventPath.trace_leg` does."""
-        scale = max(largest_force(self.system, load, start.r, force_scale) for load in ends)
+        scale = largest_force(self.system, np.array(ends), start.r, force_scale)
         places = evenly_spaced(samples)
         whole = LegProblem(start, ends, scale, () if self.steps else places)
         stored = {round(place * self.steps) / self.steps for place in places if self.steps}
@@ -115,7 +115,7 @@ class BranchedPath:
         Raises:
             SolveError: no state that satisfies the contact law was found.
         """
-        scale = max(largest_force(self.system, load, start.r, force_scale) for load in ends)
+        scale = largest_force(self.system, np.array(ends), start.r, force_scale)
         problem, now = LegProblem(start, ends, scale), self.cones.branches_of(start)
         tried = Tried(self.cones)
         while True:
@@ -199,16 +199,16 @@ class BranchedPath:
         """Follow a piece of a leg in given branches; return it, its end, and why it ends early."""
         path, force, inner = self._inner(now, problem)
         assert isinstance(path, EventPath)
-        s, begun, scale = problem.s_start, inner.start, problem.force_scale
+        s, begun = problem.s_start, inner.start
         turned = Changes.between(s, problem.start.state, begun.state)
-        for load in (inner.load(s), inner.load(target)):
-            scale = largest_force(path.system, load, begun.r, scale)
+        ends = inner.load(s), inner.load(target)
+        scale = largest_force(path.system, np.array(ends), begun.r, problem.force_scale)
         places = tuple(place for place in problem.samples if s < place < target)
         inner = replace(inner, force_scale=scale, samples=(*places, target))
         found, end, error = None, target, None
-        if not np.any(force) and not (np.any(inner.load(s)) and np.any(inner.load(target))):
+        if not np.any(force) and not (np.any(ends[0]) and np.any(ends[1])):
             # from no load or to none, which a walk does not end at
-            whole = inner.piece(begun, (inner.load(s), inner.load(target)), scale, (s, target))
+            whole = inner.piece(begun, ends, scale, (s, target))
             with suppress(SolveError):
                 found = path.trace(whole).placed(target - s, s)
                 one = (state for _, state in found.samples)
@@ -219,10 +219,10 @@ class BranchedPath:
                 walk.run(target)
             except SolveError as lost:
                 error = lost
-            ends = error is not None
+            stops = error is not None
             if error is not None and ends_with_leg(walk, error):
                 walk.path.place[0], error = 1.0, None
-            end, found = walk.s, walk.stop_here() if ends else walk.finish()
+            end, found = walk.s, walk.stop_here() if stops else walk.finish()
         found.events = Changes.joined(turned, found.events)
         found = self._outer(found, problem, force, end)
         found.samples = [(at, one) for at, one in found.samples if at in problem.samples]
