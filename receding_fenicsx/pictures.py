@@ -19,7 +19,8 @@ from receding_fenicsx.bulk.from_scene import bulk_of
 from receding_fenicsx.evolution.instants import Instant
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.evolution.replay import instant_of
-from receding_fenicsx.measures.limit_nodes import as_shown
+from receding_fenicsx.interface.mirror import mirror_of
+from receding_fenicsx.measures.limit_nodes import shown_states
 from receding_fenicsx.mpi import world
 from receding_fenicsx.output import plots, snapshots
 from receding_fenicsx.scene import history
@@ -32,7 +33,7 @@ if TYPE_CHECKING:
 
     from receding_fenicsx.bulk.stack import Stack
     from receding_fenicsx.interface.branches.critical_friction import CriticalFriction
-    from receding_fenicsx.interface.system import ContactSystem
+from receding_fenicsx.interface.system import ContactSystem
 
 
 def snapshot(
@@ -203,7 +204,8 @@ def shown_instant(
     scene: Scene, system: ContactSystem, record: Record, where: tuple[int, str, float]
 ) -> Instant:
     """Return an instant with the states that zone maps show; ``where`` is cycle, leg and s."""
-    return as_shown(record, system, instant_of(scene, system, record, *where))
+    found, own = instant_of(scene, system, record, *where), ~mirror_of(system).left
+    return found._replace(shown=shown_states(record, found.cycle, found.state.state, own))
 
 
 def plot(record: Record, folder: Path) -> list[Path]:

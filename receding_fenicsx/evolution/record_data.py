@@ -84,16 +84,8 @@ class Cycles:
 class Probes:
     """Displacements and stresses at the m points of the probes, at n instants along the path.
 
-    The instants are all turning points, and the samples and events of the kept cycles.
-
-    Attributes:
-        names: name of the probe of each point.
-        points: (m, 2) coordinates.
-        kind: (n,) 0 for a turning point, 1 for a sample, 2 for an event.
-        cycle, leg, s: (n,) where on the load path, as in :class:`States`; in its order.
-        load: (n, n_loads) load factors.
-        displacement: (n, m, 2) displacements u_x, u_y.
-        stress: (n, m, 4) stresses s_xx, s_yy, s_zz, s_xy.
+    ``names`` has the name of the probe of each point; ``kind`` is 0 for a turning point, 1 for a
+    sample, 2 for an event of a kept cycle. All else is as in ``ProbeHistory``.
     """
 
     names: tuple[str, ...]

@@ -252,13 +252,11 @@ def stick_at_rest(model: ContactSystem, start: ContactState, leg: Leg) -> None:
     still[leg.events.node[leg.events.new == SEPARATION]] = False
     if still.any():
         leg.events = leg.events.select(~still[leg.events.node])
-        states = [(1.0, leg.end), *leg.samples]
-        stuck = [
-            replace(one, state=np.where(still, STICK, one.state).astype(np.int8))
-            for _, one in states
-        ]
-        leg.end = stuck[0]
-        leg.samples = [(s, one) for (s, _), one in zip(leg.samples, stuck[1:], strict=True)]
+
+        def stuck(one: ContactState) -> ContactState:
+            return replace(one, state=np.where(still, STICK, one.state).astype(np.int8))
+
+        leg.end, leg.samples = stuck(leg.end), [(s, stuck(one)) for s, one in leg.samples]
 
 
 def energy_error(

@@ -195,18 +195,15 @@ def edge_crack(stress: Array, points: Array, options: FatigueOptions) -> EdgeCra
     s_xx, s_yy, _, s_xy = np.moveaxis(stress, -1, 0)
     k_i = _normal(stress, c, s) @ weights.T
     k_ii = ((s_xx - s_yy) * c * t[0] + s_xy * (c * t[1] + s * t[0])) @ weights.T
-    found = EdgeCrack(depth, k_i, k_ii, np.nan, np.full(len(depth), np.nan))
-    if options.threshold is None or options.fatigue_limit is None:
-        return found
-    short = (options.threshold / (1.1215 * options.fatigue_limit)) ** 2 / np.pi
-    threshold = options.threshold * np.sqrt(depth / (depth + short))
-    lack = (threshold - found.delta_k)[1:]
-    stops, arrest = np.flatnonzero(lack > 0.0), np.inf
-    if len(stops):
-        k, arrest = int(stops[0]), 0.0
-        if k > 0:
-            part = -lack[k - 1] / (lack[k] - lack[k - 1])
-            arrest = float(depth[k] + part * (depth[k + 1] - depth[k]))
+    arrest, threshold = np.nan, np.full(len(depth), np.nan)
+    if options.threshold is not None and options.fatigue_limit is not None:
+        short = (options.threshold / (1.1215 * options.fatigue_limit)) ** 2 / np.pi
+        threshold = options.threshold * np.sqrt(depth / (depth + short))
+        lack = (threshold - np.ptp(np.maximum(k_i, 0.0), axis=0))[1:]
+        k, arrest = int(np.argmax(lack > 0.0)), np.inf
+        if lack[k] > 0.0:
+            # between two points the lack is linear
+            arrest = float(np.interp(0.0, lack[k - 1 : k + 1], depth[k : k + 2])) if k else 0.0
     return EdgeCrack(depth, k_i, k_ii, arrest, threshold)
 
 

@@ -13,11 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from receding_fenicsx.arrays import Array, Ints
-from receding_fenicsx.evolution.instants import Instant
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.interface.law import State
-from receding_fenicsx.interface.mirror import mirror_of
-from receding_fenicsx.interface.system import ContactSystem
 
 NEGLIGIBLE_SLIP = 1e-4
 """Largest range of v over a cycle, over that of any node of the edge, that counts as no slip."""
@@ -34,14 +31,6 @@ class LimitNodes:
     leg: Ints
     s: Array
     strict: bool  # none of them slips at all; else some slip by less than ``NEGLIGIBLE_SLIP``
-
-
-def as_shown(record: Record, system: ContactSystem, instant: Instant) -> Instant:
-    """Return an instant of the modelled nodes with the states that pictures show."""
-    if not is_settled(record, instant.cycle):
-        return instant
-    own = ~mirror_of(system).left
-    return instant._replace(shown=shown_states(record, instant.cycle, instant.state.state, own))
 
 
 def is_settled(record: Record, cycle: int) -> bool:

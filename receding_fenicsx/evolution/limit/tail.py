@@ -178,15 +178,11 @@ def _moved(at: Ints, total: Array, by: Array, W: Array, q: Array) -> Array:
     return y
 
 
-Mask = NDArray[np.bool_]
-
-
 class Stop(NamedTuple):
     """Event or corner of a cycle."""
 
-    # leg, s: leg of the cycle and place on it
-    leg: int
-    s: float
+    leg: int  # leg of the cycle
+    s: float  # place on it
     load: Array  # (n_loads,) load factors
     u: Array  # (2N,) displacements
     q: Array  # (4N,) rates of y = [v, gap, A, B] on the way there, over the leg
@@ -207,7 +203,6 @@ class MovingEvents(NamedTuple):
 class TracedCycle:
     """One cycle, event by event."""
 
-    # start, end: states at its start and end
     start: ContactState
     end: ContactState
     stops: list[Stop]  # its events and corners
@@ -239,13 +234,13 @@ class TracedCycle:
         return states, np.vstack([states[1:], states[-1:]])
 
     @cached_property
-    def releases(self) -> Mask:
+    def releases(self) -> NDArray[np.bool_]:
         """Stops (J,) at which one node begins to slip or opens, and no other one changes."""
         old, new = self._changes
         held = (old == SEPARATION) | (new == STICK) | (SLIP_SIGN[old] * SLIP_SIGN[new] < 0.0)
         events = np.array([stop.label >= 0 for stop in self.stops])
         one = np.count_nonzero(old != new, axis=1) == 1
-        releases: Mask = events & one & ~np.any((old != new) & held, axis=1)
+        releases: NDArray[np.bool_] = events & one & ~np.any((old != new) & held, axis=1)
         return releases
 
     @cached_property
@@ -272,7 +267,7 @@ class TracedCycle:
         slips: Array = sign * (u[ends, node] - u[begins, node] + by @ moves)
         return slips
 
-    def unlimited_and_zero(self) -> tuple[Mask, Mask]:
+    def unlimited_and_zero(self) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
         """Return which gaps and margins (J, 3N) need not stay above zero at a stop, and may not.
 
         Those that the states keep at zero do so, and nodes released in a run are on either side in
