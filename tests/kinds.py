@@ -152,7 +152,10 @@ UNEVEN: dict[str, rf.Scene] = {
         ),
     ),
     "moved side": simple(rf.Load("T", "left", (0.0, 0.5), displacement=(0.1, "0.02*y"))),
-    "weight": simple(rf.Load("T", body_force=("0.05 + 0.01*x", "0.02*x"))),
+    "weight": simple(
+        rf.Load("T", body_force=("0.05 + 0.01*x", "0.02*x")),
+        material=rf.Material(2.0, 0.3, "plane stress"),
+    ),
     "warm side": simple(rf.Load("T", thermal_strain="0.03*(1 + 0.5*x)*(2 - y)")),
     "held": simple(
         rf.Load("T", "top", (0.0, 1.0), traction=(0.2, 0.0)),

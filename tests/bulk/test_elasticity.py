@@ -4,7 +4,8 @@ from mpi4py import MPI
 
 import numpy as np
 import pytest
-from bodies import CELLS, ELEMENTS, block, built, condense, reactions
+from bodies import CELLS, ELEMENTS, block, built, condense, displacements, reactions
+from kinds import EVEN, UNEVEN
 from numpy.typing import NDArray
 from small import named_loads
 
@@ -12,12 +13,15 @@ import receding_fenicsx as rf
 from receding_fenicsx.bulk import _dolfinx
 from receding_fenicsx.bulk.body import back_substitute
 from receding_fenicsx.bulk.elasticity import stresses
+from receding_fenicsx.bulk.from_scene import bulk_of
 from receding_fenicsx.bulk.rigid_motions import free_motions, scaled
 from receding_fenicsx.interface.mirror import mirror_of
-from receding_fenicsx.scene.model import Contact, Load, Support
+from receding_fenicsx.scene.model import Support
 from receding_fenicsx.scene.symmetry import is_half_meshed
+from receding_fenicsx.timing import Timer
 
 comm = MPI.COMM_WORLD
+KINDS = EVEN | UNEVEN
 Array = NDArray[np.float64]
 
 
@@ -55,62 +59,39 @@ def test_rigid_motions_left_by_supports(
     bulk.destroy()
 
 
-BELOW = Load("under", "bottom", (-1.0, 1.0), pressure="1 + x")
-MOVED = Load("d", "right", (0.0, 0.5), displacement=(0.02, "0.01*y"))
-LOADS = (
-    Load("p0", "top", (-1.0, 1.0), pressure=1.0),
-    Load("shear", "top", traction=(1.0, 0.0)),
-    Load("under", "bottom", (-1.0, 1.0), pressure=1.0),
-)
-HELD = (Support("xy", edge="right"),)
+LINKED = ("springs", "held", "bolts", "between bodies", "tied")
+"""Kinds in which more than loads and contacts acts on a body."""
 
 
-@ELEMENTS
-@pytest.mark.parametrize(
-    ("edge", "loads", "half", "supports"),
-    [
-        ("bottom", LOADS, False, ()),
-        ("bottom", LOADS, True, ()),
-        ("bottom", LOADS, False, HELD),
-        # on an upright edge t and n are y and x; a moved edge shares its elements with contact
-        *((edge, (BELOW,), False, ()) for edge in ("left", "right", "top")),
-        ("bottom", (MOVED,), False, ()),
-    ],
-)
-def test_field_carries_the_condensed_reactions(
-    cell: str,
-    degree: int,
-    edge: str,
-    loads: tuple[Load, ...],
-    half: bool,
-    supports: tuple[Support, ...],
-) -> None:
-    scene = block(cell, degree, contacts=(Contact(edge=edge),), loads=loads, supports=supports)
-    bulk = built(scene, half)
-    system = condense(bulk)
-    load = np.array([0.8, -0.3, 0.5])[: len(loads)]
-    u = None
+@pytest.mark.parametrize("name", [name for name in KINDS if name not in ("tied", "half-planes")])
+def test_fields_carry_the_condensed_reactions(name: str) -> None:
+    """Nodal forces of each body balance what the contacts carry, in any displacements of them."""
+    bodies = bulk_of(KINDS[name], comm, Timer(None))
+    system = condense(bodies)
+    load = u = expected = conjugate = None
     if system is not None:
-        u = np.where(system.held, 0.0, np.random.default_rng(3).normal(size=2 * system.n))
-    field = back_substitute(bulk, load, u)
-    found = reactions(bulk, load, field)
+        random = np.random.default_rng(3)
+        load = random.normal(size=len(system.load_names))
+        u = np.where(system.held, 0.0, random.normal(size=2 * system.n))
+        expected = load @ system.r_star + system.K @ u
+        conjugate = system.load_compliance @ load + system.load_sign * (system.r_star @ u)
+    moved = displacements(bodies, load, u)
+    own = [factors for _, factors, _ in bodies.as_joined(load, u)]
+    found = [reactions(part, at, field) for (part, field), at in zip(moved, own, strict=True)]
     # the loads' displacements: their nodal forces times the field
-    moved = comm.allreduce(_dolfinx.owned_values(field) @ bulk.loads)
-    if system is not None:
-        assert u is not None and found is not None
-        r = load @ system.r_star + system.K @ u
-        assert np.abs(found - r).max() < 1e-11 * np.abs(r).max()
-        if loads[0] is not MOVED:
-            by_formula = system.load_compliance @ load + system.load_sign * (system.r_star @ u)
-            assert by_formula == pytest.approx(moved, rel=1e-11)
-        if loads is LOADS and not supports:
-            # equilibrium of the body: the plane carries what the load below does not
-            down = (0.8 - 0.5) * (1.0 if half else 2.0)
-            scale = np.abs(r).sum()
-            assert abs(r[system.n :].sum() - down) < 1e-12 * scale
-            if not half:
-                assert abs(r[: system.n].sum() + load[1] * 4.0) < 1e-12 * scale
-    bulk.destroy()
+    work = sum(comm.allreduce(_dolfinx.owned_values(v) @ part.loads) for part, v in moved)
+
+    def check() -> None:
+        assert expected is not None and system is not None
+        scale = np.abs(expected).max()
+        for part, G, force in zip(bodies.parts, bodies.relative.on, found, strict=True):
+            off = rf.given(force) - G.T @ expected
+            assert np.abs(off[~part.contact.held]).max() < 1e-11 * scale
+        if name not in LINKED and system.load_sign.max() < 0.0:
+            assert work == pytest.approx(conjugate, rel=1e-10)
+
+    rf.on_root(comm, check)
+    bodies.destroy()
 
 
 FRICTION = 0.35

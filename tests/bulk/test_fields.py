@@ -1,4 +1,6 @@
-"""Fields of pictures against probes, which take their values by another way."""
+"""Fields of whole bodies against probes, which take their values by another way."""
+
+from __future__ import annotations
 
 from dataclasses import replace
 from functools import cache
@@ -7,112 +9,130 @@ from mpi4py import MPI
 
 import numpy as np
 import pytest
-from pictured import instant_of_row, small_block
+from kinds import EVEN, UNEVEN
 
 import receding_fenicsx as rf
 from receding_fenicsx.bulk.fields import Fields, fields_at
-from receding_fenicsx.pictures import picture_body
+from receding_fenicsx.bulk.from_scene import bulk_of
+from receding_fenicsx.evolution.replay import turning_point
+from receding_fenicsx.timing import Timer
 
 pytestmark = pytest.mark.one_rank
-
-UNIFORM = rf.MeshOptions(contact_elements=8, growth=1.0)
-"""Pictures have no finer mesh."""
-
-
-def half_planes(upside_down: bool) -> rf.Scene:
-    """A cylinder pressed and pushed askew on a stretched half-plane."""
-    edges = ("top", "bottom") if upside_down else ("bottom", "top")
-    down = 1.0 if upside_down else -1.0
-    return rf.Scene(
-        body=rf.Body("a", shape="half-plane", width=2.4),
-        others=(rf.Body("b", shape="half-plane", width=2.4, window=(3.0, 2.0)),),
-        material=rf.Material(200.0, 0.3),
-        mesh=rf.MeshOptions(contact_elements=30),
-        contacts=(rf.Contact(f"a.{edges[0]}", against=f"b.{edges[1]}", initial_gap="x**2/200"),),
-        loads=(
-            rf.Load("P", "a.far", platen=True, force=(0.2, down)),
-            rf.Load("S", "b.far", tension=2.0),
-        ),
-        supports=(rf.Support(edge="b.far", fix="xy"),),
-        history=rf.HistoryOptions("table", columns=("P", "S"), rows=((1.0, 0.0), (1.0, 1.0))),
-    )
+SCENES = EVEN | UNEVEN
+PLANES = SCENES["half-planes"]
+SCENES["half-planes, upside down"] = replace(
+    PLANES,
+    others=(replace(PLANES.others[0], window=(3.0, 2.0)),),
+    contacts=(replace(PLANES.contacts[0], edge="a.top", against="b.bottom"),),
+    loads=(replace(PLANES.loads[0], force=(0.2, 1.0)), *PLANES.loads[1:]),
+    probes=(),
+)
 
 
-def two_blocks() -> rf.Scene:
-    """A block on a wider one of another material, pushed to the right."""
-    return rf.Scene(
-        body=rf.Body("a", width=2.0, position=(0.0, 1.0)),
-        others=(rf.Body("b", width=4.0),),
-        material=rf.Material(3.0, 0.3),
-        materials=(rf.Material(1.0, 0.2, name="b"),),
-        mesh=UNIFORM,
-        contacts=(rf.Contact("a.bottom", against="b.top", friction=0.4),),
-        loads=(rf.Load("p", "a.top", traction=(0.1, -1.0)),),
-        supports=(rf.Support(edge="b.bottom", fix="xy"),),
-        history=rf.HistoryOptions("monotonic"),
-    )
-
-
-def fields_of(scene: rf.Scene) -> tuple[rf.Record, Fields]:
-    """The record of a scene, and its fields at the end of the first loading."""
-    record, now = instant_of_row(scene, len(scene.history.rows or (1,)) - 1)
-    with picture_body(scene, MPI.COMM_SELF) as bulk:
-        found = fields_at(bulk, now.load, np.concatenate([now.v, now.state.w]))
-    assert found is not None
-    return record, found
-
-
-SCENES = {
-    "half-planes": half_planes(upside_down=False),
-    "half-planes, upside down": half_planes(upside_down=True),
-    "two blocks": two_blocks(),
-    "half of a block": replace(small_block(), mesh=UNIFORM),
-}
+def fields_of(scene: rf.Scene) -> tuple[rf.Record, Fields, tuple[rf.Body, ...]]:
+    """The record of a scene, its fields at the end on the mesh of the contact, and their bodies."""
+    system = rf.given(rf.condense(scene, MPI.COMM_SELF))
+    bodies = bulk_of(scene, MPI.COMM_SELF, Timer(None))
+    record = rf.evolve(system, scene)
+    now = turning_point(record, system, -1)
+    found = fields_at(bodies, record.turning_points.load[-1], np.concatenate([now.v, now.w]))
+    parts = tuple(part.scene.body for part in bodies.parts)
+    bodies.destroy()
+    return record, rf.given(found), parts
 
 
 @cache
-def pictured(name: str) -> Fields:
-    return fields_of(SCENES[name])[1]
+def fields(name: str) -> tuple[Fields, tuple[rf.Body, ...]]:
+    return fields_of(SCENES[name])[1:]
 
 
 @pytest.mark.parametrize("name", SCENES)
-def test_fields_of_pictures_are_those_of_probes(name: str) -> None:
-    scene, found = SCENES[name], pictured(name)
-    bodies = np.zeros(len(found.points), int) if found.body is None else found.body
-    chosen: list[np.ndarray] = []
-    probes = []
-    for k, body in enumerate(scene.bodies):
-        own = np.flatnonzero(bodies == k)
-        x, y = found.points[own].T
-        # away from the contact's line, where stresses of half-planes are singular at nodes
-        inside = own[np.abs(y - y[np.argmin(np.abs(y - 1.0 * (k == 0)))]) > 0.2 * np.ptp(y)]
-        chosen.append(inside[np.linspace(0, len(inside) - 1, 7).astype(int)])
-        points = tuple(map(tuple, found.points[chosen[-1]].tolist()))
-        probes.append(rf.Probe(f"of {k}", points=points, body=body.name if scene.others else None))
-        assert np.ptp(x) > 0.0
-    record, again = fields_of(replace(scene, probes=tuple(probes)))
+def test_fields_of_bodies_are_those_of_probes(name: str) -> None:
+    """At vertices and in the middle of cells, on both sides of a half or of the axis."""
+    scene, (found, parts) = SCENES[name], fields(name)
+    vertices, middles = len(found.points), found.points[found.cells].mean(axis=1)
+    places = np.vstack([found.points, middles])
+    bodies = np.zeros(vertices, int) if found.body is None else found.body
+    bodies = np.append(bodies, bodies[found.cells[:, 0]])
+    probes, chosen = [], []
+    for k, body in enumerate(parts):
+        # averages at the axis are those of one side
+        own = np.flatnonzero((bodies == k) & (np.abs(places[:, 0]) > 1e-9))
+        if body.is_half_plane:  # away from the surface, where stresses are singular at nodes
+            y = places[own, 1]
+            depth = np.abs(y - y[np.argmin(np.abs(y))])
+            own = own[(depth > 0.2 * np.ptp(y)) & (own < vertices)]
+        if scene.axisymmetric:
+            own = own[places[own, 0] >= 0.0]
+        chosen.append(own[np.linspace(0, len(own) - 1, 25).astype(int)])
+        at = tuple(map(tuple, places[chosen[-1]].tolist()))
+        probes.append(rf.Probe(f"of {k}", points=at, body=body.name if scene.others else None))
+    record, again, _ = fields_of(replace(scene, probes=tuple(probes)))
     np.testing.assert_array_equal(found.displacement, again.displacement)
+    size = np.abs(found.displacement).max()
     for k, own in enumerate(chosen):
-        probe = record.probe(f"of {k}")
-        row = np.flatnonzero((probe.kind == "turning point") & (probe.cycle == 0))[-1]
-        size = np.abs(found.displacement).max()
-        assert np.abs(probe.displacement[row] - found.displacement[own]).max() < 1e-9 * size
-        if "planes" not in name:
-            continue  # in elements stresses are averages
-        for n, part in enumerate(("sxx", "syy", "szz", "sxy")):
-            largest = np.abs(probe.stress[row]).max()
-            assert np.abs(probe.stress[row, :, n] - found.stress[part][own]).max() < 1e-9 * largest
-        assert np.allclose(probe.von_mises[row], found.stress["von_mises"][own], rtol=1e-9)
-        sxx, syy, _, sxy = probe.stress[row].T
-        shear = np.hypot(0.5 * (sxx - syy), sxy)
-        assert np.allclose(shear, found.stress["max_shear"][own], rtol=1e-9)
+        probe, at_vertex = record.probe(f"of {k}"), own < vertices
+        row = np.flatnonzero(probe.kind == "turning point")[-1]
+        u = found.displacement[own[at_vertex]]
+        assert np.abs(probe.displacement[row][at_vertex] - u).max() < 1e-9 * size
+        values = dict(zip(("sxx", "syy", "szz", "sxy"), probe.stress[row].T, strict=True))
+        largest = np.abs(probe.stress[row]).max()
+        for part, stress in values.items():
+            known = np.append(found.stress[part], found.cell_stress[part])[own]
+            assert np.abs(stress - known).max() < 1e-9 * largest, part
+        # at vertices of elements these are averages over cells
+        exact = ~at_vertex | parts[k].is_half_plane
+        values["von_mises"] = probe.von_mises[row]
+        values["max_shear"] = np.hypot(0.5 * (values["sxx"] - values["syy"]), values["sxy"])
+        for part in ("von_mises", "max_shear"):
+            known = np.append(found.stress[part], found.cell_stress[part])[own]
+            assert np.abs(values[part] - known)[exact].max() < 1e-9 * largest, part
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_stresses_at_probes_follow_hookes_law(name: str) -> None:
+    """From differences of displacements in a cell, in which they are at most quadratic."""
+    scene, h = SCENES[name], 1e-3
+    if any(load.thermal_strain for load in scene.loads) or scene.material.young_2:
+        pytest.skip("other strains, other stiffness")
+    found, parts = fields(name)
+    middles, first = found.points[found.cells].mean(axis=1), found.cells[:, 0]
+    bodies = np.zeros(len(middles), int) if found.body is None else found.body[first]
+    star = h * np.array([[0, 0], [1, 0], [-1, 0], [0, 1], [0, -1]])
+    probes, centres = [], []
+    for k, body in enumerate(parts):
+        own = middles[bodies == k]
+        if scene.axisymmetric:
+            own = own[own[:, 0] > 0.0]
+        elif body.is_half_plane:
+            own = own[np.abs(own[:, 1]) > 0.2 * np.abs(own[:, 1]).max()]
+        centres.append(own[np.linspace(0, len(own) - 1, 9).astype(int)])
+        at = tuple(map(tuple, (centres[k][:, None] + star).reshape(-1, 2).tolist()))
+        probes.append(rf.Probe(f"of {k}", points=at, body=body.name if scene.others else None))
+    record, *_ = fields_of(replace(scene, probes=tuple(probes)))
+    for k, body in enumerate(parts):
+        material, probe = scene.material_of(body), record.probe(f"of {k}")
+        u, stress = probe.displacement[-1].reshape(-1, 5, 2), probe.stress[-1].reshape(-1, 5, 4)
+        by_x, by_y = (0.5 / h * (u[:, i] - u[:, i + 1]) for i in (1, 3))
+        xx, yy, nu = by_x[:, 0], by_y[:, 1], material.poisson
+        zz = {
+            "plane strain": 0.0 * xx,
+            "plane stress": -nu / (1.0 - nu) * (xx + yy),
+            "axisymmetric": u[:, 0, 0] / centres[k][:, 0],
+        }[material.kinematics]
+        mu = 0.5 * material.young / (1.0 + nu)
+        bulk = 2.0 * mu * nu / (1.0 - 2.0 * nu) * (xx + yy + zz)
+        shear = mu * (by_x[:, 1] + by_y[:, 0])
+        known = np.stack([*(2.0 * mu * e + bulk for e in (xx, yy, zz)), shear], axis=1)
+        size = np.abs(known).max()
+        tolerance = 1e-4 if body.is_half_plane else 1e-8
+        assert np.abs(stress[:, 0] - known).max() < tolerance * size
 
 
 def test_windows_of_half_planes_are_where_and_as_large_as_asked_for() -> None:
-    for name, upper in (("half-planes", 0), ("half-planes, upside down", 1)):
-        found = pictured(name)
-        for body, size in ((0, (4.8, 2.4)), (1, (3.0, 2.0))):
-            x, y = found.points[found.body == body].T
-            assert [x.min(), x.max()] == pytest.approx([-0.5 * size[0], 0.5 * size[0]])
-            ends = [0.0, size[1]] if body == upper else [-size[1], 0.0]
-            assert [y.min(), y.max()] == pytest.approx(ends)
+    found, _ = fields("half-planes, upside down")
+    for body, size, upper in ((0, (5.0, 2.5), False), (1, (3.0, 2.0), True)):
+        x, y = found.points[found.body == body].T
+        assert [x.min(), x.max()] == pytest.approx([-0.5 * size[0], 0.5 * size[0]])
+        ends = [0.0, size[1]] if upper else [-size[1], 0.0]
+        assert [y.min(), y.max()] == pytest.approx(ends)

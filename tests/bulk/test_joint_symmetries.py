@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 import receding_fenicsx as rf
 from receding_fenicsx.bulk import stack
+from receding_fenicsx.bulk.fields import probe_matrix
 from receding_fenicsx.bulk.from_scene import bulk_of
 from receding_fenicsx.bulk.mesh.meshing import raw_meshes
 from receding_fenicsx.bulk.stack import Stack
@@ -77,6 +78,7 @@ def coat(folder: Path) -> rf.Scene:
             rf.Load("q", "b.right", traction=(0.3, 0.1)),
         ),
         history=rf.HistoryOptions("cyclic", load="q", minimum=-1.0, cycles=2, constant={"p": 1.0}),
+        probes=(rf.Probe("s", points=((0.3, 0.2), (-2.0, 0.5)), body="a"),),
     )
 
 
@@ -89,6 +91,7 @@ def corner(folder: Path) -> rf.Scene:
         contacts=(rf.Contact("bottom", friction=0.3), rf.Contact("left", friction=0.2)),
         loads=(rf.Load("P", "top", pressure="1 + x"), rf.Load("T", "right", pressure="1 + y")),
         history=rf.HistoryOptions("cyclic", load="T", minimum=0.1, cycles=2, constant={"P": 1.0}),
+        probes=(rf.Probe("s", points=((0.31, 0.22), (0.5, 1.0))),),
     )
 
 
@@ -106,7 +109,9 @@ SCENES: dict[str, Callable[[Path], rf.Scene]] = {
 def condensed(scene: rf.Scene, on: MPI.Comm) -> tuple[Stack, rf.ContactSystem | None]:
     """The bodies of a scene, distributed over the ranks however small they are, and its system."""
     bodies = bulk_of(scene, on, Timer(None))
-    return bodies, stack.condense(bodies)
+    system = stack.condense(bodies)
+    probes = probe_matrix(bodies, scene) if scene.probes else None
+    return bodies, system and replace(system, probes=probes)
 
 
 def played(scene: rf.Scene) -> tuple[rf.ContactSystem, rf.Record]:

@@ -7,18 +7,13 @@ from mpi4py import MPI
 
 import numpy as np
 import pytest
-from bodies import condense, displacements, played, reactions
+from bodies import played
 
 import receding_fenicsx as rf
-from receding_fenicsx.bulk.fields import gather_fields, solve_fields
-from receding_fenicsx.bulk.mesh.meshing import make_meshes
-from receding_fenicsx.bulk.stack import Stack, build_all
-from receding_fenicsx.output.snapshots.view import load_arrows
 
 comm = MPI.COMM_WORLD
 ONCE = rf.HistoryOptions(kind="monotonic")
 STRIP = (rf.Load("p", "b1.top", (-1.0, 1.0), pressure=1.0),)
-LOADS = (replace(STRIP[0], edge="b2.top"),)
 
 
 def layers(
@@ -93,39 +88,6 @@ def test_a_stack_that_nothing_holds_carries_balanced_loads(symmetry: str) -> Non
     flat = replace(layers(materials=()), others=(rf.Body("b1", shape="half-plane"),))
     with pytest.raises(rf.InputError, match="'b1' shape: is not for a stack"):
         rf.validate(flat)
-
-
-@pytest.mark.parametrize("order", [(0, 1, 2), (2, 0, 1)])
-def test_nodal_forces_of_all_bodies_balance_in_all_contacts(order: tuple[int, ...]) -> None:
-    scene = layers((1.0, 0.5, 1.5), loads=LOADS)
-    scene = replace(scene, contacts=tuple(scene.contacts[k] for k in order))
-    stack = build_all(scene, make_meshes(comm, scene, False))
-    assert isinstance(stack, Stack)
-    system = condense(stack)
-    u = load = expected = None
-    if system is not None:
-        load, u = np.array([0.8]), np.random.default_rng(3).normal(size=2 * system.n)
-        expected = load @ system.r_star + system.K @ u
-    moved = displacements(stack, load, u)
-    found = [reactions(part, load if part.load_names else np.zeros(0), u) for part, u in moved]
-    zero = np.zeros(0)
-    parts = gather_fields(
-        solve_fields(stack, zero if load is None else load, zero if u is None else u)
-    )
-
-    def check() -> None:
-        assert system is not None and expected is not None and parts is not None
-        assert parts.body is not None
-        for G, force in zip(stack.relative.on, found, strict=True):
-            assert force is not None
-            assert force == pytest.approx(G.T @ expected, abs=1e-11 * np.abs(expected).max())
-        assert set(parts.body) == {0, 1, 2}
-        # the load is drawn on the third body, whatever the order of the contacts
-        (arrows,) = load_arrows(scene, parts, np.ones(1), 0.0, 1.0)
-        assert arrows.heads[:, 1] == pytest.approx(3.0, abs=0.1)
-
-    rf.on_root(comm, check)
-    stack.destroy()
 
 
 # -- refusals ------------------------------------------------------------------------------------
