@@ -35,8 +35,7 @@ class Finding:
 
 def versions() -> dict[str, str]:
     """Return the versions of all requirements that are installed."""
-    found = {f.name: f.version for f in _packages(tested=False)}
-    return {name: version for name, version in found.items() if version is not None}
+    return {f.name: f.version for f in _packages(tested=False) if f.version is not None}
 
 
 def costs(comm: MPI.Comm, seconds: Mapping[str, float]) -> dict[str, Any]:

@@ -247,12 +247,9 @@ def _without_round_off(values: Array, largest: float) -> Array:
 def moving_loads(paths: Sequence[Loop]) -> list[int]:
     """Return the loads that change and whose displacements are known; none if too many to tell."""
     loops = [path for path in paths if path.cycle] or paths
-    found = [
-        k
-        for k in range(paths[0].load.shape[1] if paths else 0)
-        if any(np.ptp(path.load[:, k]) > 0.0 for path in loops)
-        and all(np.all(np.isfinite(path.displacement[:, k])) for path in paths)
-    ]
+    moves = np.any([np.ptp(path.load, axis=0) > 0.0 for path in loops], axis=0)
+    known = np.all([np.isfinite(path.displacement).all(axis=0) for path in paths], axis=0)
+    found = np.flatnonzero(moves & known).tolist()
     return found if len(found) <= MOST_TOLD else []
 
 

@@ -32,13 +32,12 @@ class Quantity:
 
     name: str  # key in :attr:`Fields.stress`
     symbol: str  # its symbol as mathematics
-    colours: str = "RdBu_r"  # name of a colour map; if ``signed``, its middle is zero stress
-    signed: bool = True  # the sign has a meaning
+    signed: bool = True  # the sign has a meaning: the middle of the colours is zero stress
     fringes: bool = False  # shown as light and dark fringes
 
 
 QUANTITIES = (
-    Quantity("von_mises", r"\sigma_\mathrm{Mises}", "viridis", signed=False),
+    Quantity("von_mises", r"\sigma_\mathrm{Mises}", signed=False),
     Quantity("sxx", r"\sigma_{xx}"),
     Quantity("syy", r"\sigma_{yy}"),
     Quantity("sxy", r"\sigma_{xy}"),
@@ -95,7 +94,8 @@ def colours_of(
     if high - low == 0.0:
         high = largest
     part = np.linspace(low, high, 256) / largest
-    table = mpl.colormaps[quantity.colours](0.5 + 0.5 * part if quantity.signed else part)
+    blue_to_red, one_sided = mpl.colormaps["RdBu_r"], mpl.colormaps["viridis"]
+    table = blue_to_red(0.5 + 0.5 * part) if quantity.signed else one_sided(part)
     beyond = int(values.max() > high) + 2 * int(values.min() < low)
     extend = ("neither", "max", "min", "both")[beyond]
     # about nine contour lines
