@@ -21,7 +21,7 @@ The steps, of which `from_scene.condensed` and `from_scene.bulk_of` do the first
 2. `stack.build_all` assembles each body (`stack.build`): $A$ (`elasticity.stiffness_matrix`), the
    forces $f_k$ (`loads.nodal_forces`), the contact nodes with $t$, $n$ and weights
    $m_i = \int N_i \, dA$ (`contact_nodes.find_contact`), and the constraints $u = P u' + d$ of
-   supports, platens and prescribed displacements (`constraints.find_constraints`).
+   supports, platens and prescribed displacements (`contact_nodes.find_constraints`).
 3. `stack.condense` eliminates the interior of each body (`body.factorise`), by MUMPS's
    Schur complement (`schur.factorise`), checks $K$ by a solve and by the rigid motions, joins the
    bodies (`join_bodies.join`), and closes what acts between them: bolts, springs, interference

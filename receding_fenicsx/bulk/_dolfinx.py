@@ -40,11 +40,6 @@ def reference_corners(cell: str) -> Array:
     return np.array(basix.geometry(getattr(basix.CellType, cell)))
 
 
-def facet_corners(cell: str) -> Ints:
-    """Return the vertices (n, 2) of each facet of a cell, in DOLFINx's order."""
-    return np.array(basix.topology(getattr(basix.CellType, cell))[1])
-
-
 @contextmanager
 def _quiet() -> Iterator[None]:
     """Keep the C compiler's command lines, which the root logger logs, off the terminal."""

@@ -45,7 +45,7 @@ from scipy.optimize import linprog
 
 from receding_fenicsx.arrays import Array, Ints
 from receding_fenicsx.bulk.body import Bulk
-from receding_fenicsx.bulk.constraints import nodes_at
+from receding_fenicsx.bulk.contact_nodes import nodes_at
 from receding_fenicsx.bulk.contact_operator import ContactPoints
 from receding_fenicsx.bulk.join_bodies import JoinedBodies
 from receding_fenicsx.bulk.loads import edge_facets, edge_nodes, facet_mass

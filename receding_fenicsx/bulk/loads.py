@@ -66,7 +66,7 @@ def tagged_facets(space: fem.FunctionSpace, body: BodyMesh, tags: Sequence[int])
     topology.create_connectivity(1, 2)
     topology.create_connectivity(2, 1)
     cell_of, facets_of = topology.connectivity(1, 2), topology.connectivity(2, 1)
-    corners = _dolfinx.facet_corners(body.cell)
+    corners = np.array(basix.topology(getattr(basix.CellType, body.cell))[1])
     facets = np.concatenate([np.empty(0, np.int32), *map(body.facet_tags.find, tags)])
     cells = cell_of.array[cell_of.offsets[facets]]
     owned = cells < topology.index_map(2).size_local
