@@ -135,6 +135,7 @@ def test_curves_have_the_values_and_colours_of_their_names_in_the_legends() -> N
     for n, node in enumerate(nodes):
         forces = {name: (loop.q[:, node], loop.p[:, node]) for name, loop in loops.items()}
         moves = {name: (loop.v[:, node], loop.w[:, node]) for name, loop in loops.items()}
+        assert figure.axes[n].get_title() == f"({'ab'[n]}) $x = {found.x[node]:.3g}$ mm"
         check_legend(figure, figure.axes[n], forces, dots)
         check_legend(figure, figure.axes[len(nodes) + n], moves, dots)
 

@@ -81,6 +81,12 @@ def test_folder_appears_whole_or_not_at_all_and_is_replaced_when_asked(
     (tmp_path / "empty").mkdir()  # holds nothing to lose
     with opened(tmp_path / "empty") as folder:
         (folder / name).touch()
+    late = tmp_path / "late"
+    with pytest.raises(InputError, match="already exists"), opened(late) as folder:
+        (folder / name).write_text("mine")
+        late.mkdir()  # meanwhile
+        (late / name).write_text("of another")
+    assert (late / name).read_text() == "of another"
 
 
 def test_only_runs_are_replaced(tmp_path: Path) -> None:
