@@ -5,14 +5,17 @@ import re
 import subprocess
 import sys
 from collections.abc import Callable
+from dataclasses import replace
 from importlib import metadata
 from pathlib import Path
+from typing import Any
 
 from mpi4py import MPI
 
 import pytest
 
-from receding_fenicsx import __version__, cli, environment, read_record, read_scene, run
+import receding_fenicsx as rf
+from receding_fenicsx import RunOptions, StudyOptions, cli, environment
 from receding_fenicsx.errors import InputError, SolveError
 from receding_fenicsx.output.plots.figures import draw_all
 from receding_fenicsx.store.hdf5 import read_system
@@ -53,7 +56,7 @@ def test_check_counts_the_contact_nodes_of_the_run(
     settings = [word for change in wanted for word in ("--set", change)]
     assert cli.main(["check", BLOCK, *settings]) == 0
     said = capsys.readouterr().out
-    record = run(read_scene(BLOCK, wanted))
+    record = rf.run(rf.read_scene(BLOCK, wanted))
     if record is not None:
         assert f"; {len(record.x)} contact nodes," in said
 
@@ -61,6 +64,68 @@ def test_check_counts_the_contact_nodes_of_the_run(
 @pytest.mark.parametrize("name", sorted(path.name for path in DEMOS.glob("*.toml")))
 def test_every_demo_scene_can_be_modelled(name: str) -> None:
     assert cli.main(["check", str(DEMOS / name)]) == 0
+
+
+ALL = ["--out", "o", "--overwrite", "--workers", "3", "--shard", "2/5"]
+SHARE, RESUME = (
+    StudyOptions(True, False, None, DEMOS, (2, 5)),
+    StudyOptions(False, True, None, DEMOS),
+)
+PARTS = ["--overwrite", "--system", "s.h5", "--pdf", "--error", "--starts", "4", "--workers", "3"]
+WHOLE = RunOptions(
+    True, system_file=Path("s.h5"), pdf=True, error=True, starts=4, workers=3,
+    snapshots=False, all_pictures=True,
+)  # fmt: skip
+
+
+@pytest.mark.one_rank
+@pytest.mark.parametrize(
+    ("name", "words", "call"),
+    [
+        ("run", [*PARTS, "--pictures", "figures"], [WHOLE]),
+        ("run", ["--pictures", "all"], [RunOptions(snapshots=True, all_pictures=True)]),
+        ("run", ["--pictures", "none"], [RunOptions(pictures=False, snapshots=False)]),
+        ("run", ["--resume", "--tolerance", "0.01"], [RunOptions(resume=True)]),
+        ("sweep", [*ALL, "--over", "a.b=1,2"], [{"a.b": [1, 2]}, 3, SHARE]),
+        ("sweep", ["--over", "a.b=1", "--resume"], [{"a.b": [1]}, None, RESUME]),
+        ("shakedown", ALL, [3, SHARE]),
+        ("wear", ["--overwrite"], [StudyOptions(True)]),
+        ("wear", ["--resume"], [StudyOptions(resume=True)]),
+        (
+            "joint_curve",
+            [*ALL, "--drive", "Q", "--from", "0.1", "--to", "0.4", "--count", "3"],
+            ["Q", pytest.approx([0.1, 0.2, 0.4]), 3, SHARE],
+        ),
+        ("snapshot", ["--cycle", "3", "--leg", "1", "--at", "0.25"], [3, "1", 0.25]),
+        ("animate", ["--cycle", "3", "--frames", "7", "--stress", "sxy"], [3, 7, "sxy"]),
+        (
+            "export",
+            "--cycle 3 --leg 1 --at 0.5 --since 0.25 --overwrite".split(),
+            [(3, "1", 0.5), 0.25, True],
+        ),
+    ],
+)
+def test_every_option_of_a_command_arrives_in_its_call(
+    name: str, words: list[str], call: list[Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    seen: list[Any] = []
+
+    def note(*arguments: Any, **named: Any) -> None:
+        seen.extend([*arguments, *named.values()])
+        raise InputError("seen")
+
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(rf, name, note)
+    of_folder = name in ("snapshot", "animate")
+    out = [] if of_folder or "--out" in words else ["--out", "o"]
+    source = "o" if of_folder else BLOCK
+    assert cli.main([name.partition("_")[0], source, *words, *out]) == 2
+    known = [x for x in seen if not (callable(x) or isinstance(x, rf.Scene | MPI.Comm))]
+    known = [replace(x, progress=None) if hasattr(x, "progress") else x for x in known]
+    assert "--tolerance" not in words or seen[0].accuracy.tolerance == 0.01
+    places = [Path(BLOCK), Path("o")] if name == "export" else [Path("o")]
+    assert [x for x in known if isinstance(x, Path)] == places
+    assert [x for x in known if not isinstance(x, Path)] == call
 
 
 def test_condense_saves_a_system(shared_tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -86,7 +151,7 @@ def test_run_prints_a_table_and_no_progress_into_a_file(
             assert word in captured.out
         assert len(captured.out.splitlines()) <= 10
         # all figures, and no picture of the body
-        known = {name for name, _ in draw_all(read_record(out / "record.h5"))}
+        known = {name for name, _ in draw_all(rf.read_record(out / "record.h5"))}
         assert {path.stem for path in (out / "figures").iterdir()} == known
         assert not (out / "snapshots").exists()
     else:
@@ -147,7 +212,7 @@ def test_doctor_lists_what_works(capsys: pytest.CaptureFixture[str]) -> None:
     out = capsys.readouterr().out
     if root:
         rows = dict(re.split("  +", line, maxsplit=1) for line in out.splitlines()[:-1])
-        own = {"python": platform.python_version(), "receding_fenicsx": __version__}
+        own = {"python": platform.python_version(), "receding_fenicsx": rf.__version__}
         for name in "numpy scipy numba matplotlib pyvista vtk pillow imageio-ffmpeg loky".split():
             own[name] = metadata.version(name)
         assert {name: rows[name] for name in own} == own
