@@ -19,26 +19,12 @@ def block(*overrides: str, extra: str = "") -> rf.Scene:
 
 
 def test_written_scene_reads_back_equal() -> None:
-    scene = block(
-        'title="a \\"quoted\\" \\u00e9\\n\\u007f title"',
-        "contact.friction={x = [-2, 0.1, 2], value = [0.1, 0.3, 0.1]}",
-        "contact.initial_gap=0.001*x**2",
-        "load.p0.pressure=1 - 0.5*abs(x)",
-        "history.initial_slip=1e-3*x",
-        "history.until=steady",
-        "output.cycles=[0, 5]",
-        "solver.method=gauss-seidel",
-        "solver.polish=false",
-        "material.young=210e9",
-        extra='[[support]]\nedge = "left"\nfix = "x"\n[[support]]\npoint = [0, 1]\nfix = "xy"\n',
-    )
+    title = 'title="a \\"quoted\\" \\u00e9\\n\\u007f title"'
+    scene = block(title, "output.cycles=[]", "material.young=210e9")
     text = rf.to_toml(scene)
-    assert rf.from_toml(text) == scene
-    assert rf.to_toml(rf.from_toml(text)) == text
-    assert scene.supports[1] == rf.Support(fix="xy", point=(0.0, 1.0))
+    assert rf.from_toml(text) == scene and rf.to_toml(rf.from_toml(text)) == text
     # no cycle, not the default ones
-    no_samples = block("output.cycles=[]")
-    assert rf.from_toml(rf.to_toml(no_samples)).output.cycles == () != scene.output.cycles
+    assert rf.from_toml(text).output.cycles == () != block().output.cycles
 
 
 def test_one_table_or_an_array_of_one_are_the_same() -> None:
@@ -78,32 +64,6 @@ def test_one_direction_of_friction_is_set_and_the_other_one_kept() -> None:
 def test_override_reaches_a_load_whose_name_holds_a_dot() -> None:
     text = BLOCK.replace('name = "p0"', 'name = "p.0"').replace('load = "p0"', 'load = "p.0"')
     assert rf.from_toml(text, ["load.p.0.pressure=3"]).loads[0].pressure == 3.0
-
-
-PAIR = (
-    BLOCK.replace("[body]", '[[body]]\nname = "upper"\nposition = [0.0, 1.0]')
-    .replace('edge = "bottom"', 'edge = "upper.bottom"\nagainst = "lower.top"')
-    .replace('edge = "top"', 'edge = "upper.top"')
-    + """
-[[body]]
-name = "lower"
-[[support]]
-edge = "lower.bottom"
-fix = "xy"
-[material.lower]
-young = 3.0
-"""
-)
-"""The block on a second one, of another material."""
-
-
-def test_scene_of_two_bodies_reads_back_equal() -> None:
-    scene = rf.from_toml(PAIR, ["body.lower.height=2", "material.lower.poisson=0.2"])
-    assert [body.name for body in scene.bodies] == ["upper", "lower"]
-    assert scene.others[0].height == 2.0 and scene.body.height == 1.0
-    assert [scene.material_of(body).young for body in scene.bodies] == [1.0, 3.0]
-    assert scene.find_edge("lower.top") == (scene.others[0], "top")
-    assert rf.from_toml(rf.to_toml(scene)) == scene
 
 
 def test_all_errors_of_a_scene_are_told_one_a_line() -> None:
