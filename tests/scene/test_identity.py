@@ -144,7 +144,8 @@ def test_run_is_gone_on_with_only_where_no_key_but_the_free_ones_differs(tmp_pat
 def test_every_key_reads_back_as_it_was_written() -> None:
     kept: set[str] = set()
     values: Any = (0.25, 2, (0.25, 0.5), ((0.25, 0.5),), "left")
-    for change in (changed, *((lambda _, value=value: value) for value in values)):
+    changes: list[Any] = [changed, *((lambda _, value=value: value) for value in values)]
+    for change in changes:
         for key, other in variants(FULL, change=change):
             # a path becomes a whole one; without any contact there is the default one
             if key in kept | {"body.mesh", "contact"}:
