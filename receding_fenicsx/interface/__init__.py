@@ -43,12 +43,6 @@ over slipping nodes is exact, and each leg must satisfy the energy identity
 
 $$D + \Delta\, \tfrac12 u^T K u + \int \sum_k \lambda_k\, r_k^{*T} \dot u \, ds = 0 .$$
 
-**Round-off** (`exact`): whether rates and forces balance is measured by random sums over
-the nodes, at a cost that does not grow with $N^2$. Rates that do not are refined, the tableau is
-renewed where refining has cost as much, and what a walk has gathered is cleared where it has grown.
-In a nearly singular body displacements are uncertain by what round-off of the forces does to them;
-gaps and slips are accepted within that.
-
 **Residual** of every accepted answer, with the local stiffness $k_i = K_{ii}$ and the slip $\Delta
 v_i$ of the step or piece, over the largest nodal force so far:
 

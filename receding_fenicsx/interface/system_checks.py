@@ -17,11 +17,7 @@ LARGEST, SMALLEST = 1e150, 1e-150
 
 
 def check_system(system: ContactSystem) -> None:
-    """Raise where an array of the system has the wrong shape or values without meaning.
-
-    Raises:
-        InputError: with the name of the array, and the node where there is one.
-    """
+    """Raise InputError where an array has the wrong shape or values without meaning."""
     optional = ("f_backward", "edge", "slip_map", "cohesion", "shear_limit")
     arrays = ("x", "points", "weight", "K", "r_star", "f", "g0", "held", "rigid")
     for name in (*arrays, *optional, "load_compliance", "load_sign"):
@@ -101,12 +97,9 @@ def check_system(system: ContactSystem) -> None:
 
 
 def check_range(system: ContactSystem, factors: Array) -> None:
-    """Raise where forces, displacements or energies would leave the range of the numbers.
+    """Raise InputError where forces or energies would leave the range of the numbers.
 
     ``factors`` are the (n, n_loads) load factors that the body is to bear.
-
-    Raises:
-        InputError: they would.
     """
     with np.errstate(over="ignore"):
         force = float((np.abs(factors) @ np.abs(system.r_star)).max(initial=0.0))

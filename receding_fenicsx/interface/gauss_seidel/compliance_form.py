@@ -59,8 +59,7 @@ def step_problem(
     friction, and a compliance of its own that leaves it where it is.
 
     Raises:
-        InputError: an array of the system has a wrong shape or values without meaning, friction
-            differs forward and backward or has a shear limit or cohesion, or K has no compliance
+        InputError: an array is wrong, friction is more than one coefficient, or K has no compliance
             to half the digits.
     """
     check_system(system)

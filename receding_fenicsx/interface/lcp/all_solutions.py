@@ -51,7 +51,7 @@ class Solutions:
 def all_solutions(
     system: ContactSystem, r0: Array, undecided: Undecided, open_dofs: Indices
 ) -> Solutions:
-    """Find all solutions of the rate problem, or of a static problem from rest.
+    """Find all solutions of the rate problem, or of a static problem from rest, with other u each.
 
     The arguments are those of :func:`~receding_fenicsx.interface.lcp.contact.solve_states`.
     LinAlgError: a motion of the freely moving freedoms is left without stiffness.
@@ -62,8 +62,21 @@ def all_solutions(
     tried, complete = _candidates(problem, undecided.sets)
     if not complete:
         tried = chain(tried, (states[None] for states in problem.by_covers()))
-    found, loose = _distinct(problem, tried)
-    return Solutions(problem.whole(found), complete and not loose)
+    k, stiffness = np.abs(np.diagonal(problem.S)), float(system.diagonal.max(initial=0.0))
+    far = TOO_FAR * float(np.abs(problem.s).max(initial=0.0))
+    kept, rates = list[NDArray[np.int8]](), list[Array]()
+    for states in tried:
+        for state, u, loose in zip(*problem.solutions(states), strict=True):
+            if stiffness * float(np.abs(u).max(initial=0.0)) > far:
+                continue
+            complete = complete and not loose
+            x = problem.S @ u + problem.s
+            scale = max(float(np.abs(k * u).max()), float(np.abs(x).max()))
+            if all(np.abs(k * (u - other)).max() > SAME_RATES * scale for other in rates):
+                kept.append(state)
+                rates.append(u)
+    found = np.array(kept, dtype=np.int8).reshape(-1, len(problem.may))
+    return Solutions(problem.whole(found), complete)
 
 
 def _candidates(problem: Problem, sets: int) -> tuple[Iterator[NDArray[np.int8]], bool]:
@@ -125,27 +138,3 @@ def _with_sides(
         if definite and found:
             break
     return [np.array(found)] if found else [], bool(definite and found)
-
-
-def _distinct(problem: Problem, tried: Iterator[NDArray[np.int8]]) -> tuple[NDArray[np.int8], bool]:
-    """Return those (j, m) sets of states that are solutions, one for each different u.
-
-    The second value says that one of them leaves a motion without stiffness.
-    """
-    k = np.abs(np.diagonal(problem.S))
-    stiffness = float(np.diagonal(problem.system.K).max(initial=0.0))
-    far = TOO_FAR * float(np.abs(problem.s).max(initial=0.0))
-    kept: list[NDArray[np.int8]] = []
-    rates: list[Array] = []
-    any_loose = False
-    for states in tried:
-        for state, u, loose in zip(*problem.solutions(states), strict=True):
-            if stiffness * float(np.abs(u).max(initial=0.0)) > far:
-                continue
-            any_loose |= bool(loose)
-            x = problem.S @ u + problem.s
-            scale = max(float(np.abs(k * u).max()), float(np.abs(x).max()))
-            if all(np.abs(k * (u - other)).max() > SAME_RATES * scale for other in rates):
-                kept.append(state)
-                rates.append(u)
-    return np.array(kept, dtype=np.int8).reshape(-1, len(problem.may)), any_loose

@@ -79,10 +79,7 @@ class GaussSeidelPath:
     ) -> Leg:
         """Follow one leg as :meth:`EventPath.trace_leg`, states stored at the ends of steps.
 
-        Raises:
-            NotConverged: a step's sweeps ran out.
-            NoEquilibrium: no contact forces balance the loads.
-            NoQuasiStaticContinuation: the path ends inside a step.
+        NotConverged: a step's sweeps ran out.
         """
         resting = start
         if carries_nothing(start, force_scale) and not np.any(ends[0]):

@@ -110,11 +110,7 @@ class BranchedPath:
         return leg
 
     def static_leg(self, start: ContactState, ends: tuple[Array, Array], force_scale: float) -> Leg:
-        """Solve one static problem at the end of a leg, slip counted from ``start``.
-
-        Raises:
-            SolveError: no state that satisfies the contact law was found.
-        """
+        """Solve one static problem at the end of a leg, slip counted from ``start``."""
         scale = largest_force(self.system, np.array(ends), start.r, force_scale)
         problem, now = LegProblem(start, ends, scale), self.cones.branches_of(start)
         tried = Tried(self.cones)
@@ -375,11 +371,7 @@ class BranchedPath:
         self._check(leg)
 
     def _check(self, leg: Leg) -> None:
-        """Note the residual of the end of a piece.
-
-        Raises:
-            SolveError: it is above its tolerance.
-        """
+        """Note the residual of the end of a piece; raise SolveError above its tolerance."""
         scale = leg.force_scale
         residual = residual_at_rest(self.system, leg.end, scale)
         leg.residual = max(leg.residual, residual)
