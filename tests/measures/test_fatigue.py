@@ -202,18 +202,21 @@ def test_the_figure_of_a_crack_shows_its_ranges_and_its_arrest(
 
 
 def test_edge_cracks_have_the_tabulated_stress_intensities() -> None:
-    # Tada, Paris and Irwin: 1.1215 in uniform stress, 0.683 in one that grows from 0 at the mouth
+    # Tada, Paris and Irwin: 1.1215 in uniform stress, 0.683 and 0.5255 in ones that grow from 0 at
+    # the mouth as x and x^2
     x = np.linspace(0.0, 2.0, 31)
     t = np.array([np.cos(1.1), -np.sin(1.1)])  # a slanted line in stresses turned with it
     n = np.array([-t[1], t[0]])
-    for profile, factor in ((0.0 * x + 1.0, 1.1215), (x, 0.683 * x)):
+    # between the points stresses are straight: of the bent ones the deepest crack alone counts
+    profiles = (0.0 * x + 1.0, 1.1215, 0), (x, 0.683 * x, 0), (x**2, 0.5255 * x**2, 30)
+    for profile, factor, first in profiles:
         tensor = np.outer(n, n) + np.outer(t, n) + np.outer(n, t)
         stress = np.zeros((2, 31, 4))
         stress[1] = np.outer(profile, [tensor[0, 0], tensor[1, 1], 0.0, tensor[0, 1]])
         crack = rf.edge_crack(stress, np.outer(x, t), rf.FatigueOptions())
         known = factor * np.sqrt(np.pi * x)
         for found in (crack.k_i[1], crack.k_ii[1], crack.delta_k):
-            assert found == pytest.approx(known, rel=1e-3)
+            assert found[first:] == pytest.approx(known[first:], rel=1e-3 if first == 0 else 2e-3)
 
 
 def test_cracks_arrest_where_the_threshold_is_not_met() -> None:
