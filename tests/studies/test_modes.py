@@ -1,15 +1,11 @@
 """Vibration modes of preloaded contacts, and frequency and damping over the amplitude."""
 
-import csv
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
-from small import small_system
 
 import receding_fenicsx as rf
-from receding_fenicsx import cli
 from receding_fenicsx.modal import mode_system
 from receding_fenicsx.studies.joint.curve import _driven
 
@@ -110,23 +106,3 @@ def test_bolts_and_springs_between_bodies_hold_a_mode() -> None:
     ring = replace(ring, bolts=(bolt,), supports=supports, contacts=contacts)
     _, omega = driven(ring, "mode:1", {"N": 1.0})
     assert omega[0] == pytest.approx(np.sqrt(0.3 / (2.0 * np.pi * 0.5**2)), rel=1e-5)
-
-
-@pytest.mark.one_rank
-def test_a_system_has_a_curve_by_command(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    k, f = 2.5, 0.4
-    system = small_system(np.diag([k, 2.0]), {"P": [0.0, 1.0], "pull": [-1.0, 0.0]}, f)
-    system = replace(system, load_compliance=np.zeros((2, 2)), load_sign=-np.ones(2))
-    rf.write_system(tmp_path / "node.h5", system)
-    head = ["joint", str(tmp_path / "node.h5"), "--from", "0.2", "--to", "1.8", "--count", "3"]
-    head += ["--out", str(tmp_path / "curve"), "--drive"]
-    assert cli.main([*head, "mode:1"]) == 2 and "no load is named" in capsys.readouterr().err
-    assert cli.main([*head, "pull"]) == 0
-    with (tmp_path / "curve" / "joint.csv").open() as file:
-        rows = list(csv.DictReader(file))
-    for row in rows:
-        pull = float(row["amplitude"])
-        D = max(0.0, 4 * f * (pull - f) / k)
-        assert float(row["dissipation"]) == pytest.approx(D, rel=1e-12, abs=1e-15)
