@@ -52,10 +52,7 @@ WORDS = {
 
 
 class ByType:
-    """Annotation of alternatives, of which the type of a value decides; errors are those of one.
-
-    Of two tables, the second one has the keys ``forward`` and ``backward``.
-    """
+    """Annotation of alternatives; a value decides by its type, a table by ``forward``."""
 
     def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> Any:
         """Return Pydantic's schema of the alternatives, tagged by their ``WORDS``."""
@@ -77,10 +74,7 @@ class ByType:
 
 
 class Table:
-    """Table of a scene: a dataclass whose types say what its keys may be.
-
-    The description of each key is its entry under ``Attributes`` in the docstring.
-    """
+    """Table of a scene: a dataclass whose types and ``Attributes`` say what its keys may be."""
 
     __pydantic_config__: ClassVar = {"extra": "forbid", "strict": True, "allow_inf_nan": False}
 

@@ -17,10 +17,7 @@ from receding_fenicsx.scene.toml_file import to_toml
 
 
 def difference(a: Any, b: Any, free: frozenset[str] = frozenset(), key: str = "") -> str | None:
-    """Return the first key, "[table] key", in which parts of scenes with a ``key`` differ, or None.
-
-    Keys "table.key" in ``free`` may differ.
-    """
+    """Return the first key, "[table] key", in which parts of scenes differ, but for ``free``."""
     if key in free:
         return None
     if dataclasses.is_dataclass(a) and type(a) is type(b):
@@ -66,10 +63,7 @@ def condensed_part(scene: Scene) -> Scene:
 
 
 def body_difference(a: Scene, b: Scene) -> str | None:
-    """Return the first difference between the condensed bodies of two scenes, or None.
-
-    Mesh files of the same path count as equal.
-    """
+    """Return the first difference of two condensed bodies; mesh files of one path are equal."""
     found = difference(condensed_part(a), condensed_part(b))
     if found is None and is_half_meshed(a) != is_half_meshed(b):
         found = "symmetry"

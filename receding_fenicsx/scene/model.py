@@ -386,10 +386,7 @@ class Scene(Table):
         return f"body '{body.name}'" if self.others else "[body]"
 
     def find_edge(self, edge: str, where: str = "") -> tuple[Body, str]:
-        """Split "NAME.edge", "edge" in a scene of one body, into the body and its edge's name.
-
-        InputError, which begins with ``where``: no body has it.
-        """
+        """Split "NAME.edge" or, of one body, "edge" into body and edge; ``where`` begins errors."""
         for body in self.bodies:
             if body.name and edge.startswith(f"{body.name}."):
                 return body, edge[len(body.name) + 1 :]

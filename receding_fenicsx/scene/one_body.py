@@ -11,10 +11,7 @@ from receding_fenicsx.scene.symmetry import HORIZONTAL, edge_points, edge_range,
 
 
 def part_of(scene: Scene, body: Body) -> Scene:
-    """Return the scene of one body, with edge names without the body's name.
-
-    Contacts, loads and supports of other bodies are omitted, and the probes of several bodies.
-    """
+    """Return the scene of one body, with edge names without its name, and without the others."""
 
     def own(edge: str | None) -> str | None:
         owner, name = scene.find_edge(edge) if edge else (None, None)
@@ -60,10 +57,7 @@ def part_of(scene: Scene, body: Body) -> Scene:
 
 
 def places_on(scene: Scene, body: Body) -> tuple[Refinement, ...]:
-    """Return the refined places on the contact edges of a body, each with its edge and growth.
-
-    Both bodies of a contact get its places, rectangles also breaks where the other one ends.
-    """
+    """Return the refined places on a body's contact edges, which both bodies of a contact get."""
     found = []
     for contact in scene.contacts if scene.mesh.places else ():
         sides = [scene.find_edge(e) for e in (contact.edge, contact.against) if e is not None]
@@ -136,10 +130,7 @@ def _on_rectangle(
 
 
 def contact_elements(scene: Scene, body: Body) -> int:
-    """Return the even number of elements on a body's first contact edge.
-
-    They have the size of those on the scene's first contact edge, ``mesh.contact_elements``.
-    """
+    """Return the even number of elements of the first contact's size on a body's contact edge."""
     n = scene.mesh.contact_elements
     if not scene.others or not body.is_rectangle:
         return n

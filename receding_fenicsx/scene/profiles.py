@@ -266,10 +266,7 @@ def _is_file(value: object) -> bool:
 
 
 def with_files(raw: dict[str, Any], folder: Path) -> dict[str, Any]:
-    """Replace every ``{file = "..."}`` of a parsed scene by the values in that file.
-
-    A scene saved with its results then needs no other file, and a changed file is noticed.
-    """
+    """Replace every ``{file = "..."}`` of a parsed scene by values, which are stored with it."""
     history = raw.get("history")
     if isinstance(history, dict):
         raw = {**raw, "history": _with_signals(history, raw.get("load", []), folder)}

@@ -84,10 +84,7 @@ def named_materials(raw: dict[str, Any]) -> dict[str, dict[str, Any]]:
 
 
 def plain(value: Any, sparse: bool = False) -> Any:
-    """Return a value as parsed TOML has it: dataclasses as tables, tuples as lists.
-
-    ``sparse`` omits empty defaults, and the sides of a rectangle where there is a mesh file.
-    """
+    """Return a value as parsed TOML; ``sparse`` omits empty defaults and sides of meshed bodies."""
     if isinstance(value, list | tuple):
         return [plain(item, sparse) for item in value]
     if isinstance(value, dict):
@@ -143,10 +140,7 @@ def type_adapter(kind: type) -> Any:
 
 
 def convert(kind: type, raw: Any, label: Callable[[Place], tuple[str, Place]]) -> Any:
-    """Convert a parsed table into a dataclass; all wrong keys and values are one InputErrors.
-
-    ``label`` returns the table of a place in messages, and the rest of the place.
-    """
+    """Convert a parsed table; ``label`` splits places into the table in messages and the rest."""
     from pydantic import ValidationError
 
     # in JSON lists may become tuples; dates, which it lacks, become what no key may be

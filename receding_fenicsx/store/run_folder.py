@@ -129,10 +129,7 @@ def has_run(path: Path) -> bool:
 
 
 def is_finished(path: Path, scene: Scene) -> bool:
-    """Return whether a folder holds the finished run of a scene, with no cycle left to resume.
-
-    InputError: it holds the run of another scene, or a run that failed.
-    """
+    """Return whether a folder holds a scene's finished run; InputError if another one's."""
     path = Path(path)
     if part_of(path).exists() or not (path / "summary.json").is_file():
         return False

@@ -85,10 +85,7 @@ class FolderKind:
 
 @contextmanager
 def locked(path: Path, wait: bool = False, shared: bool = False) -> Iterator[None]:
-    """Keep a folder, or a file that may be new, to this process, or to those that share it.
-
-    ``wait`` for another process that is using it, which is an InputError else.
-    """
+    """Keep a folder or file to this process, or to those that share it, or ``wait`` for others."""
     handle = os.open(path, os.O_RDONLY if path.is_dir() else os.O_RDWR | os.O_CREAT)
     try:
         try:
