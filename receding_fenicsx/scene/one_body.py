@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
+from typing import Any
 
 from receding_fenicsx.errors import InputError
-from receding_fenicsx.scene.model import Body, Contact, Load, Refinement, Scene, Spring, Support
+from receding_fenicsx.scene.model import Body, Contact, Refinement, Scene
 from receding_fenicsx.scene.symmetry import HORIZONTAL, edge_points, edge_range, is_horizontal
 
 
@@ -17,8 +18,9 @@ def part_of(scene: Scene, body: Body) -> Scene:
         owner, name = scene.find_edge(edge) if edge else (None, None)
         return name if owner == body else None
 
-    def is_own(part: Load | Support | Spring) -> bool:
-        return own(part.edge) is not None if part.edge else part.body in (None, body.name)
+    def of_body(parts: Iterable[Any]) -> tuple[Any, ...]:
+        on = [p for p in parts if (own(p.edge) if p.edge else p.body in (None, body.name))]
+        return tuple(replace(p, edge=p.edge and own(p.edge), body=None) for p in on)
 
     contacts = []
     for joint in scene.joints:
@@ -30,13 +32,7 @@ def part_of(scene: Scene, body: Body) -> Scene:
     # the joined system has the interference, gaps and bolts
     if scene.others:
         contacts = [replace(contact, interference=None) for contact in contacts]
-    loads = [
-        replace(load, edge=own(load.edge) or "", body=None)
-        for load in (scene.given if scene.others else scene.loads)
-        if load.gap is None and is_own(load)
-    ]
-    held = [replace(s, edge=own(s.edge), body=None) for s in scene.supports if is_own(s)]
-    springs = [replace(s, edge=own(s.edge) or "", body=None) for s in scene.springs if is_own(s)]
+    loads = scene.given if scene.others else scene.loads
     bolts = [replace(b, head=own(b.head) or "", nut=own(b.nut) or "") for b in scene.bolts]
     mesh = replace(scene.mesh, refine=places_on(scene, body))
     return replace(
@@ -48,10 +44,10 @@ def part_of(scene: Scene, body: Body) -> Scene:
         mesh=replace(mesh, contact_elements=contact_elements(scene, body)),
         contacts=tuple(contacts),
         ties=(),
-        loads=tuple(loads),
-        supports=tuple(held),
+        loads=of_body(load for load in loads if load.gap is None),
+        supports=of_body(scene.supports),
         bolts=() if scene.others else tuple(bolts),
-        springs=tuple(springs),
+        springs=of_body(scene.springs),
         probes=() if scene.others else scene.probes,
     )
 
@@ -66,14 +62,10 @@ def places_on(scene: Scene, body: Body) -> tuple[Refinement, ...]:
         if body not in [owner for owner, _ in sides]:
             continue
         own = next(name for owner, name in sides if owner == body)
-        places = [
-            replace(place, growth=place.growth or scene.mesh.growth)
-            for place in scene.mesh.places
-            if place.edge in (None, contact.edge)
-        ]
+        places = [place for place in scene.mesh.places if place.edge in (None, contact.edge)]
         files = [owner.mesh is not None for owner, _ in sides]
         if not any(files):
-            edges = [contact.edge, *([contact.against] if contact.against else [])][: len(sides)]
+            edges = [edge for edge in (contact.edge, contact.against) if edge][: len(sides)]
             places = _on_rectangle(scene, edges, contact.span, body, places)
         elif not all(files):
             raise InputError("[mesh] refine: needs mesh files on both sides of a contact, or none")
@@ -83,7 +75,8 @@ def places_on(scene: Scene, body: Body) -> tuple[Refinement, ...]:
         if all(files) and body != sides[0][0]:
             # along t, which is opposite on the other body
             places = [p if isinstance(p.at, str) else _moved(p, -1.0, 0.0) for p in places]
-        found += [replace(place, edge=own) for place in places]
+        growth = scene.mesh.growth
+        found += [replace(place, edge=own, growth=place.growth or growth) for place in places]
     return tuple(found)
 
 

@@ -236,9 +236,8 @@ def read_columns(
         raise InputError(f"{label}: line {head or 1}: {reason}; name each, as in x,value")
     names = found[0] if found else tuple(default)
     columns = Columns(label, names, np.array(values), tuple(i for i, _ in rows))
-    for one in names:
-        if names.count(one) > 1:
-            columns.refuse(f"the column '{one}' occurs twice; name each once")
+    for one in (name for name in names if names.count(name) > 1):
+        columns.refuse(f"the column '{one}' occurs twice; name each once")
     return columns
 
 

@@ -120,14 +120,11 @@ def _label(values: dict[str, Any], place: Place) -> tuple[str, Place]:
         several |= len(value) > 1 or table != "contact"
         value = value[index]
     name = value.get("name") if isinstance(value, dict) else None
+    label = f"[[{table}]] number {index + 1 + (attribute == 'others')}" if several else f"[{table}]"
     if table == "material":
         label = f"[material.{name}]" if name and attribute == "materials" else "[material]"
     elif isinstance(name, str) and several:
         label = f"{table} '{name}'"
-    elif several:
-        label = f"[[{table}]] number {index + 1 + (attribute == 'others')}"
-    else:
-        label = f"[{table}]"
     return label, tuple(rest)
 
 
