@@ -68,6 +68,16 @@ class Record(RecordData):
         return [*([] if first else [0]), *([] if np.any(held[-1:]) else [-1])]
 
     @property
+    def dissipation_round_off(self) -> float:
+        """Dissipation of a cycle that residuals may feign: 2 N |P, Q|_max |v|_max of the largest.
+
+        It is large where soft springs hold a body that has moved far.
+        """
+        table = self.turning_points
+        force, moved = np.abs([table.P, table.Q]).max(initial=0.0), np.abs(table.v).max(initial=0.0)
+        return float(2.0 * len(self.x) * self.residual_max * force * moved)
+
+    @property
     def dissipates(self) -> bool:
         """Whether cycle 1 dissipates more than the round-off of contact forces times slip."""
         D, table = self.cycles.dissipation, self.turning_points
@@ -75,7 +85,7 @@ class Record(RecordData):
             return False
         rows = table.cycle <= 1
         work = table.P[rows].sum(axis=1).max() * np.ptp(table.v[rows], axis=0).max()
-        return bool(D[0] > DISSIPATION_ROUND_OFF * work)
+        return bool(D[0] > max(DISSIPATION_ROUND_OFF * work, self.dissipation_round_off))
 
     def by_edge(self) -> dict[str, Record]:
         """Return the record of each contact edge by itself, by the edge's name.

@@ -7,7 +7,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
-from models import block_system
+from models import block_system, pushed_block
 from small import small_system, table
 
 from receding_fenicsx.errors import InputError
@@ -229,3 +229,20 @@ def test_replayed_states_are_the_recorded_ones(method: str, half: bool) -> None:
         np.testing.assert_allclose(found.v, table.v[i][right], atol=1e-11 * scale)
         np.testing.assert_allclose(found.state.w, table.w[i][right], atol=1e-11 * scale)
         np.testing.assert_allclose(found.load, table.load[i], rtol=1e-14)
+
+
+@pytest.mark.parametrize("f", [0.3, 0.7])
+def test_dissipation_on_soft_springs_is_known_to_its_round_off(f: float) -> None:
+    # the springs move the body by thousands of its lengths; by how much decides D by their part
+    block, found = pushed_block(), []
+    slide = np.repeat([1.0, 0.0], block.n)
+    for soft in (1e-6, 1e-8):
+        K = block.K + soft * np.abs(block.K).max() / block.n * np.outer(slide, slide)
+        body = dataclasses.replace(
+            block, K=K, rigid=np.zeros((2 * block.n, 0)), f=np.full(block.n, f)
+        )
+        loop = [[1.0, 2.0], [0.9, 2.0], [1.0, 2.0]]
+        found.append(evolve(body, table(body, [[0.0, 0.0], loop[0]], loop, 3)))
+    one, other = (record.cycles.dissipation[1:] for record in found)
+    allowed = [record.dissipation_round_off for record in found]
+    assert np.abs(one - other).max() <= sum(allowed) and allowed[1] > 10.0 * allowed[0]

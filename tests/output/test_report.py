@@ -280,6 +280,7 @@ def test_every_key_of_the_summary_is_what_the_record_holds() -> None:
         "dissipation_first_loading": 11.0,
         "dissipation_per_cycle": [4.0, 9.0, 1.0, 3.0],
         "dissipates": True,
+        "dissipation_round_off": made.dissipation_round_off,
         "slip_per_cycle_max": np.abs(slip).max(axis=1).tolist(),
         "steady": {"reached": True, "cycle": 4, "kind": "ratchetting", "period": 2},
         # over a period of two cycles

@@ -205,6 +205,7 @@ def cycles(record: Record) -> dict[str, Any]:
         "dissipation_first_loading": float(record.dissipation_first_loading),
         "dissipation_per_cycle": record.cycles.dissipation.tolist(),
         "dissipates": record.dissipates,
+        "dissipation_round_off": record.dissipation_round_off,
         # of nodes in contact at the cycle's start and end
         "slip_per_cycle_max": slip.tolist(),
     }
@@ -217,6 +218,9 @@ def tell_cycles(summary: Summary) -> Told:
     numbers = sorted({*range(min(20, len(D))), len(D) - 1}) if D else []
     rows = [[k + 1, D[k], D[k] / first if first else None, slip[k]] for k in numbers]
     start = f"Dissipation of the first loading: {shown(summary['dissipation_first_loading'])}."
+    feigned = summary.get("dissipation_round_off", 0.0)
+    if D and feigned > 1e-3 * min(D[k] for k in numbers):
+        start += f" Round-off may feign up to {feigned:.0e} a cycle."
     head = ["cycle N", "dissipation D", "over cycle 1", "largest slip increment"]
     return Told([head, *rows], note=f"{start} All cycles are in summary.json.")
 

@@ -166,8 +166,9 @@ def _energies(record: Record) -> dict[str, Number]:
     if record.dissipation_first_loading > DISSIPATION_ROUND_OFF * work:
         found["dissipation_first_loading"] = Number(float(record.dissipation_first_loading))
     if record.dissipates:
-        found["dissipation_first_cycle"] = Number(float(D[0]))
-        found["dissipation_ratio"] = Number(float(D[-1] / D[0]))
+        known_to = record.dissipation_round_off
+        found["dissipation_first_cycle"] = Number(float(D[0]), known_to)
+        found["dissipation_ratio"] = Number(float(D[-1] / D[0]), known_to / float(D[0]))
     return found
 
 
