@@ -50,7 +50,8 @@ are no load steps. The method, from top to bottom:
      W = \sum_k \tfrac12 (\lambda_k^a + \lambda_k^b)\, r^*_k \cdot (u^b - u^a) .$$
    The balance of forces is followed from event to event.
 7. **Round-off** (`Walk._balanced`, `Walk._refined`). Where the imbalance of $y$ has
-   grown it is removed by iterative refinement, and at the end of a leg where forces that vanish are
+   grown it is removed by iterative refinement, at an event in the states on the way there (a node
+   keeps the forces with which it lands), and at the end of a leg where forces that vanish are
    more than round-off: by the tableau, or by a factor of the states there (`loop.ActiveSets`). The
    reactions of the end are evaluated afresh and its residual is checked.
 8. **No continuation** (`jumps`). Where no states are consistent, `jumps.explain`

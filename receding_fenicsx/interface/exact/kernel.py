@@ -488,6 +488,15 @@ def on_limits(y: Array, on: Array) -> int:
 
 
 @compiled
+def reach(y: Array, weight: Array) -> float:
+    """Return the largest displacement, as a force."""
+    largest = 0.0
+    for a in range(len(y) // 2):
+        largest = max(largest, abs(y[a]) * weight[a])
+    return largest
+
+
+@compiled
 def tied(contact: Contact, way: Way, path: Path, hit: int) -> None:
     """Note nodes on a limit besides the one that has reached its own, see ``segments.tied``."""
     n, y, on, state = len(path.state), path.y, way.on_limit, path.state
@@ -583,6 +592,9 @@ def follow(contact: Contact, matrix: Matrix, memory: Memory, way: Way, path: Pat
             tied(contact, way, path, i)
         count[FIRST], count[HIT], count[ROUNDS], count[GIVEN] = count[EVENTS], label, 0, 0
         count[STUCK] = count[CHOSEN] = count[ASKED] = 0
-        y[label], path.place[3] = 0.0, way.accepted
+        y[label] = 0.0
+        if path.place[3] > way.accepted and reach(y, contact.weight) < 0.1 * path.place[4]:
+            # the round-off of far larger displacements before is none here
+            path.place[3] = way.accepted
         new = state_after(state[i], 1 << kind, contact.frictional[i], q[i])
         mark = put(contact, way, path, i, new, mark)

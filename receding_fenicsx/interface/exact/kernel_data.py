@@ -81,8 +81,8 @@ class Path(NamedTuple):
     # y, state: (4N,) quantities and (N,) states
     y: Array
     state: NDArray[np.int8]
-    # s, where the last events without progress began, the way to the next event, and the imbalance
-    # that is accepted up to there
+    # s, where the last events without progress began, the way to the next event, the imbalance that
+    # is accepted, and the largest displacement for which it is
     place: Array
     counts: Ints  # see ``COUNTS``
     dissipation: Array  # (N,) frictional dissipation

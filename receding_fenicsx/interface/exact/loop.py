@@ -226,7 +226,7 @@ class Loop:
         return kernel_data.Path(
             y=y,
             state=start.state.astype(np.int8),
-            place=np.array([problem.s_start, problem.s_start, 0.0, accepted]),
+            place=np.array([problem.s_start, problem.s_start, 0.0, accepted, 0.0]),
             counts=counts,
             dissipation=np.zeros(n),
             work=np.zeros(len(a)),

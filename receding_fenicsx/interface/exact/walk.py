@@ -208,8 +208,9 @@ class Walk:
                     path.y[:] -= path.y[hit] / q[hit] * q
             path.y[hit] = 0.0
         path.imbalance[:] = self.segments.balance.errors(path.y, load)
-        # on the way to the next event it is removed again where it has doubled
+        # it is removed again where it has doubled
         path.place[3] = max(path.place[3], 2.0 * float(np.abs(path.imbalance).max()))
+        path.place[4] = kernel.reach(path.y, self.segments.weight)
 
     def _check(self, imbalance: Array) -> None:
         """Note the residual of the present point where forces and displacements do not balance."""
