@@ -111,10 +111,7 @@ def create_mesh(comm: MPI.Comm, cell: str, cells: Ints, points: Array) -> dmesh.
 
 
 def tag_entities(mesh: dmesh.Mesh, dim: int, entities: Ints, values: NDArray[np.int32]) -> Any:
-    """Tag cells or facets that rank 0 gives by the point numbers of :func:`create_mesh`.
-
-    ``entities`` (n, vertices), cells in order around them, are empty on all ranks but 0.
-    """
+    """Tag cells or facets (n, vertices), given by rank 0 as for :func:`create_mesh`."""
     if dim == 2:
         cell = {3: "triangle", 4: "quadrilateral"}[entities.shape[1]]
         entities = entities[:, TENSOR_ORDER[cell]]
@@ -164,10 +161,7 @@ def tabulated(cell: str, degree: int, at: Array) -> tuple[Array, Array]:
 
 
 def mapped(cell: str, corners: Array, at: Array) -> tuple[Array, Array]:
-    """Return places x (..., m, 2) of reference points X (m, 2) in cells, and dx/dX (..., m, 2, 2).
-
-    The corners of the cells are (..., n, 2).
-    """
+    """Return x (..., m, 2) of reference points X (m, 2) in cells (..., n, 2), and dx/dX."""
     value, slopes = tabulated(cell, 1, at)
     jacobian = np.einsum("kmn,...ni->...mik", slopes, corners)
     return np.einsum("mn,...ni->...mi", value, corners), jacobian

@@ -131,10 +131,7 @@ def _turn(values: Array, rotation: Array) -> Array:
 def find_contact(
     scene: Scene, space: fem.FunctionSpace, body: BodyMesh, resisted: Array
 ) -> tuple[ContactNodes, Constraints]:
-    """Find the contact nodes and the constraints of the body; collective.
-
-    ``resisted`` (m, 3) are components of the rigid motions that springs resist.
-    """
+    """Find contact nodes and constraints of a body; springs resist (m, 3) motions; collective."""
     edges = []
     for contact in body.contacts:
         on_edge = tagged_facets(space, body, (contact.tag,))
@@ -218,11 +215,7 @@ class Constraints:
     tied: Array  # (k, 3) combinations of the rigid motions that platens exclude
 
     def matrix(self, stiffness: PETSc.Mat) -> PETSc.Mat | None:
-        """Return P, or None where nothing follows.
-
-        The rows of the slaves store a zero on the diagonal, so that P^T A P stores its diagonal
-        too.
-        """
+        """Return P, with zeros on its diagonal for that of P^T A P; None where nothing follows."""
         if not len(self.slaves):
             return None
         start, end = stiffness.getOwnershipRange()
@@ -311,10 +304,8 @@ def find_constraints(
 
 
 def _platens(nodes: _Nodes, contact: Ints) -> tuple[Ints, Ints]:
-    """Return the dofs of platens that follow, sorted, and the one that each follows.
-
-    Loads on the same edge and span share a platen.
-    """
+    """Return the dofs of platens that follow, sorted, and the one that each follows."""
+    # loads on the same edge and span share a platen
     names: dict[tuple[str, tuple[float, float] | None], str] = {}
     for load in nodes.scene.loads:
         if load.platen:

@@ -145,10 +145,7 @@ def eliminate(
 def relative_of(
     scene: Scene, contacts: Sequence[ContactNodes], bodies: Sequence[Scene]
 ) -> tuple[Relative, ContactPoints]:
-    """Return the contact operator of bodies and the points of all contacts.
-
-    ``bodies`` has the scene of each body alone, ``contacts`` its contact nodes.
-    """
+    """Return the contact operator of bodies, from the scene of each, and the contact points."""
     numbers = [sides_of_body(scene, part.body) for part in bodies]
     joints: list[list[tuple[int, int, ContactSide]]] = [[] for _ in scene.joints]
     for body, (own, nodes) in enumerate(zip(numbers, contacts, strict=True)):
@@ -259,10 +256,7 @@ def _points(
 
 
 def _merged(side: ContactSide, where: str) -> sparse.csr_matrix:
-    """Return the weights (points, n) of nodes at contact points.
-
-    Those of nodes that carry no contact go to their neighbours in equal parts.
-    """
+    """Return weights (points, n) of nodes; neighbours share those of a node without contact."""
     n = len(side.x)
     rows, columns, values = list(range(n)), list(range(n)), side.weight.tolist()
     for node in np.flatnonzero(~side.carries):

@@ -67,10 +67,7 @@ def stiffness_in(scene: Scene, body: BodyMesh) -> Array:
 
 
 def linear_stresses(C: Array, strain: Array) -> Array:
-    """Return (..., [sxx, syy, szz, sxy]) from strains (..., [exx, eyy, ezz, 2 exy]).
-
-    C is (4, 4), or (cells, 4, 4) for strains (cells, ..., 4).
-    """
+    """Return the stresses of strains (..., 4); of (cells, ..., 4) if C is (cells, 4, 4)."""
     if C.ndim == 2:
         return strain @ C.T
     return np.asarray(np.einsum("cij,c...j->c...i", C, strain))

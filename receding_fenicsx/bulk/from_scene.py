@@ -53,9 +53,25 @@ def condensed(scene: Scene, comm: MPI.Comm, timer: Timer) -> tuple[ContactSystem
         if load.mode is not None:
             raise InputError(f"{load.label}: modes are driven by joint, --drive mode:{load.mode}")
 
+    def check(system: ContactSystem) -> None:
+        if system.held[system.n :].all():
+            raise InputError(
+                "[[support]]: holds every node of the contact, so nothing can touch or part; hold "
+                "another edge, or drop the support"
+            )
+        moved = system.load_compliance.any(axis=1)
+        for name, reactions, moves in zip(system.load_names, system.r_star, moved, strict=True):
+            # a pull on a patch of a rigid bolt moves nothing but the bolt's force
+            if not (reactions.any() or moves):
+                raise InputError(
+                    f"load '{name}': is zero or acts on nothing but nodes that supports hold, so "
+                    "nothing of it reaches the contact; give it a value, or load or hold another "
+                    "edge"
+                )
+
     def work(bulk: Stack) -> tuple[ContactSystem | None, int]:
         system = stack.condense(bulk)
-        on_root(bulk.comm, lambda: _check_reaches_contact(given(system)))
+        on_root(bulk.comm, lambda: check(given(system)))
         probes = probe_matrix(bulk, scene) if scene.probes else None
         return system and replace(system, probes=probes), bulk.dofs
 
@@ -83,23 +99,6 @@ def _with_bulk(
             return work(bulk)
     finally:
         bulk.destroy()
-
-
-def _check_reaches_contact(system: ContactSystem) -> None:
-    """Raise where supports hold the whole contact, or a load has no effect on it."""
-    if system.held[system.n :].all():
-        raise InputError(
-            "[[support]]: holds every node of the contact, so nothing can touch or part; hold "
-            "another edge, or drop the support"
-        )
-    moved = system.load_compliance.any(axis=1)
-    for name, reactions, moves in zip(system.load_names, system.r_star, moved, strict=True):
-        # a pull on a patch of a rigid bolt moves nothing but the bolt's force
-        if not (reactions.any() or moves):
-            raise InputError(
-                f"load '{name}': is zero or acts on nothing but nodes that supports hold, so "
-                "nothing of it reaches the contact; give it a value, or load or hold another edge"
-            )
 
 
 def bulk_of(scene: Scene, comm: MPI.Comm, timer: Timer) -> Stack:

@@ -278,10 +278,7 @@ def _pivot(points: Array) -> Array:
 
 
 def _far_field(scene: Scene, names: tuple[str, ...], material: HalfPlaneMaterial) -> FarField:
-    """Return what acts on the far field.
-
-    Supports and prescribed displacements hold the rotation, and so do platens.
-    """
+    """Return what acts on the far field; supports, displacements and platens hold its rotation."""
     free, sign = np.array([True, True, True, False]), np.zeros(len(names))
     force, moved = np.zeros((len(names), 4)), np.zeros((len(names), 4))
     fixed = ["xy".index(axis) for support in scene.supports for axis in support.fix]

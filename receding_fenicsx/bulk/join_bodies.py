@@ -110,10 +110,7 @@ class JoinedBodies:
         return moved
 
     def rows(self, body: int, on_body: Array, on_loads: Array) -> Array:
-        """Return rows for [u; lambda] of rows for the displacements of a body and all unit loads.
-
-        The rows are (..., 2N_b) and (..., unit loads).
-        """
+        """Return rows for [u; lambda] of rows (..., 2N_b) of a body, and (..., all unit loads)."""
         (A, Y), (T, G) = self.motions[body], self.factors
         flat = on_body.reshape(-1, on_body.shape[-1])
         follow = flat @ Y

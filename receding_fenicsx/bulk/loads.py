@@ -231,10 +231,7 @@ def _beyond_chords(
 
 
 def profile_values(load: Load, body: BodyMesh, profile: Profile, points: Array) -> Array:
-    """Return (n,) values of a load's profile at points (n, 2) of its edge.
-
-    A table is a function of the position along the edge, an expression one of x and y.
-    """
+    """Return (n,) values at points (n, 2) of a table along a load's edge, or an expression."""
     if isinstance(profile, dict):
         return evaluate(profile, along(body, load.edge, points))
     return evaluate(profile, points[:, 0], points[:, 1])

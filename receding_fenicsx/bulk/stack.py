@@ -226,10 +226,9 @@ def build_all(scene: Scene, bodies: tuple[BodyMesh, ...], comm: MPI.Comm | None 
 
 
 def contact_of(scene: Scene) -> tuple[ContactPoints, list[float]]:
-    """Mesh a whole scene on this process; return its contact points, and mean sizes of elements.
+    """Mesh a scene on this process; return contact points, mean sizes of the slaves' elements.
 
-    The sizes are those on the slave's side of each contact. Of half-planes it takes the first, or
-    the body on one.
+    Of half-planes it takes the first, or the body on one.
     """
     meshed = [body for body in scene.bodies if not body.is_half_plane]
     if len(meshed) < len(scene.bodies):

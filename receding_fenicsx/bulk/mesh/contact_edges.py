@@ -162,10 +162,7 @@ class _Side:
         return facet[(apart <= near) & (np.minimum(s, 1.0 - s) > STRAIGHT_TOLERANCE)]
 
     def offset(self, other: _Side) -> tuple[float, Array]:
-        """Return how far off the other side its vertices lie at most, and one of these.
-
-        Vertices beyond the ends of the other side do not count.
-        """
+        """Return how far off the other side, between its ends, vertices lie, and the farthest."""
         facet, s, apart = nearest_facet(self.vertices, other.a, other.b)
         nearest = np.where(s[:, None] < 0.5, other.a[facet], other.b[facet])
         at_end = (nearest[:, None] == other.ends).all(axis=2).any(axis=1)
@@ -183,10 +180,7 @@ class _Side:
 
 
 def _opposed(joint: Joint, sides: tuple[_Side, _Side], where: str) -> tuple[Ints, Ints, bool, bool]:
-    """Return the facets of both bodies where their edges lie on each other.
-
-    With them whether the first body is the slave, and whether the nodes match.
-    """
+    """Return the facets of both bodies that touch, if the first is the slave, if nodes match."""
     first, second = sides
     names = f"'{joint.edge}' and '{joint.against}'"
     near = STRAIGHT_TOLERANCE * min(side.line.length for side in sides)

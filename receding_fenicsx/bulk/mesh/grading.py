@@ -41,10 +41,7 @@ class Base:
 
 
 def graded(ends: tuple[float, float], base: Base, places: Sequence[Refinement]) -> Array:
-    """Return the positions of the vertices of an edge between its ends.
-
-    Places have a growth; those with a size above the base are breaks only.
-    """
+    """Return positions of an edge's vertices; places of sizes above the base are breaks only."""
     low, high = ends
     near = 1e-9 * (high - low)  # closer breaks are one
     spans = [s for place in places for s in place.span if low + near < s < high - near]

@@ -105,10 +105,7 @@ def make_meshes(comm: MPI.Comm, scene: Scene, half: bool) -> tuple[BodyMesh, ...
 def _tagged(
     scene: Scene, body: Body, mesh: RawMesh, sides: list[ContactFacets]
 ) -> tuple[dict[str, Any], tuple[NDArray[Any], ...]]:
-    """Tag the facets of a body by edge, those in contact by contact.
-
-    Returns attributes of its BodyMesh, and points, cells, facets, their tags, materials of cells.
-    """
+    """Return attributes of a BodyMesh; points, cells, facets, their tags, materials of cells."""
     tag_of = {name: tag for tag, name in enumerate(mesh.edges, start=1)}
     tags = {name: np.full(len(f), tag_of[name], np.int32) for name, f in mesh.edges.items()}
     groups = {name: [tag] for name, tag in tag_of.items()}

@@ -88,10 +88,7 @@ class RawMesh:
 
 
 def with_radii(mesh: RawMesh) -> RawMesh:
-    """Return the mesh of a body of revolution: positions are radii on horizontal edges.
-
-    On others that begin on the axis r = 0 they are distances from there.
-    """
+    """Return the mesh of a body of revolution: positions are radii, or distances from the axis."""
     middles, near = {}, STRAIGHT_TOLERANCE * mesh.size
     for edge, facets in mesh.edges.items():
         points = mesh.points[np.unique(facets)]
@@ -180,10 +177,7 @@ Along = Line | Curve
 
 
 def nearest_facet(points: Array, a: Array, b: Array) -> tuple[Ints, Array, Array]:
-    """Return the nearest facet of each point, from a to b, the place on it, and the distance.
-
-    Places are 0 at a and 1 at b.
-    """
+    """Return the nearest facet of each point, the place on it (0 at a, 1 at b), the distance."""
     step = b - a
     s = np.einsum("pfc,fc->pf", points[:, None] - a, step) / (step**2).sum(axis=1)
     s = np.clip(s, 0.0, 1.0)

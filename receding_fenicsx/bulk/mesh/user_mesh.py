@@ -96,10 +96,7 @@ def mesh_of(gmsh: Any, surface: str | None, where: str, scale: float) -> RawMesh
 
 
 def _cells(gmsh: Any, name: str | None, where: str) -> tuple[Ints, tuple[str, ...]]:
-    """Return the nodes around each cell of the body, and the name of its physical surface.
-
-    They are those of the physical surfaces, if there are any.
-    """
+    """Return the nodes around each cell of the body, and the name of its physical surface."""
     model = gmsh.model
     groups = {
         model.getPhysicalName(2, tag) or str(tag): tag for _, tag in model.getPhysicalGroups(2)
