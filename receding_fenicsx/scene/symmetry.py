@@ -100,10 +100,8 @@ def is_mirror_symmetric(scene: Scene) -> bool:
             return False
         # the mirror image of forward slip is backward slip
         both = [evaluate(profile, x) for profile in directions(contact.friction)]
-        if not _is_even(np.concatenate(both)):
-            return False
-        slip = scene.history.initial_slip
-        if slip is not None and not _is_even(evaluate(slip, x), sign=-1.0):
+        slip = evaluate(scene.history.initial_slip or 0.0, x)
+        if not (_is_even(np.concatenate(both)) and _is_even(slip, sign=-1.0)):
             return False
     for load in scene.loads:
         if load.on_body:

@@ -35,14 +35,13 @@ def check_rules(scene: Scene) -> None:
     checks.refuse(checks.broken([bodies.of_bodies(scene)]))
     # what follows asks for the edges of contacts and ties
     checks.refuse(checks.broken(bodies.of_joint(scene, k) for k in range(len(scene.joints))))
-    whole = (bodies.of_touching, bodies.of_mesh, bodies.of_half_planes, bodies.of_initial_slip)
+    whole = (bodies.of_touching, bodies.of_mesh, bodies.of_half_planes)
     rules = [
         *(bodies.of_contact(scene, k) for k in range(len(scene.contacts))),
-        *(rule(scene) for rule in whole),
+        *(rule(scene) for rule in (*whole, _of_probes, _of_shakedown, _of_accuracy)),
         *(loads.of_bolt(scene, bolt) for bolt in scene.bolts),
         *(loads.of_support(scene, support) for support in scene.supports),
         *(loads.of_spring(scene, spring) for spring in scene.springs),
-        *(rule(scene) for rule in (_of_probes, _of_shakedown, _of_accuracy)),
         *([line] for line in _of_options(scene)),
         of_solver(scene.solver),
     ]

@@ -213,6 +213,7 @@ def of_contact(scene: Scene, number: int) -> Rules:
         yield f"{at} interference: a half-plane moves as a whole; remove it"
     if body.is_rectangle:
         yield from of_elements(scene.mesh, body, edge)
+    on_contact(scene, contact, scene.history.initial_slip or 0.0, "[history] initial_slip")
     for key, profile in profiles.items():
         x, values = on_contact(scene, contact, profile, f"{at} {key}")
         if values.min(initial=0.0) < 0.0:
@@ -252,13 +253,6 @@ def of_span(scene: Scene, edge: str, span: tuple[float, float] | None, at: str) 
 def has_mesh_file(scene: Scene, edge: str) -> bool:
     """Return whether an edge is a group of a mesh file."""
     return scene.find_edge(edge)[0].mesh is not None
-
-
-def of_initial_slip(scene: Scene) -> Rules:
-    """The profile of the initial slip on every contact edge of a rectangle."""
-    for contact in scene.contacts:
-        on_contact(scene, contact, scene.history.initial_slip or 0.0, "[history] initial_slip")
-    yield from ()  # the checks of a profile raise
 
 
 def gap_warnings(scene: Scene) -> list[str]:

@@ -15,7 +15,7 @@ from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from receding_fenicsx.atomic import make_folder, new_file, unwritable
+from receding_fenicsx.atomic import make_folder, new_file, read_text, unwritable
 from receding_fenicsx.errors import InputError, RecedingError
 from receding_fenicsx.evolution.histories import CORNERS
 from receding_fenicsx.evolution.journal import JOURNAL, checkpoints
@@ -169,8 +169,8 @@ def forget_system(part: Path) -> None:
 
 def _scene_of(folder: Path) -> Scene:
     try:
-        return known_scene((folder / SCENE).read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, InputError) as error:
+        return known_scene(read_text(folder / SCENE))
+    except InputError as error:
         raise InputError(f"{folder / SCENE}: is damaged ({error}); use --overwrite") from None
 
 
@@ -197,10 +197,8 @@ def write_summary(path: Path, summary: Mapping[str, Any], overwrite: bool = Fals
 def read_summary(path: str | Path) -> dict[str, Any]:
     """Read a summary; InputError where there is none."""
     try:
-        summary = json.loads(Path(path).read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        raise InputError(f"{path}: no such file; give the folder of a finished run") from None
-    except (OSError, ValueError):
+        summary = json.loads(read_text(path))
+    except ValueError:
         raise InputError(f"{path}: is damaged or not a JSON file; run the scene again") from None
     needed = {"title", "steady", "turning_points", "dissipation_per_cycle"}
     if not isinstance(summary, dict) or not needed <= summary.keys():
