@@ -160,7 +160,5 @@ def export_reduced(source: Path, out: Path, overwrite: bool) -> None:
     model = reduced_model(read_scene(source))
     model.save(out, overwrite)
     found = ", ".join(f"{omega:.6g}" for omega in model.omega)
-    print(
-        f"{len(model.M)} coordinates, {len(model.points)} contact nodes, modes with the contact "
-        f"held at omega = {found}, written to {out}"
-    )
+    modes = f"modes with the contact held at omega = {found}"
+    print(f"{len(model.M)} coordinates, {len(model.g0)} contact nodes, {modes}, written to {out}")

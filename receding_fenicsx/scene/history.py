@@ -182,9 +182,8 @@ def history_from_scene(scene: Scene) -> History:
     if len(loop) and options.cycles < 1:
         raise InputError('[history] cycles: must be at least 1, not 0; or use kind = "monotonic"')
     held = _held(scene)
-    columns = [scene.load_names.index(name) for name in varying]
     wide = np.tile(held[-1], (len(path) + len(loop), 1))
-    wide[:, columns] = np.vstack([path, loop])
+    wide[:, [scene.load_names.index(name) for name in varying]] = np.vstack([path, loop])
     path, loop = np.vstack([held[:-1], wide[: len(path)]]), wide[len(path) :]
     cycles = options.cycles if len(loop) else 0
     return ended_by(History(scene.load_names, path, loop, cycles), options.until)
@@ -323,13 +322,12 @@ def corner_angles(options: HistoryOptions, names: tuple[str, ...]) -> Array:
     """Return the angles of the corners in degrees, from the start of a cycle to its end."""
     loads = [options.harmonic[name] for name in names if name in options.harmonic]
     extremes = _extremes(loads)
-    start = next(load.phase for load in loads if load.amplitude)
     if len(extremes) > 2:
         corners = max(options.corners or FEWEST_CORNERS, len(extremes))
         arcs = np.diff(np.append(extremes, 360.0))
         pieces = zip(extremes, arcs, _shares(arcs / 360.0, corners), strict=True)
         extremes = np.concatenate([low + arc * np.arange(n) / n for low, arc, n in pieces])
-    angles = start + extremes
+    angles = next(load.phase for load in loads if load.amplitude) + extremes
     return np.append(angles, angles[0] + 360.0)
 
 

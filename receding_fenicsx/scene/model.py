@@ -61,6 +61,7 @@ TABLE_OF = {
 """Table of the scene file for each attribute of a scene that has another name."""
 
 Slave = Annotated[str, OneOf("edge", "against")]
+Kinematics = Annotated[str, OneOf("plane strain", "plane stress", "axisymmetric")]
 
 
 @dataclass(frozen=True, repr=False)
@@ -136,9 +137,7 @@ class Material(Table):
 
     young: Positive = 1.0
     poisson: Annotated[float, Gt(-1.0), Lt(1.0)] = 0.3
-    kinematics: Annotated[str, OneOf("plane strain", "plane stress", "axisymmetric")] = (
-        "plane strain"
-    )
+    kinematics: Kinematics = "plane strain"
     name: str = ""
     density: NotNegative = 0.0
     young_2: Positive | None = None

@@ -310,9 +310,8 @@ def _with_signals(history: dict[str, Any], loads: Any, folder: Path) -> dict[str
     times = {"time", "t"} - {*known}
     history = dict(history)
     for key in files:
-        columns = read_columns(
-            history[key]["file"], folder, f"[history] {key}", wanted or known, wanted or ()
-        )
+        file, where = history[key]["file"], f"[history] {key}"
+        columns = read_columns(file, folder, where, wanted or known, wanted or ())
         chosen = [name for name in wanted or columns.names if name.lower() not in times]
         for name in chosen:
             if wanted and name not in columns.names:

@@ -275,9 +275,7 @@ def gap_warnings(scene: Scene) -> list[str]:
         # six kinks are samples of a curve. A parabola of 51 points on 161 nodes has peaks of 4 %
         # of the largest pressure, one of 201 points 0.2 %
         if np.count_nonzero(kinks & inside) >= 6 and apart > 1.5 * spacing:
-            linear = (
-                f"the table is linear between points {apart:.3g} apart, nodes are {spacing:.3g}"
-            )
+            far = f"the table is linear between points {apart:.3g} apart, nodes are {spacing:.3g}"
             kinks = "its kinks give peaks of pressure; use more points or an expression"
-            lines.append(f"{scene.joint_labels[i]} initial_gap: {linear} apart: {kinks}")
+            lines.append(f"{scene.joint_labels[i]} initial_gap: {far} apart: {kinks}")
     return lines
