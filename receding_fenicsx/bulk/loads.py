@@ -7,8 +7,8 @@ $f_i = \int C \varepsilon^\theta : \varepsilon(N_i) \, dV$. Both are forces to t
 they alter $r^*$ alone, and their work-conjugates are $f \cdot u$: for the thermal strain
 $\int E / (1 - 2 \nu)\, \alpha \Delta T\, \mathrm{tr}\, \varepsilon \, dV$ (plane stress
 $E / (1 - \nu)$). Where stresses are evaluated, the load's factor times $\varepsilon^\theta$ is
-subtracted from the strain (`thermal_strain`); on elements of order 1, whose strain is that of the
-cell's midpoint, at the midpoint.
+subtracted from the strain (`elasticity.thermal_strain`); on elements of order 1, whose strain is
+that of the cell's midpoint, at the midpoint.
 """
 
 from __future__ import annotations
