@@ -48,6 +48,8 @@ def test_film_shows_all_frames_with_the_states_and_the_loads(
     # the page stays as it is, with room for the tractions of all frames
     assert len(drawn) == FRAMES and len({layout for _, layout, _ in drawn}) == 1
     assert len({clock.tractions for *_, clock in drawn}) == 1
+    assert {clock.names for *_, clock in drawn} == {("$p_{0}$",)}
+    assert [clock.now for *_, clock in drawn] == pytest.approx([0.0, 0.25, 0.5, 0.75, 1.0])
     low, high = drawn[0][2].tractions
     for view, _, clock in drawn:
         curves = np.concatenate([view.p, view.q, *view.f.limits(view.p)])
