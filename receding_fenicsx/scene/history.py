@@ -227,8 +227,7 @@ def _rules(scene: Scene, varying: tuple[str, ...]) -> Rules:
     if not names:
         return
     if kind == "cyclic" and options.minimum >= options.maximum:
-        low, high = options.minimum, options.maximum
-        yield f"[history] minimum: {low:g} is not below maximum = {high:g}; reduce it"
+        yield f"[history] minimum: {options.minimum:g} is not below maximum, {options.maximum:g}"
     steps = sorted({len(load.units) - 1 for load in travel})
     if len(steps) > 1:
         yield f"[history] kind: loads travel in {' and '.join(map(str, steps))} steps; use one"

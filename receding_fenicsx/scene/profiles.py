@@ -84,8 +84,7 @@ def evaluate_checked(profile: Profile, x: Array, y: Array | None, where: str) ->
         raise InputError(f"{where}: {error}") from None
     largest = float(np.abs(found).max(initial=0.0))
     if largest > checks.LARGEST:
-        nearer = "choose units in which it is nearer to 1"
-        raise InputError(f"{where}: {largest:g} is beyond {checks.LARGEST:g}; {nearer}")
+        raise InputError(f"{where}: {largest:g} is beyond {checks.LARGEST:g}; choose other units")
     return found
 
 

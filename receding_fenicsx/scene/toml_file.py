@@ -108,10 +108,9 @@ def to_toml(scene: Scene) -> str:
 def apply_override(raw: dict[str, Any], override: str) -> None:
     """Change one value of a parsed scene file in place.
 
-    The override is ``table.key=value``, ``load.NAME.key=value`` or ``title=value``. The value is
-    read as TOML; text that is not TOML (a word, an expression) is a string, so that a shell command
-    needs no quotes for it. The friction of one direction is ``contact.friction.forward``; the other
-    one stays as it is.
+    The override is ``table.key=value``, ``load.NAME.key=value`` or ``title=value``; of
+    ``contact.friction.forward`` the other direction stays as it is. Text that is no TOML is a
+    string, so that a shell command needs no quotes for it.
     """
     key, equals, text = override.partition("=")
     where = f"--set {override}"

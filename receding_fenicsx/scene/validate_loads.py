@@ -165,8 +165,7 @@ def of_parts(scene: Scene) -> checks.Rules:
             if kind != other or a.on_body or scene.find_edge(a.edge) != scene.find_edge(b.edge):
                 continue
             if _overlap(scene, a.edge, a.span, b.span):
-                same = f'a {kind} on the same part of "{a.edge}"'
-                yield f"{a.label}: two of its parts are {same}; write them as one, or rename one"
+                yield f'{a.label}: has two of {kind} on one part of "{a.edge}"; add or rename them'
 
 
 def of_effect(scene: Scene, load: Load) -> checks.Rules:

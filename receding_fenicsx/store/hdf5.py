@@ -87,8 +87,7 @@ def open_file(path: str | Path, kind: str) -> Iterator[h5py.File]:
     except OSError:
         raise damaged from None
     except KeyError as error:
-        other = f"was written by another version of this program ({error})"
-        raise InputError(f"{path}: {other}; create it again") from None
+        raise InputError(f"{path}: is of another version of this program ({error})") from None
 
 
 def read(group: h5py.Group, name: str) -> Any:
@@ -197,8 +196,7 @@ def read_system(path: str | Path, scene: Scene | None = None) -> ContactSystem:
             meshed = "mesh file" if any(body.mesh for body in known.bodies) else ""
             found = body_difference(known, scene) or meshed
         if found:
-            other = f"was condensed from a scene with another {found}"
-            raise InputError(f"{path}: {other}; condense this scene again")
+            raise InputError(f"{path}: was condensed from a scene with another {found}; renew it")
     try:
         return system_for(scene, system)
     except InputError as error:
