@@ -60,8 +60,21 @@ def check_system(system: ContactSystem) -> None:
                 f"{n} nodes, {loads} loads"
             )
     for name in ("x", "weight", "f", "g0", "f_backward", "cohesion", "shear_limit"):
-        if (values := getattr(system, name)) is not None:
-            _check_nodes(system, name, values, name != "x")
+        if (values := getattr(system, name)) is None:
+            continue
+        wrong = ~(np.abs(values) <= LARGEST) | ((name != "x") & (values < 0.0))
+        if name == "shear_limit":
+            wrong &= values != np.inf  # none
+        if name in ("f", "f_backward", "weight"):
+            # they divide
+            wrong |= (values != 0.0) & (np.abs(values) < SMALLEST)
+        if np.any(wrong):
+            i = int(np.argmax(wrong))
+            need = "finite" if name == "x" else "finite and not negative"
+            raise InputError(
+                f"{name} of the contact system is {values[i]} at node {i} (x = {system.x[i]:.6g}); "
+                f"it has to be {need}, 0 or of a size from {SMALLEST:g} to {LARGEST:g}"
+            )
     for name in ("f", "f_backward", "cohesion"):
         values = getattr(system, name)
         if values is not None and np.any(values[system.held[n:]] != 0.0):
@@ -113,23 +126,3 @@ def check_range(system: ContactSystem, factors: Array) -> None:
                 f"the contact system has {name} of about {size:.0e}, beyond the range of the "
                 "computer's numbers; choose units in which they are nearer to 1"
             )
-
-
-def _check_nodes(system: ContactSystem, name: str, values: Array, not_negative: bool) -> None:
-    """Raise where a quantity of the nodes is not finite, or negative although it may not be."""
-    wrong = ~(np.abs(values) <= LARGEST)
-    if name == "shear_limit":
-        wrong &= values != np.inf  # none
-    if name in ("f", "f_backward", "weight"):
-        # they divide
-        wrong |= (values != 0.0) & (np.abs(values) < SMALLEST)
-    if not_negative:
-        wrong |= np.asarray(values) < 0.0
-    if np.any(wrong):
-        i = int(np.argmax(wrong))
-        need = "finite and not negative" if not_negative else "finite"
-        need += f", 0 or of a size from {SMALLEST:g} to {LARGEST:g}"
-        raise InputError(
-            f"{name} of the contact system is {values[i]} at node {i} (x = {system.x[i]:.6g}); it "
-            f"has to be {need}"
-        )

@@ -75,7 +75,7 @@ class Chooser:
         self._leg, self._number = (0, 0), 0
         self._last: tuple[float, list[_Option]] | None = None
         self._certificate: Certificate | None = None
-        self._certified: dict[bytes, bool] = {}
+        self._certified: dict[Sides, bool] = {}
 
     def enter(self, cycle: int, leg: int) -> None:
         """Begin a leg; what is noted of it is forgotten."""
@@ -99,8 +99,7 @@ class Chooser:
         if not len(undecided.nodes) or self._is_certified(segments.system, before, undecided):
             return segment
         held = found.direction @ segments.system.r_star
-        first = point.state
-        ways = [_option_of(segments, point.y, first, segment)]
+        ways = [_option_of(segments, point.y, point.state, segment)]
         for row in self._solutions(place, segments.system, held, undecided, free):
             point.state = np.where(row > 0, row, before).astype(np.int8)
             try:
@@ -113,7 +112,7 @@ class Chooser:
             if not known and not len(found.violations(other)):
                 ways.append(option)
         number = self._take(place, point.load, ways)
-        point.state = first if number == 0 else ways[number].state
+        point.state = ways[number].state
         if number > 0:
             # quantities of undecided nodes within round-off of their limits are zero
             for kind in (1, A, B):
@@ -139,11 +138,10 @@ class Chooser:
         touching = np.zeros(system.n, dtype=bool)
         touching[undecided.touching] = touching[undecided.smooth] = True
         sides = Sides.of(state).put(bits_of(touching), 0)
-        key = state.tobytes() + touching.tobytes()
-        if key not in self._certified:
+        if sides not in self._certified:
             judge = self._certificate = self._certificate or Certificate(system)
-            self._certified[key] = definite(judge, sides, 1.0 + SAME_MARGIN)
-        return self._certified[key]
+            self._certified[sides] = definite(judge, sides, 1.0 + SAME_MARGIN)
+        return self._certified[sides]
 
     def choose_static(
         self, segments: Segments, problem: LegProblem, end: ContactState

@@ -140,8 +140,7 @@ class BranchedPath:
         while s < target:
             problem = replace(whole, start=leg.end, s_start=s, force_scale=leg.force_scale)
             trial, end, error = self._piece(now, problem, target)
-            no_way = isinstance(error, NoQuasiStaticContinuation)
-            at, wrong = self._first_passed(now, problem, (trial, end), no_way)
+            at, wrong = self._first_passed(now, problem, (trial, end), error)
             error = None if wrong else error
             if at > s + END_TOLERANCE or (error is None and not wrong):
                 if error is None and at >= target - END_TOLERANCE:
@@ -225,7 +224,7 @@ class BranchedPath:
         return found, end, error
 
     def _first_passed(
-        self, now: Branches, problem: LegProblem, piece: tuple[Leg, float], no_way: bool
+        self, now: Branches, problem: LegProblem, piece: tuple[Leg, float], error: SolveError | None
     ) -> tuple[float, list[tuple[int, int]]]:
         """Return where another margin first passes zero or a bond forms, its kind and its nodes.
 
@@ -250,7 +249,7 @@ class BranchedPath:
                 at = np.where(below[j], s[i] + before / (before - after) * (s[j] - s[i]), np.inf)
             first = float(at.min())
             wrong = [(int(k), int(n)) for k, n in np.argwhere(at <= first + END_TOLERANCE)]
-        elif no_way:
+        elif isinstance(error, NoQuasiStaticContinuation):
             tied = (margins[-1, :2] <= slack) & (found.end.state != SEPARATION)
             wrong = [(int(k), int(n)) for k, n in np.argwhere(tied)]
         events = found.events
