@@ -122,6 +122,9 @@ def test_curves_have_the_values_and_colours_of_their_names_in_the_legends() -> N
     check_legend(figure, figure.axes[0], density)
     (ratio,) = rf.figures.dissipation_per_cycle(found).axes[0].lines
     assert np.allclose(ratio.get_ydata(), found.cycles.dissipation / found.cycles.dissipation[0])
+    zones = rf.figures.zone_maps(found, [(3, 0)]).axes[0].get_title()
+    loads = "$P$ $800$ to $960$ N/mm, $Q$ $128$ to $-32$ N/mm, bulk $30$ to $10$ MPa"
+    assert " ".join(zones.split()) == f"cycle 3, leg 0: {loads}"
     loops = {
         "first loading" if cycle == 0 else f"cycle {cycle}": rf.loop_of(found, cycle)
         for cycle in (0, 1, 2, 3)
