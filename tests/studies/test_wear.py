@@ -218,7 +218,10 @@ def test_a_kill_or_failure_and_resume_repeat_an_undisturbed_study_bit_by_bit(
     error: BaseException, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     scene = cylinders(40, "wear.cycles=5000")
-    whole = worn(scene, tmp_path / "whole")
+    said: list[str] = []
+    whole = worn(scene, tmp_path / "whole", StudyOptions(progress=said.append))
+    for depth in whole.depth_max[1:]:
+        assert any(f", depth {depth:.4g}" in text for text in said), (depth, said)
 
     def stop(model: NodePairs, row: Any, *options: float) -> Any:
         if row["cycles"] > 1500:
