@@ -202,8 +202,8 @@ UNEVEN: dict[str, rf.Scene] = {
         others=(rf.Body("b", shape="half-plane", width=2.5),),
         material=rf.Material(200.0, 0.3),
         materials=(rf.Material(100.0, 0.2, name="b"),),
-        mesh=rf.MeshOptions(contact_elements=20),
-        contacts=(rf.Contact("a.bottom", None, 0.4, "(x - 0.25)**2/200", "b.top"),),
+        mesh=rf.MeshOptions(20, refine=(rf.Refinement(0.05, 0.6),)),
+        contacts=(rf.Contact("a.bottom", None, 0.4, "x**2/200", "b.top"),),
         loads=(
             rf.Load("P", "a.far", platen=True, force=(0.0, -1.0)),
             rf.Load("T", "a.far", platen=True, force=(0.2, 0.0)),

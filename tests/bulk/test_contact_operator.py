@@ -140,6 +140,34 @@ def test_ring_in_a_rigid_circle_has_lames_pressure(
     assert record.turning_points.P[-1] / system.weight == pytest.approx(p, rel=limit)
 
 
+@pytest.mark.parametrize("edge", ["i.top", "o.bottom"])
+def test_a_curved_edge_may_reach_beyond_the_other_one(edge: str, shared_tmp_path: Path) -> None:
+    """Arcs of 120 and 180 degrees on each other carry what pulls the shorter one."""
+
+    def arc(name: str, low: float, half: float, n: int) -> rf.Body:
+        def at(s: Array, t: Array) -> tuple[Array, Array]:
+            return (low + t) * np.cos((1 - 2 * s) * half), (low + t) * np.sin((1 - 2 * s) * half)
+
+        return rf.Body(name, mesh=grid(shared_tmp_path / f"{name}.msh", at, n, 4))
+
+    against = {"i.top": "o.bottom", "o.bottom": "i.top"}[edge]
+    n, half = 24, np.pi / 3.0
+    scene = rf.Scene(
+        body=arc("i", 1.0, half, n),
+        others=(arc("o", 2.0, 0.5 * np.pi, 31),),
+        mesh=rf.MeshOptions(cell="quadrilateral", degree=1),
+        contacts=(rf.Contact(edge, against=against, friction=0.3),),
+        loads=(rf.Load("p", "i.bottom", traction=(1.0, 0.0)),),
+        supports=(rf.Support("xy", edge="o.top"),),
+        history=ONCE,
+    )
+    record = last(scene)[1]
+    P, Q = record.turning_points.P[-1], record.turning_points.Q[-1]
+    normal = -record.points / np.linalg.norm(record.points, axis=1)[:, None]
+    force = P[:, None] * normal + Q[:, None] * normal @ [[0.0, -1.0], [1.0, 0.0]]
+    assert force.sum(axis=0) == pytest.approx([-n * 2.0 * np.sin(half / n), 0.0], abs=1e-10)
+
+
 HALF_PIN = """
 DefineConstant[ contact_elements = 48, ratio = 1, size = 12 ];
 n = ratio * contact_elements / 2; h = Pi / contact_elements;

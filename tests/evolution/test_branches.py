@@ -78,6 +78,16 @@ def test_a_motion_that_nothing_determines_leaves_branches_that_are_not_found(
     assert all(rf.given(b.record.uniqueness).certified == complete for b in tree)
 
 
+def test_an_error_names_the_first_choices_before_it() -> None:
+    """Each time that it is loaded from rest node 0 has two answers."""
+    system, _ = two_nodes()
+    history = table(system, [*([0, 0], [1, 0]) * 4, [0, 1]])
+    with pytest.raises(rf.NoQuasiStaticContinuation) as caught:
+        rf.evolve(system, history, rf.SolverOptions(branch=1))
+    found = re.findall(r"leg (\d), s = 0 \(nodes \[0\], 1 of 2\)", str(caught.value))
+    assert found == ["0", "2", "4"] and " and 1 more: " in str(caught.value)
+
+
 def test_rules_take_the_continuation_they_name() -> None:
     system, history = node_of_three_solutions(), table(node_of_three_solutions(), [[0.0], [1.0]])
     states = {}

@@ -177,8 +177,8 @@ def test_without_friction_tangential_displacements_may_be_eliminated() -> None:
             for key in ("P", "p", "v", "w", "load_displacement"):
                 assert near(getattr(b, key), getattr(a, key), size), (number, key)
         kept = [record.probes for record in (full, small) if record.probes is not None]
-        kinds = [probes.kind < 2 for probes in kept]
-        a, b = (probes.stress[kind] for probes, kind in zip(kept, kinds, strict=True))
+        # events at one place may be told in another order, at which nothing moves
+        a, b = (probes.stress for probes in kept)
         assert near(b, a)
     assert compared > 5
 
