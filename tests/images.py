@@ -198,6 +198,7 @@ class Image:
         at = np.argmin(apart, axis=1)
         assert apart.min(axis=1).max() < 1e-9 * np.abs(places).max()
         assert len(np.unique(at)) == len(at) == len(found.points)
+        assert all(np.all(np.diff(found.x[found.edge == k]) > 0.0) for k in set(found.edge))
 
         def close(name: str, one: Any, two: Any, *scales: Any) -> None:
             size = max(np.abs(each).max(initial=0.0) for each in (two, *scales))
