@@ -106,6 +106,10 @@ class Sides(NamedTuple):
 Change = tuple[int, int, int, bool]
 """Node, old and new state, and whether it is a tie."""
 
+_BEGINS_OR_ENDS = {
+    (*states, False) for slip in (FORWARD, BACKWARD) for states in ((STICK, slip), (slip, STICK))
+}
+
 
 class Instants(NamedTuple):
     """Instants of a leg: its start, and where states change."""
@@ -150,6 +154,9 @@ class Instants(NamedTuple):
                 now = now if tie else now.put(1 << i, new)
             if finite is not None and finite(s):
                 yield s, _loosest(now, [one for one in group if one[3]])
+            elif len(group) == 1 and group[0][1:] in _BEGINS_OR_ENDS:
+                # mostly one node begins or ends to slip: it may slip or stick
+                yield s, before if group[0][2] == STICK else now
             else:
                 yield s, _loosest(before, group)
 
