@@ -17,7 +17,14 @@ from receding_fenicsx import environment, mpi
 from receding_fenicsx.arrays import Array, check_types
 from receding_fenicsx.atomic import make_folder, new_file
 from receding_fenicsx.bulk.from_scene import condensed, is_small, probes_of
-from receding_fenicsx.errors import InputError, MeshMisfit, SolveError, ToleranceNotMet
+from receding_fenicsx.errors import (
+    InputError,
+    MeshMisfit,
+    NoEquilibrium,
+    NoQuasiStaticContinuation,
+    SolveError,
+    ToleranceNotMet,
+)
 from receding_fenicsx.evolution.collect import record_of
 from receding_fenicsx.evolution.evolve import continue_history, evolve, evolve_bare
 from receding_fenicsx.evolution.histories import CORNERS, tightened, with_corners
@@ -185,8 +192,9 @@ def _found(
 
     if scene.accuracy.tolerance is not None:
         with resumable(folder, "between meshes", "the meshes that are solved", CASES):
-            return study.within_tolerance(scene, comm, folder, solve, timer.say)
-    found = solve(scene)
+            found = study.within_tolerance(scene, comm, folder, solve, timer.say)
+    else:
+        found = solve(scene)
 
     def on_mesh(coarse: Scene, play: Callable[..., Record] = evolve_bare) -> Record | None:
         system = condense(coarse, comm)
@@ -194,14 +202,16 @@ def _found(
 
     # bolts have their preloads on coarser meshes too, not the shortenings of this one
     own, coarse = replace(found.scene, bolts=scene.bolts), None
-    if found.failure is not None or not (options.error or own.fatigue):
+    errors = options.error and scene.accuracy.tolerance is None  # a search has its own
+    failed = found.failure is not None and not isinstance(found.failure, ToleranceNotMet)
+    if failed or not (errors or own.fatigue):
         return found
     with resumable(folder, "on a coarser mesh"), timer("errors"):
-        if options.error:
+        if errors:
             kept = study.Meshes(comm, folder)
             found.extra |= study.errors_of_run(own, found.record, on_mesh, kept)
         if own.fatigue is not None:
-            with suppress(MeshMisfit):  # none fits
+            with suppress(MeshMisfit, NoEquilibrium, NoQuasiStaticContinuation):  # no estimate
                 partner = meshes.partner(own, comm)
                 coarse = None if partner is None else on_mesh(partner, evolve)
             more = mpi.on_root(comm, lambda: fatigue_summary(mpi.given(found.record), coarse))

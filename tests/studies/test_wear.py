@@ -425,14 +425,21 @@ def test_a_study_that_cannot_be_written_or_shared_is_refused_before_it_condenses
 
 
 @pytest.mark.parametrize(
-    "study", [rf.run, rf.wear, lambda scene: rf.joint_curve(scene, "Q", [0.3 * F * P])]
+    ("study", "passed"),
+    [
+        (rf.run, MeshMisfit("no vertex")),
+        (rf.run, rf.NoEquilibrium("the coarser body slides")),
+        (lambda scene: rf.run(scene, options=rf.RunOptions(tolerance=0.3)), MeshMisfit("none")),
+        (rf.wear, MeshMisfit("no vertex")),
+        (lambda scene: rf.joint_curve(scene, "Q", [0.3 * F * P]), MeshMisfit("no vertex")),
+    ],
 )
-def test_only_misfits_of_a_coarser_mesh_are_passed_over(
-    study: Callable[[rf.Scene], object], monkeypatch: pytest.MonkeyPatch
+def test_only_what_a_coarser_mesh_lacks_is_passed_over(
+    study: Callable[[rf.Scene], object], passed: Exception, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     probes = '[[probe]]\nname = "edge"\nedge = "lower.top"\n[fatigue]\n'
     scene = rf.from_toml(rf.to_toml(cylinders(16, "wear.cycles=1")) + probes)
-    error: list[Exception] = [MeshMisfit("no vertex")]
+    error: list[Exception] = [passed]
 
     def refuse(_: rf.Scene) -> int:
         raise error[0]

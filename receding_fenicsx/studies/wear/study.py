@@ -296,7 +296,7 @@ def _begin(scene: Scene, system: ContactSystem) -> tuple[NodePairs, Row]:
     half_planes = len(scene.bodies) == 2 and all(body.is_half_plane for body in scene.bodies)
     alone = half_planes and len(scene.contacts) == 1 and not system.has_branches
     if not alone or coupled or not slides:
-        raise InputError(
+        raise MeshMisfit(
             f"[wear]: the stroke {stroke:.4g} is {stroke / width:.2g} of the contact's width "
             f"{width:.4g}, above {small:g}: nodes do not stay opposite each other; this is "
             "modelled for two half-planes of equal materials that slide grossly, by friction alone"
@@ -360,7 +360,7 @@ def _wear(
         end, failure = "stick zone worn through", None
     if other is not None and failure is None:
         # the same numbers of cycles, as far as the coarser mesh goes
-        with suppress(SolveError, InputError):
+        with suppress(SolveError, MeshMisfit):  # or the stroke is too long on it
             model, first = _begin(*other)
             ends = [float(row["cycles"]) for row in rows]
             found, *_ = chain(model, first, ends, np.inf, "coarser")
