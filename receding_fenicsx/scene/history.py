@@ -132,9 +132,11 @@ def evenly_spaced(history: History, cycle: int, n: int) -> tuple[Ints, Array, Ar
         share = 1 + np.diff(np.round((n - 1 - legs) * before).astype(int))
         time = np.interp(np.arange(n), np.cumsum([0, *share]), before)
     number = np.minimum(np.searchsorted(before[1:], time), legs - 1)
-    position = np.minimum((time - before[number]) / np.diff(before)[number], 1.0)
+    length = np.diff(before)[number]
+    # the loads may rest on a leg
+    position = np.minimum((time - before[number]) / np.where(length > 0.0, length, 1.0), 1.0)
     position[0] = 0.0 if cycle else 0.5 * position[1]
-    return number, position, before[number] + position * np.diff(before)[number]
+    return number, position, before[number] + position * length
 
 
 # -- histories of scenes --------------------------------------------------------------------------

@@ -208,12 +208,13 @@ def of_contact(scene: Scene, number: int) -> Rules:
     forward, backward = directions(contact.friction, f"{at} friction")
     profiles = {"friction": forward, "friction backward": backward}
     keys = ("initial_gap", "shear_limit", "cohesion", "interference")
-    profiles |= {key: getattr(contact, key) or 0.0 for key in keys}
+    profiles |= {key: p for key in keys if (p := getattr(contact, key)) is not None}
     if contact.interference is not None and not scene.others and body.is_half_plane:
         yield f"{at} interference: a half-plane moves as a whole; remove it"
     if body.is_rectangle:
         yield from of_elements(scene.mesh, body, edge)
-    on_contact(scene, contact, scene.history.initial_slip or 0.0, "[history] initial_slip")
+    if (slip := scene.history.initial_slip) is not None:
+        on_contact(scene, contact, slip, "[history] initial_slip")
     for key, profile in profiles.items():
         x, values = on_contact(scene, contact, profile, f"{at} {key}")
         if values.min(initial=0.0) < 0.0:

@@ -204,3 +204,5 @@ def test_instants_spread_over_a_cycle_go_evenly_and_meet_every_turning_point() -
     # at rest nothing is loaded and nothing to be seen
     assert evenly_spaced(table, 0, 5)[2][0] > 0.0
     assert np.all(np.diff(evenly_spaced(table, 0, 5)[2]) > 0.0)
+    resting = History(("P", "Q"), path[[0, 0, 1]], loop, 3)
+    assert evenly_spaced(resting, 0, 5)[2] == pytest.approx([0.0, 0.0, 1 / 3, 2 / 3, 1.0])
