@@ -128,9 +128,9 @@ class Friction:
     ) -> Array:
         """Return the size of one limit; without contact there is no cohesion."""
         limit = coefficient * P
-        if isinstance(self.cohesion, np.ndarray):
+        if np.ndim(self.cohesion) or self.cohesion:
             limit = limit + self.cohesion * touches
-        if isinstance(self.shear_limit, np.ndarray):
+        if np.ndim(self.shear_limit) or self.shear_limit < np.inf:
             limit = np.minimum(limit, self.shear_limit)
         return limit
 

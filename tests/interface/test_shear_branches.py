@@ -60,6 +60,9 @@ def test_one_node_slips_on_the_lower_branch(
     history = table(system, [[0, 0], [2, 0], [2, 1], [1, 1], [2, 1]])
     record = evolve(system, history, method)
     assert record.turning_points.Q[1:3, 0] == pytest.approx(Q, abs=1e-12)
+    # the law of a node alone, whose cone is drawn
+    highest = record.friction[0].limits(np.array(2.0))[1]
+    assert highest == min(1.0 + (cohesion or 0.0), np.inf if limit is None else limit)
     tolerance = 1e-12 if method == "events" else 1e-2
     assert record.dissipation_first_loading == pytest.approx(D, abs=tolerance)
     assert record.uniqueness is not None and not record.uniqueness.certified
