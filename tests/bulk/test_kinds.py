@@ -21,7 +21,7 @@ from receding_fenicsx.store.hdf5 import write_record
 
 pytestmark = pytest.mark.one_rank
 KINDS = EVEN | UNEVEN
-SEEDS = (3, 19, 40, 43, 49, 68, 89, 90, 103, 110, 114, 125, 132, 144)
+SEEDS = (3, 19, 38, 40, 43, 49, 68, 89, 90, 103, 110, 114, 125, 132, 144)
 RANDOM = {f"seed {seed}": random_scene(seed) for seed in SEEDS}
 """In which each choice of the generator occurs twice."""
 ALL = KINDS | RANDOM

@@ -28,7 +28,7 @@ from receding_fenicsx.arrays import Array
 from receding_fenicsx.interface.law import BACKWARD, FORWARD, SEPARATION, STICK, Friction
 from receding_fenicsx.interface.lcp.lemke import covers, solve
 from receding_fenicsx.interface.system import ContactSystem, pinned_stiffness
-from receding_fenicsx.interface.tolerances import NO_STIFFNESS
+from receding_fenicsx.interface.tolerances import NO_STIFFNESS, ROUND_OFFS
 
 EXHAUSTED = 2**16
 """Largest number of sets of states that is gone through: eight nodes with all four states."""
@@ -96,14 +96,17 @@ class Problem(NamedTuple):
         may, K = choices(undecided), system.K
         nodes, m = np.array(list(may), dtype=np.intp), len(may)
         rows = np.concatenate([nodes, system.n + nodes])
-        S, s = K[np.ix_(rows, rows)], r0[rows]
+        S, s, carried = K[np.ix_(rows, rows)], r0[rows], np.abs(r0)
         if len(open_dofs):
-            coupling = K[np.ix_(open_dofs, rows)]
-            factor = sla.cho_factor(pinned_stiffness(system, open_dofs))
+            coupling, stiffness = K[np.ix_(open_dofs, rows)], pinned_stiffness(system, open_dofs)
+            factor = sla.cho_factor(stiffness)
+            moved = sla.cho_solve(factor, r0[open_dofs])
             S = S - coupling.T @ sla.cho_solve(factor, coupling)
-            s = s - coupling.T @ sla.cho_solve(factor, r0[open_dofs])
-        # round-off where loads have no effect
-        s[np.abs(s) <= 1e-14 * float(np.abs(r0).max(initial=0.0))] = 0.0
+            s = s - coupling.T @ moved
+            carried = np.append(carried, np.abs(stiffness) @ np.abs(moved))
+        # where loads have no effect, the round-off of what is summed and, by the factor, carried
+        round_off = (ROUND_OFFS + len(open_dofs)) * np.finfo(float).eps
+        s[np.abs(s) <= round_off * float(carried.max(initial=0.0))] = 0.0
         smooth = np.arange(m) >= m - len(undecided.smooth)
         still = np.flatnonzero(smooth)
         S[still], S[:, still], s[still] = 0.0, 0.0, 0.0
