@@ -164,6 +164,9 @@ def unpacked(path: Path, system: ContactSystem) -> list[FinishedCycle]:
         fits = all(tables[key].shape[1:] == (size,) for key, size in shapes.items())
         if not fits or tables["events"].dtype != event_rows(system).dtype:
             raise ValueError("of another system")
+        keys = Totals._field_defaults.keys(), dataclasses.asdict(Uniqueness()).keys()
+        if any((row["totals"].keys(), row["uniqueness"].keys()) != keys for row in about):
+            raise ValueError("of another version")
         places = zip(*(tables[key].tolist() for key in ("cycle", "leg", "s")), strict=True)
         arrays = zip(*(map(np.copy, tables[key]) for key in ("load", "v", *STATE)), strict=True)
         instants = iter(

@@ -1,4 +1,5 @@
 import dataclasses
+import re
 from contextlib import suppress
 from pathlib import Path
 
@@ -155,6 +156,12 @@ def test_folder_of_another_system_or_program_is_refused(tmp_path: Path) -> None:
     for system in (block_system(16, 8), small_system(np.eye(2), {"a": [0, 1]}, 0.3)):
         with pytest.raises(InputError, match="another system"):
             JournalFolder(path, system, 5)
+    with np.load(path / "0.npz") as file:
+        tables = dict(file)
+    without = re.sub('"jumps": [0-9]+, ', "", str(tables["about"]))
+    np.savez(path / "0.npz", **tables | {"about": np.array(without)})
+    with pytest.raises(InputError, match="version"):
+        JournalFolder(path, BLOCK, 5)
     (tmp_path / "file").touch()
     with pytest.raises(InputError, match="cannot be written"):
         JournalFolder(tmp_path / "file" / "journal", BLOCK, 5)
