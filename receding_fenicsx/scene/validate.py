@@ -39,14 +39,14 @@ def check_rules(scene: Scene) -> None:
     rules = [
         *(bodies.of_contact(scene, k) for k in range(len(scene.contacts))),
         *(rule(scene) for rule in (*whole, _of_probes, _of_shakedown, _of_accuracy)),
-        *(loads.of_bolt(scene, bolt) for bolt in scene.bolts),
         *(loads.of_support(scene, support) for support in scene.supports),
         *(loads.of_spring(scene, spring) for spring in scene.springs),
         *([line] for line in _of_options(scene)),
         of_solver(scene.solver),
     ]
-    # a load that is wrong may not be in the history yet
-    of_loads = (loads.of_load(scene, load) for load in scene.loads)
+    # a load or bolt that is wrong may not be in the history yet
+    of_loads = [loads.of_load(scene, load) for load in scene.loads]
+    of_loads += [loads.of_bolt(scene, bolt) for bolt in scene.bolts]
     errors = checks.broken([loads.of_names(scene), *of_loads])
     errors = errors or checks.broken([loads.of_parts(scene)])
     acts = (loads.of_effect(scene, load) for load in scene.loads)
