@@ -16,6 +16,7 @@ from receding_fenicsx.bulk.mesh.raw_mesh import (
     RawMesh,
     cells_behind,
     curve_of,
+    line_of,
     nearest_facet,
 )
 from receding_fenicsx.errors import InputError, MeshMisfit
@@ -242,6 +243,8 @@ def _check_apart(
         # of one rectangle checked by the scene
         if body.mesh is not None or scene.others:
             place = scene.bodies.index(body)
+            if span is not None:
+                line_of(meshes[place], edge, f"{where} span")
             facets = _facets_in(meshes[place], edge, span, f"{where} span", half)
             every.append((where, name, place, edge, facets))
     # the contact or tie of each facet of each edge; groups do not overlap

@@ -233,6 +233,10 @@ def test_span_has_to_end_at_vertices(shared_tmp_path: Path) -> None:
         assert words in refused(replace(scene, contacts=(Contact(edge="foot", span=span),)))
     load = Load("p", "head", (-0.25, 1.0), pressure=1.0)
     assert "load 'p' span: no vertex" in refused(replace(scene, loads=(load,)))
+    bent = two_cells(
+        shared_tmp_path / "bent.msh", POINTS + 0.2 * (POINTS == [0.0, 1.0]).all(1)[:, None]
+    )
+    assert "load 'p' span: 'head' is not straight" in refused(replace(bent, loads=(load,)))
 
 
 def test_edge_in_pieces_is_refused(shared_tmp_path: Path) -> None:
