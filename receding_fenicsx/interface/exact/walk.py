@@ -197,17 +197,21 @@ class Walk:
         """Remove the imbalance of forces and displacements."""
         path, load, (a, b) = self.path, self.problem.load(self.s), self.problem.ends
         self._check(path.imbalance)
-        # a node keeps the forces with which it lands: at an event those on the way there balance
-        hit = int(path.counts[kernel_data.HIT])
-        state = path.state if hit < 0 else self._before()
-        path.y[:] = self.segments.values(self._refined(self._at(path.y, load, state), load))
-        if hit >= 0:
-            with suppress(SingularExchange):
-                q = self.segments.at(state, b - a).q
-                if q[hit] < 0.0:
-                    path.y[:] -= path.y[hit] / q[hit] * q
-            path.y[hit] = 0.0
-        path.imbalance[:] = self.segments.balance.errors(path.y, load)
+        # a node keeps the forces with which it lands: at an event those on the way there balance,
+        # but where the path is almost at a standstill
+        hit, worst = int(path.counts[kernel_data.HIT]), np.abs(path.imbalance).max()
+        for state in (path.state,) if hit < 0 else (self._before(), path.state):
+            y = self.segments.values(self._refined(self._at(path.y, load, state), load))
+            if state is not path.state:
+                with suppress(SingularExchange):
+                    q = self.segments.at(state, b - a).q
+                    if q[hit] < 0.0:
+                        y -= y[hit] / q[hit] * q
+                y[hit] = 0.0
+            imbalance = self.segments.balance.errors(y, load)
+            if np.abs(imbalance).max() <= worst:
+                break
+        path.y[:], path.imbalance[:] = y, imbalance
         # it is removed again where it has doubled
         path.place[3] = max(path.place[3], 2.0 * float(np.abs(path.imbalance).max()))
         path.place[4] = kernel.reach(path.y, self.segments.weight)
