@@ -19,12 +19,7 @@ from scipy.linalg import block_diag
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.bulk import _dolfinx
 from receding_fenicsx.bulk.body import Bulk, times
-from receding_fenicsx.bulk.closures import (
-    add_links,
-    add_springs,
-    closed,
-    with_gaps,
-)
+from receding_fenicsx.bulk.closures import add_links, add_springs, closed, with_gaps
 from receding_fenicsx.bulk.contact_nodes import find_contact
 from receding_fenicsx.bulk.contact_operator import ContactPoints, Relative, relative_of
 from receding_fenicsx.bulk.elasticity import stiffness_in, stiffness_matrix

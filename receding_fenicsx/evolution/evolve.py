@@ -7,12 +7,7 @@ from contextlib import suppress
 from dataclasses import replace
 
 from receding_fenicsx.arrays import Array, check_types
-from receding_fenicsx.errors import (
-    InputError,
-    NoEquilibrium,
-    NoQuasiStaticContinuation,
-    SolveError,
-)
+from receding_fenicsx.errors import InputError, NoEquilibrium, NoQuasiStaticContinuation, SolveError
 from receding_fenicsx.evolution.collect import record_of
 from receding_fenicsx.evolution.histories import with_corners
 from receding_fenicsx.evolution.instants import end_of

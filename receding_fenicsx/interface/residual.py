@@ -8,11 +8,7 @@ from numpy.typing import NDArray
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.interface.law import SEPARATION, SLIP_SIGN
 from receding_fenicsx.interface.system import ContactState, ContactSystem
-from receding_fenicsx.interface.tolerances import (
-    ROUND_OFFS,
-    TOO_FAR,
-    TOO_FAR_ON_SPRINGS,
-)
+from receding_fenicsx.interface.tolerances import ROUND_OFFS, TOO_FAR, TOO_FAR_ON_SPRINGS
 
 
 def largest_force(system: ContactSystem, load: Array, r: Array, so_far: float) -> float:

@@ -8,15 +8,8 @@ from small import cyclic, small_system, table
 
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.evolution.evolve import evolve
-from receding_fenicsx.interface.residual import (
-    reachable,
-    round_off,
-)
-from receding_fenicsx.interface.system import (
-    ContactSystem,
-    eliminate_tangential,
-    reactions,
-)
+from receding_fenicsx.interface.residual import reachable, round_off
+from receding_fenicsx.interface.system import ContactSystem, eliminate_tangential, reactions
 
 
 def test_round_off_bounds_the_error_of_the_product() -> None:

@@ -21,10 +21,7 @@ from small import cyclic
 import receding_fenicsx as rf
 from receding_fenicsx.evolution.record_data import Limit, PathUniqueness, Steady
 from receding_fenicsx.interface.branches.choice import Choice
-from receding_fenicsx.output.report.contact import (
-    extremes_of,
-    uniqueness_rows,
-)
+from receding_fenicsx.output.report.contact import extremes_of, uniqueness_rows
 from receding_fenicsx.output.report.run import loose_warnings
 from receding_fenicsx.output.report.summary import report_html
 from receding_fenicsx.store.run_folder import write_summary

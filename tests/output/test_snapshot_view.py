@@ -18,12 +18,7 @@ from pictured import instant_of_row, view_at
 import receding_fenicsx as rf
 from receding_fenicsx.bulk.fields import Fields
 from receding_fenicsx.interface.law import Friction
-from receding_fenicsx.output.snapshots.page import (
-    QUANTITIES,
-    colours_of,
-    compose,
-    layout_of,
-)
+from receding_fenicsx.output.snapshots.page import QUANTITIES, colours_of, compose, layout_of
 from receding_fenicsx.output.snapshots.view import View, _traction
 
 PRESSURE, HEIGHT, YOUNG, LARGEST = 2.0, 3.0, 5.0, 4.0

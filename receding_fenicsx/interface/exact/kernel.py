@@ -31,13 +31,7 @@ from numpy.typing import NDArray
 
 from receding_fenicsx.arrays import Array, Ints
 from receding_fenicsx.interface import law, tolerances
-from receding_fenicsx.interface.exact import (
-    consistency,
-    kernel_data,
-    legs,
-    pivot_matrix,
-    tableau,
-)
+from receding_fenicsx.interface.exact import consistency, kernel_data, legs, pivot_matrix, tableau
 from receding_fenicsx.interface.exact.kernel_data import (
     ASKED,
     BEGUN,

@@ -12,11 +12,7 @@ from receding_fenicsx.arrays import Array, Ints
 from receding_fenicsx.interface.exact import kernel, kernel_data
 from receding_fenicsx.interface.exact.balance import summed
 from receding_fenicsx.interface.exact.legs import LegProblem, widen
-from receding_fenicsx.interface.exact.pivot_matrix import (
-    Matrix,
-    SingularExchange,
-    apply_pending,
-)
+from receding_fenicsx.interface.exact.pivot_matrix import Matrix, SingularExchange, apply_pending
 from receding_fenicsx.interface.exact.segments import (
     EPSILON,
     UNREFINABLE_ROUND_OFFS,

@@ -12,18 +12,8 @@ from receding_fenicsx.arrays import Array
 from receding_fenicsx.errors import NoEquilibrium, NoQuasiStaticContinuation, SolveError
 from receding_fenicsx.interface.equilibrium import Limit, furthest, is_balanced
 from receding_fenicsx.interface.exact.free_motions import at_rest
-from receding_fenicsx.interface.exact.jumps import (
-    add_jump,
-    check_jumps,
-    find_jump,
-    no_state_beyond,
-)
-from receding_fenicsx.interface.exact.legs import (
-    Chooser,
-    LegProblem,
-    evenly_spaced,
-    unchanged,
-)
+from receding_fenicsx.interface.exact.jumps import add_jump, check_jumps, find_jump, no_state_beyond
+from receding_fenicsx.interface.exact.legs import Chooser, LegProblem, evenly_spaced, unchanged
 from receding_fenicsx.interface.exact.pivot_matrix import SingularExchange
 from receding_fenicsx.interface.exact.rest import (
     carries_nothing,

@@ -23,11 +23,7 @@ from receding_fenicsx.interface.exact.legs import LegProblem
 from receding_fenicsx.interface.exact.segments import EPSILON, Segments, States
 from receding_fenicsx.interface.exact.static import solve_static
 from receding_fenicsx.interface.law import BACKWARD, FORWARD, SEPARATION, SLIP_SIGN, STICK
-from receding_fenicsx.interface.residual import (
-    largest_force,
-    reachable,
-    relative_residual,
-)
+from receding_fenicsx.interface.residual import largest_force, reachable, relative_residual
 from receding_fenicsx.interface.system import (
     Changes,
     ContactState,

@@ -16,14 +16,7 @@ from scipy.linalg.blas import daxpy
 
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.errors import NotConverged
-from receding_fenicsx.interface.law import (
-    BACKWARD,
-    FORWARD,
-    SEPARATION,
-    STICK,
-    slips,
-    sticks,
-)
+from receding_fenicsx.interface.law import BACKWARD, FORWARD, SEPARATION, STICK, slips, sticks
 from receding_fenicsx.interface.residual import largest_force, law_residual, round_off
 from receding_fenicsx.interface.system import (
     ContactState,

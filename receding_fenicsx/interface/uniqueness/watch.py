@@ -12,11 +12,7 @@ from numpy.typing import NDArray
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.interface.exact.rest import carries_nothing, zero_crossing
 from receding_fenicsx.interface.exact.segments import Segments, ties_at
-from receding_fenicsx.interface.exact.static import (
-    end_in_states,
-    states_by_newton,
-    static_problem,
-)
+from receding_fenicsx.interface.exact.static import end_in_states, states_by_newton, static_problem
 from receding_fenicsx.interface.law import BACKWARD, FORWARD, STICK
 from receding_fenicsx.interface.lcp.all_solutions import all_solutions
 from receding_fenicsx.interface.lcp.contact import Problem
@@ -29,13 +25,7 @@ from receding_fenicsx.interface.uniqueness.certificate import (
     certify,
     definite,
 )
-from receding_fenicsx.interface.uniqueness.instants import (
-    Instants,
-    Sides,
-    States,
-    bits_of,
-    mask_of,
-)
+from receding_fenicsx.interface.uniqueness.instants import Instants, Sides, States, bits_of, mask_of
 
 LARGE_MARGIN = 1.5
 """Margin beyond which sets of states are measured at the ends of legs only."""

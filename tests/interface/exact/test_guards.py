@@ -12,17 +12,9 @@ from small import small_system, table
 
 from receding_fenicsx.errors import SolveError
 from receding_fenicsx.evolution.evolve import evolve
-from receding_fenicsx.interface.exact.pivot_matrix import (
-    SINGULAR_PIVOT,
-    SingularExchange,
-)
-from receding_fenicsx.interface.exact.segments import (
-    Segments,
-)
-from receding_fenicsx.interface.exact.tableau import (
-    Tableau,
-    W,
-)
+from receding_fenicsx.interface.exact.pivot_matrix import SINGULAR_PIVOT, SingularExchange
+from receding_fenicsx.interface.exact.segments import Segments
+from receding_fenicsx.interface.exact.tableau import Tableau, W
 from receding_fenicsx.interface.exact.walk import Walk, _displacement_uncertainty
 from receding_fenicsx.interface.law import State
 from receding_fenicsx.interface.system import Changes, ContactState

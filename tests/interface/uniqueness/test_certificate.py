@@ -16,10 +16,7 @@ from receding_fenicsx.interface.law import BACKWARD, FORWARD, SEPARATION, STICK
 from receding_fenicsx.interface.lcp.contact import choices
 from receding_fenicsx.interface.system import ContactSystem
 from receding_fenicsx.interface.uniqueness.certificate import Certificate, certify
-from receding_fenicsx.interface.uniqueness.instants import (
-    Sides,
-    bits_of,
-)
+from receding_fenicsx.interface.uniqueness.instants import Sides, bits_of
 
 RATES = 4
 """Load rates for which the solutions of an instant are counted."""
