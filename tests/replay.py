@@ -197,7 +197,7 @@ def _limit_start(run: Replay, u: Array, state: Array) -> tuple[Array, Array]:
     known = np.concatenate([ends.state[-1] != OPEN, np.full(len(slip), True)])
     walk = rigid @ np.linalg.lstsq(rigid[known], back[known], rcond=None)[0]
     size = float(np.abs(walk - back)[known].max(initial=0.0))
-    if size > LIMIT * float(np.abs(ends.v).max()):
+    if size > LIMIT * float(np.abs([ends.v, ends.w]).max()):
         run.object("the limit", "its cycle does not repeat itself", size)
     back[~known] = walk[~known]
     return np.concatenate([ends.v[-1], ends.w[-1]]).astype(np.longdouble) - back, ends.state[-1]
