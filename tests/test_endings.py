@@ -121,7 +121,7 @@ def test_marks_of_utf_8_at_the_start_of_files_are_passed_over(shared_tmp_path: P
 @pytest.mark.parametrize(
     ("name", "content", "words"),
     [
-        ("scene.toml", b"\xff", "scene.toml: is damaged ('utf-8' codec"),
+        ("scene.toml", b"\xff", "scene.toml: is not a text file in UTF-8"),
         ("scene.toml", b"", "scene.toml: is damaged (the scene is empty)"),
         ("journal/0.npz", bytes(500), "0.npz: is damaged"),
         ("journal", None, "holds no run that can be resumed"),
