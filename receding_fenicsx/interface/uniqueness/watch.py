@@ -84,6 +84,8 @@ class UniquenessWatch:
         # met, and not proved to be definite
         self.indefinite: set[Sides] = set()
         self._measured: set[Sides] = set()
+        # of no smaller margin than the one that is found: eigenvalues take far longer
+        self._larger: list[Pattern] = []
         self._jumps: list[float] = []
         self._doubtful: list[tuple[bytes, Sides]] = []
         # static problems that were judged
@@ -252,9 +254,17 @@ class UniquenessWatch:
 
     def _measure(self, one: Sides) -> None:
         """Lower the margin to that of a set of states, if it is smaller."""
-        margin, _ = self.certificate.margin(one.states(self.certificate.system.n))
+        judge, least = self.certificate, self.found.margin
+        if any(larger.holds(one) for larger in self._larger):
+            return
+        if np.isfinite(least):
+            pattern = certify(judge, [one], least * (1.0 - SAME_MARGIN))
+            if pattern is not None:
+                self._larger.append(pattern)
+                return
+        margin, _ = judge.margin(one.states(judge.system.n))
         if margin > 0.0:  # what slips without stiffness does so whatever the friction
-            self.found = replace(self.found, margin=min(self.found.margin, margin))
+            self.found = replace(self.found, margin=min(least, margin))
 
     def _doubt(self, place: tuple[int, int, float], direction: Array, sides: Sides) -> None:
         """Count the solutions of an instant whose matrices are not all definite."""
