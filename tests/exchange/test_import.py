@@ -293,12 +293,10 @@ def indefinite(A: np.ndarray) -> np.ndarray:
 @pytest.mark.parametrize(
     ("change", "told"),
     [
-        (lambda A: A + at(A, -1, -1, 1e36), "entries of 1e.36, which stand for supports"),
         (lambda A: A + at(A, 3, 4, 0.1), "is not symmetric"),
         (indefinite, "is indefinite"),
         (lambda A: np.pad(A[:-2, :-2], (0, 2)), "singular with the contact held"),
         (lambda A: A + at(A, 0, 0, 1e-9), "too few digits"),
-        (np.negative, "is indefinite"),
     ],
 )
 def test_bad_matrices_are_refused(change: Any, told: str, tmp_path: Path) -> None:
@@ -316,12 +314,6 @@ def test_a_triangle_of_the_wrong_length_is_refused(tmp_path: Path) -> None:
         rf.import_system(specification(tmp_path, block, name))
     name = write_user_element(tmp_path, block.A[:6, :6], block.freedoms[:6], False)
     with pytest.raises(rf.InputError, match=r"node [4-7] has no freedom [12] in the stiffness"):
-        rf.import_system(specification(tmp_path, block, name))
-    io.mmwrite(tmp_path / "K.mtx", sparse.coo_matrix(block.A * 1j))
-    with pytest.raises(rf.InputError, match="its numbers are complex"):
-        rf.import_system(specification(tmp_path, block, "K.mtx"))
-    (tmp_path / name).write_text("1 1 2.0\n2 2")
-    with pytest.raises(rf.InputError, match="is not a stiffness"):
         rf.import_system(specification(tmp_path, block, name))
 
 

@@ -134,19 +134,3 @@ def test_the_command_writes_what_the_function_returns(
         assert np.array_equal(file["M"], model.M) and np.array_equal(file["C"], model.C)
         assert "C q" in file.attrs["description"]
     assert cli.main(["export", str(scene), "--reduced", "--out", str(out)]) == 2
-
-
-@pytest.mark.parametrize(
-    ("old", "new", "told"),
-    [
-        ("density = 2.0", "", "density"),
-        ("pressure = 0.01", "displacement = [0.0, -0.1]", "prescribes a displacement"),
-        ("friction = 0.4", "friction = 0.4\ninterference = 0.001", "interference; remove them"),
-        ("count = 2", "count = 0", "[mode] count"),
-        ("count = 2", "count = 1000", "inner freedoms"),
-    ],
-)
-def test_what_has_no_reduced_model_is_said(old: str, new: str, told: str) -> None:
-    with pytest.raises(rf.InputError) as caught:
-        rf.reduced_model(rf.from_toml(BLOCK.format(count=2).replace(old, new)))
-    assert told in str(caught.value)

@@ -1,7 +1,6 @@
 """Profiles: tables, and files that become part of the scene."""
 
 import math
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -81,48 +80,33 @@ def test_a_curved_gap_of_fewer_points_than_nodes_is_warned_of() -> None:
     assert not found(51, "0.1 * abs(x)") and not found(5)
 
 
+PYTHON = {name: getattr(math, name) for name in "pi sqrt sin cos exp log tanh".split()}
+PYTHON |= {"where": lambda test, yes, no: yes if test else no, "min": min, "max": max, "abs": abs}
+
+
 @pytest.mark.parametrize(
-    ("text", "expected"),
+    "text",
     [
-        ("2", lambda x, y: 2 + 0 * x),
-        ("-x**2/3 + pi", lambda x, y: -(x**2) / 3 + math.pi),
-        ("x*y - (x - 1)*+2", lambda x, y: x * y - (x - 1) * 2),
-        ("min(x, 0.5, y) + max(x, -0.25)", lambda x, y: min(x, 0.5, y) + max(x, -0.25)),
-        ("abs(x) + sqrt(abs(x))", lambda x, y: abs(x) + math.sqrt(abs(x))),
-        ("sin(x) + cos(y)*tanh(x)", lambda x, y: math.sin(x) + math.cos(y) * math.tanh(x)),
-        ("exp(-x) + log(2 + x)", lambda x, y: math.exp(-x) + math.log(2 + x)),
-        ("where(x > 0, 1, 2)", lambda x, y: 1.0 if x > 0 else 2.0),
-        ("(-0.5 <= x < 0.5) + (x == 1)", lambda x, y: (-0.5 <= x < 0.5) + (x == 1)),
-        ("2*(x != y)", lambda x, y: 2.0 * (x != y)),
-        ("  1e-3 ", lambda x, y: 1e-3),
+        *("2", "-x**2/3 + pi", "x*y - (x - 1)*+2", "min(x, 0.5, y) + max(x, -0.25)"),
+        *("abs(x) + sqrt(abs(x))", "sin(x) + cos(y)*tanh(x)", "exp(-x) + log(2 + x)"),
+        *("where(x > 0, 1, 2)", "(-0.5 <= x < 0.5) + (x == 1)", "2*(x != y)", "  1e-3 "),
     ],
 )
-def test_expression_has_pythons_value(text: str, expected: Callable[[float, float], float]) -> None:
+def test_expression_has_pythons_value(text: str) -> None:
     x = np.array([-1.0, -0.5, 0.0, 0.25, 1.0])
     y = np.array([0.5, -0.5, 2.0, 0.25, -1.0])
-    wanted = [expected(a, b) for a, b in zip(x, y, strict=True)]
+    wanted = [eval(text.strip(), PYTHON, {"x": a, "y": b}) for a, b in zip(x, y, strict=True)]
     np.testing.assert_allclose(evaluate(text, x, y), wanted, rtol=1e-15, atol=1e-16)
 
 
-@pytest.mark.parametrize(
-    ("text", "word"),
-    [
-        ("'a'", "not allowed"),
-        ("True", "not allowed"),
-        ("", "not an expression"),
-        ("1" + 400 * "0", "not a finite number"),
-        (1001 * "1", "characters"),
-        ("\0", "not an expression"),
-    ],
-)
-def test_other_text_is_no_expression(text: str, word: str) -> None:
-    with pytest.raises(InputError) as caught:
-        evaluate(text, np.array([-1.0, 1.0]))
-    assert word in str(caught.value)
-
-
-def test_long_sums_are_refused_or_right_but_never_crash() -> None:
+def test_long_texts_are_refused_or_right_but_never_crash() -> None:
     text = "+".join(400 * ["x"])
     np.testing.assert_allclose(evaluate(text, np.array([0.5])), [200.0])
-    with pytest.raises(InputError):
-        evaluate(999 * "-" + "x", np.array([0.5]))
+    for wrong, words in (
+        (999 * "-" + "x", "nested too deeply|not an expression"),
+        (1001 * "1", "1001 characters: at most 1000"),
+        ("1" + 400 * "0", "not a finite number"),
+        ("\0", "not an expression"),
+    ):
+        with pytest.raises(InputError, match=words):
+            evaluate(wrong, np.array([0.5]))

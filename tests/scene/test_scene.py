@@ -109,13 +109,6 @@ def test_values_of_scenes_made_in_python_are_checked_like_those_of_files() -> No
     rf.validate(dataclasses.replace(scene, mesh=numpy))
 
 
-@pytest.mark.parametrize("extra", ["[[contact]]", 50 * "a." + "b = 1"])
-def test_what_is_no_toml_is_refused_with_its_reason(extra: str) -> None:
-    reason = "a key has more than 50 parts" if "." in extra else r".*at line \d+, column \d+"
-    with pytest.raises(rf.InputError, match=f"^not valid TOML: {reason}"):
-        block(extra=extra)
-
-
 @pytest.mark.parametrize("name", ["/dev/zero", "pipe", "."])
 @pytest.mark.parametrize("key", ["scene", "rows", "friction", "stiffness", "nodes", "system"])
 def test_what_is_no_regular_file_is_not_read(key: str, name: str, tmp_path: Path) -> None:
@@ -145,40 +138,6 @@ def test_what_is_no_regular_file_is_not_read(key: str, name: str, tmp_path: Path
         else:
             rf.read_scene(path if key == "scene" else scene)
     assert str(path) in str(caught.value)
-
-
-def test_unreadable_files_are_refused(tmp_path: Path) -> None:
-    with pytest.raises(rf.InputError, match=r"none\.toml: no such file"):
-        rf.read_scene(tmp_path / "none.toml")
-    with pytest.raises(rf.InputError, match="cannot be read"):
-        rf.read_scene(tmp_path)
-    (tmp_path / "latin.toml").write_bytes(b'title = "\xe9"')
-    with pytest.raises(rf.InputError, match="UTF-8"):
-        rf.read_scene(tmp_path / "latin.toml")
-    (tmp_path / "cut.toml").write_text(BLOCK[: len(BLOCK) // 2 + 3])
-    with pytest.raises(rf.InputError, match=r"cut\.toml: "):
-        rf.read_scene(tmp_path / "cut.toml")
-
-
-@pytest.mark.parametrize(
-    ("poisson", "degree", "kinematics", "warned"),
-    [
-        (0.49, 1, "plane strain", True),
-        (0.49, 1, "axisymmetric", True),
-        (0.49, 2, "plane strain", False),
-        (0.49, 1, "plane stress", False),
-        (0.45, 1, "plane strain", False),
-    ],
-)
-def test_elements_that_lock_are_warned_of(
-    poisson: float, degree: int, kinematics: str, warned: bool
-) -> None:
-    scene = rf.Scene(
-        material=rf.Material(1.0, poisson, kinematics), mesh=rf.MeshOptions(degree=degree)
-    )
-    found = rf.scene_warnings(scene)
-    assert bool(found) == warned
-    assert all("order 1 lock" in text and "degree = 2" in text for text in found)
 
 
 def test_material_of_a_body_is_the_one_it_names_or_that_of_its_name() -> None:
