@@ -30,35 +30,12 @@ def two_nodes() -> tuple[rf.ContactSystem, rf.History]:
     return system, table(system, [[0, 0], [1, 0], [0, 1], [0, 0], [1, 0]])
 
 
-def test_the_node_of_three_solutions_has_three_branches() -> None:
-    system = node_of_three_solutions()
-    history = table(system, [[0.0], [1.0]])
-    tree = rf.branches(system, history)
-    assert tree.complete and len(tree) == 3
-    ends = {int(b.record.turning_points.state[0, 0]): b.record for b in tree}
-    assert set(ends) == {STICK, SEPARATION, BACKWARD}
-    # on paper: 1.3 + v = 1.5 (1 + .9 v); K u = -(1.3, 1)
-    assert ends[BACKWARD].turning_points.v[0, 0] == pytest.approx(-0.2 / 0.35, rel=1e-14)
-    assert ends[SEPARATION].turning_points.w[0, 0] == pytest.approx(0.17 / 0.19, rel=1e-14)
-    assert [b.choices[0].solutions for b in tree] == [3, 3, 3]
-    assert sorted(b.taken for b in tree) == [(1,), (2,), (3,)]
-    assert all(replay(system, history, b.record).found == [] for b in tree)
-    assert "3 branches (all)" in str(tree)
-
-
-def test_a_branch_ends_at_the_reversal_and_the_other_goes_all_the_way() -> None:
-    system, history = two_nodes()
-    tree = rf.branches(system, history)
-    closed, *opened = tree
-    assert closed.record.turning_points.state.tolist() == [[STICK, STICK]]
-    assert "cycle 0, leg 1: no quasi-static continuation" in closed.failure
-    assert "(s = 0 of the leg)" in closed.failure
-    for branch in opened:
-        assert branch.failure == "" and branch.choices[0].nodes == (0,)
-        assert branch.record.turning_points.state[:3, 0].tolist() == [SEPARATION] * 3
-        assert replay(system, history, branch.record).found == []
+def test_branches_are_numbered_by_their_choices_from_the_first_on() -> None:
+    three = node_of_three_solutions()
+    tree = rf.branches(three, table(three, [[0.0], [1.0]]))
+    assert [b.taken for b in tree] == [(1,), (2,), (3,)] and "3 branches (all)" in str(tree)
     # all is unloaded before the last leg, on which node 0 has the same two answers
-    assert [branch.taken for branch in tree] == [(1,), (2, 1), (2, 2)] and tree.complete
+    assert [branch.taken for branch in rf.branches(*two_nodes())] == [(1,), (2, 1), (2, 2)]
 
 
 @pytest.mark.parametrize(

@@ -124,34 +124,6 @@ def test_arguments_that_do_not_fit_are_refused(given: dict[str, Any], words: str
 
 
 @pytest.mark.parametrize(
-    ("change", "words"),
-    [
-        ({"f": np.zeros(3)}, r"f of the contact system has shape \(3,\), expected \(2,\)"),
-        ({"f": np.array([0.1, np.nan])}, r"f of the contact system is nan at node 1 \(x = 1\)"),
-        ({"f": np.array([-0.1, 0.1])}, r"f of the contact system is -0\.1 at node 0"),
-        ({"g0": np.array([0.0, -1e-9])}, r"g0 of the contact system is -1e-09 at node 1"),
-        ({"g0": np.array([np.inf, 0.0])}, "g0 of the contact system is inf at node 0"),
-        ({"g0": 0.0 * np.eye(2)}, r"g0 of the contact system has shape \(2, 2\)"),
-        ({"held": np.zeros(2, dtype=bool)}, r"held of the contact system has shape \(2,\)"),
-        ({"K": np.eye(3)}, r"K of the contact system has shape \(3, 3\), expected \(4, 4\)"),
-        ({"K": np.diag([1, 1, np.nan, 1])}, "K of the contact system has entries"),
-        ({"K": np.eye(4) + 1e-6 * np.eye(4, k=1)}, "K of the contact system is not symmetric"),
-        ({"r_star": np.zeros((2, 4))}, "2 nodes, 1 loads"),
-        ({"r_star": np.full((1, 4), np.inf)}, "r_star of the contact system has entries"),
-        ({"rigid": np.zeros((2, 1))}, r"rigid of the contact system has shape \(2, 1\)"),
-        ({"rigid": np.ones((4, 1))}, "rigid of the contact system holds a motion that its K"),
-    ],
-)
-def test_an_array_without_meaning_is_refused_by_name(
-    change: dict[str, np.ndarray], words: str
-) -> None:
-    system = laid_down(0.3)
-    evolve(system, table(system, [0.0, 1.0]))
-    with pytest.raises(InputError, match=words):
-        evolve(replace(system, **change), table(system, [0.0, 1.0]))  # type: ignore[arg-type]
-
-
-@pytest.mark.parametrize(
     ("path", "loop", "words"),
     [
         ([0.5, 1.0], [], r"path starts at \w+ = 0\.5; insert a row of zeros"),

@@ -38,36 +38,6 @@ def evolve(
     return record
 
 
-@pytest.mark.parametrize("method", ["events", "gauss-seidel"])
-@pytest.mark.parametrize(
-    ("limit", "cohesion", "Q", "D"),
-    [
-        # limit 0.6 at P = 2, Q = P / 2 below P = 1.2
-        (0.6, None, [0.6, 0.5], 0.6 * 0.4 + 0.55 * 0.1),
-        # Q = P / 2 + 0.2 below P = 1.6
-        (None, 0.2, [1.0, 0.7], 0.85 * 0.3),
-        (0.6, 0.2, [0.6, 0.6], 0.6 * 0.4),
-        # tied by both branches at P = 2 and at P = 1
-        (1.0, 0.0, [1.0, 0.5], 0.75 * 0.5),
-        (0.0, None, [0.0, 0.0], 0.0),
-    ],
-)
-def test_one_node_slips_on_the_lower_branch(
-    method: str, limit: float | None, cohesion: float | None, Q: list[float], D: float
-) -> None:
-    """K = 1: the node, pressed by P and pulled by 1, slips by Q - 1, and again as P falls to 1."""
-    system = branched(ONE, cohesion, limit)
-    history = table(system, [[0, 0], [2, 0], [2, 1], [1, 1], [2, 1]])
-    record = evolve(system, history, method)
-    assert record.turning_points.Q[1:3, 0] == pytest.approx(Q, abs=1e-12)
-    # the law of a node alone, whose cone is drawn
-    highest = record.friction[0].limits(np.array(2.0))[1]
-    assert highest == min(1.0 + (cohesion or 0.0), np.inf if limit is None else limit)
-    tolerance = 1e-12 if method == "events" else 1e-2
-    assert record.dissipation_first_loading == pytest.approx(D, abs=tolerance)
-    assert record.uniqueness is not None and not record.uniqueness.certified
-
-
 @pytest.mark.parametrize(
     ("f", "cohesion", "limit"), [(1.0, None, 1.0), (0.0, 1.0, None), (0.2, 0.5, 1.0)]
 )
@@ -93,6 +63,9 @@ def test_shear_lag_with_constant_shear(
     slip = slips.sum()
     assert record.dissipation_first_loading == pytest.approx(slip, rel=1e-12)
     assert record.cycles.dissipation == pytest.approx([4.0 * slip] * 2, rel=1e-12)
+    # the law of a node alone is that of all
+    limits = record.friction.limits(np.full(n, 0.7))
+    assert record.friction[3].limits(np.array(0.7)) == tuple(part[3] for part in limits)
     found = rf.evolve(system, replace(history, cycles=8), until="limit").limit
     assert found is not None and found.reached and found.unique == -1
     # what wears off does not depend on the pressure, which falls as the gap grows
@@ -115,36 +88,6 @@ def test_sliding_that_begins_just_before_the_end_of_a_leg_is_told_as_for_frictio
     for system in (cone, branched(replace(cone, f=np.full(1, 3.0)), None, 1.0 - short)):
         with pytest.raises(rf.NoEquilibrium, match="gross sliding"):
             rf.evolve(system, table(system, [[0, 0], [2, 0], [2, 1]]))
-
-
-@pytest.mark.parametrize(("coupling", "shear"), [(-0.44, 0.12), (0.71, -0.6), (-0.78, 0.43)])
-def test_a_stuck_node_opens_where_it_has_closed(coupling: float, shear: float) -> None:
-    """Without slip a contact goes back as it came: all limits reach zero together where it opens.
-
-    At the turning point f P is above the shear limit, and |Q| below both.
-    """
-    system = small_system([[1.0, coupling], [coupling, 1.0]], {"press": [shear, 1.0]}, 3.0, 1.0)
-    v, w = np.linalg.solve(system.K, -system.r_star[0])
-    closes = -1.0 / w
-    record = evolve(
-        branched(system, None, 1.5 * closes), table(system, [[0], [3 * closes], [0.5 * closes]])
-    )
-    assert record.turning_points.v[:, 0] == pytest.approx([closes * v, 0.5 * closes * v])
-    assert record.events.load[:, 0] == pytest.approx([closes, closes])
-    assert record.dissipation_first_loading == 0.0
-
-
-def test_of_two_bonds_that_are_pulled_one_opens_and_presses_the_other() -> None:
-    """A free lever on a spring: pulled by (1, 2), P0 = 1 once node 1 is open, Q0 = 2 up to 1."""
-    K = np.block([[np.eye(2) - 0.5, np.zeros((2, 2))], [np.zeros((2, 2)), np.ones((2, 2))]])
-    rigid = [[1.0, 1.0, 0.0, 0.0], [0.0, 0.0, -1.0, 1.0]]
-    lever = small_system(K, {"pull": [2.0, 0.0, -1.0, -2.0]}, 0.3, rigid=rigid)
-    lever = branched(lever, 2.0, 1.0)
-    end = evolve(lever, table(lever, [0.0, 0.4])).turning_points
-    assert end.w[0] == pytest.approx([0.0, 0.8])
-    assert (end.P[0, 0], end.Q[0, 0], end.v[0, 0]) == pytest.approx((0.4, 0.8, 0.0))
-    with pytest.raises(rf.NoEquilibrium, match=r"gross sliding at pull = 0\.5"):
-        evolve(lever, table(lever, [0.0, 1.0]))
 
 
 def test_a_bond_forms_in_contact_and_breaks_without_shear_alone() -> None:
