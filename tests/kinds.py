@@ -156,7 +156,7 @@ UNEVEN: dict[str, rf.Scene] = {
         rf.Load("T", body_force=("0.05 + 0.01*x", "0.02*x")),
         material=rf.Material(2.0, 0.3, "plane stress"),
     ),
-    "warm side": simple(rf.Load("T", thermal_strain="0.03*(1 + 0.5*x)*(2 - y)")),
+    "warm side": simple(rf.Load("T", thermal_strain="0.03*(1 + 0.5*x)*(2 - y)"), degree=1),
     "held": simple(
         rf.Load("T", "top", (0.0, 1.0), traction=(0.2, 0.0)),
         supports=(rf.Support("x", point=(-2.0, 0.5)), rf.Support("y", point=(1.5, 1.0))),
@@ -164,6 +164,18 @@ UNEVEN: dict[str, rf.Scene] = {
         mesh=rf.MeshOptions(
             8, growth=1.3, refine=(rf.Refinement(0.1, 1.0, 1.5), rf.Refinement(0.2))
         ),
+    ),
+    "pinned": simple(
+        SIDE,
+        supports=tuple(
+            rf.Support(fix, point=(x, 0.0)) for fix, x in (("x", 2.0), ("y", 0.5), ("xy", -1.0))
+        ),
+    ),
+    "driven": pair(
+        loads=(rf.Load("T", "a.left", displacement=(0.02, "free")),),
+        contacts=(rf.Contact("a.bottom", None, 0.3, 0.0, "b.top", "0.005 + 0.001*x"),),
+        supports=(rf.Support("xy", edge="b.bottom"), rf.Support("y", edge="a.top")),
+        history=replace(CYCLE, constant={}),
     ),
     "wheel": simple(
         loads=(

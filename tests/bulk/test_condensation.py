@@ -42,6 +42,22 @@ def test_system_is_that_of_an_own_dense_assembly(half: bool) -> None:
         assert np.array_equal(system.held, own.held) and system.rigid.shape == own.rigid.shape
 
 
+@pytest.mark.one_rank
+@pytest.mark.parametrize("size", [2, 256, 422])  # tiles have 128 rows: one, whole ones, a part
+@pytest.mark.parametrize("angle", [0.0, 0.3, np.pi])
+def test_turning_is_a_congruence_and_keeps_symmetry_to_the_last_bit(
+    size: int, angle: float
+) -> None:
+    c, s = np.cos(angle), np.sin(angle)
+    R = np.kron([[c, s], [-s, c]], np.eye(size // 2))
+    matrix = np.random.default_rng(size).standard_normal((size, size))
+    schur.symmetrise(matrix)
+    expected = R @ matrix @ R.T
+    schur.turn(matrix, lambda values: R @ values)
+    assert np.array_equal(matrix, matrix.T)
+    assert matrix == pytest.approx(expected, abs=1e-13 * norm(expected))
+
+
 def test_a_wrong_triangle_would_be_noticed(monkeypatch: pytest.MonkeyPatch) -> None:
     """MUMPS leaves garbage in one triangle: the comparison with a solve must catch a mix-up."""
     real = schur._complement

@@ -432,42 +432,6 @@ def test_ties_to_a_rigid_plane_are_supports(shared_tmp_path: Path) -> None:
     assert held[1].turning_points.P == pytest.approx(tied[1].turning_points.P, abs=1e-12)
 
 
-BIMETAL = rf.Scene(
-    body=rf.Body("low", width=20.0),
-    others=(rf.Body("up", width=20.0, height=0.5, position=(0.0, 1.0)),),
-    materials=(rf.Material(1000.0, name="low"), rf.Material(3000.0, name="up")),
-    mesh=rf.MeshOptions(contact_elements=40),
-    contacts=(rf.Contact("low.bottom", friction=0.3),),
-    ties=(rf.Tie("up.bottom", against="low.top"),),
-    loads=(
-        rf.Load("weight", body_force=(0.0, -1e-7), body="low"),
-        rf.Load("heat", thermal_strain=1e-3, body="up"),
-    ),
-    history=rf.HistoryOptions(
-        "table",
-        columns=("weight", "heat"),
-        rows=((1.0, 0.0), (1.0, 1.0)),
-        cycle_rows=((1.0, 0.5), (1.0, 1.0)),
-        cycles=1,
-    ),
-)
-
-
-@pytest.mark.parametrize("kinematics", ["plane strain", "plane stress"])
-def test_heated_bimetal_has_the_curvature_of_timoshenko(kinematics: str) -> None:
-    """S. Timoshenko, Analysis of bi-metal thermostats, J. Opt. Soc. Am. 11 (1925), eq. (4)."""
-    materials = tuple(replace(m, kinematics=kinematics) for m in BIMETAL.materials)
-    _, record = last(replace(BIMETAL, materials=materials))
-    w, middle = record.turning_points.w[1], np.abs(record.x) < 5.0
-    curvature = -2.0 * np.polyfit(record.x[middle], w[middle], 2)[0]
-    # in plane strain the strain along z is stopped
-    strain = 1e-3 * (1.3 if kinematics == "plane strain" else 1.0)
-    m, n, height = 2.0, 1.0 / 3.0, 1.5
-    expected = 6.0 * strain * (1.0 + m) ** 2
-    expected /= height * (3.0 * (1.0 + m) ** 2 + (1.0 + m * n) * (m**2 + 1.0 / (m * n)))
-    assert curvature == pytest.approx(expected, rel=1e-3)
-
-
 def test_a_support_of_one_side_of_a_tie_is_refused_by_its_place(shared_tmp_path: Path) -> None:
     scene = layers(shared_tmp_path, (11, 16), 1)
     scene = replace(scene, supports=(rf.Support("x", edge="b.left"),))

@@ -1,6 +1,6 @@
 """One load on several edges: several tables of one name act together under one load factor."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import replace
 
 from mpi4py import MPI
@@ -39,22 +39,19 @@ def system_of(scene: rf.Scene) -> rf.ContactSystem:
     return rf.given(rf.condense(scene, MPI.COMM_SELF))
 
 
-def apart(parts: Sequence[rf.Load]) -> tuple[rf.Load, ...]:
-    return tuple(replace(part, name=f"L{k}") for k, part in enumerate(parts))
+def driven(names: tuple[str, ...]) -> rf.HistoryOptions:
+    return rf.HistoryOptions(kind="table", columns=names, rows=((1.0,) * len(names),))
 
 
 @pytest.mark.parametrize("case", PARTS)
 def test_load_of_several_parts_is_their_sum(case: str) -> None:
-    """Reactions, compliance and work-conjugate displacement against loads of their own names."""
-    parts = PARTS[case]
-    corners = ((1.0, 0.0), (1.0, 0.05), (1.1, -0.04))
-    history = rf.HistoryOptions(kind="table", columns=("P", "L"), rows=corners)
-    together = block(loads=(PRESS, *parts), history=history)
-    own = apart(parts)
-    columns = ("P", *(part.name for part in own))
-    rows = tuple((p, *len(own) * [q]) for p, q in corners)
-    split = block(loads=(PRESS, *own), history=replace(history, columns=columns, rows=rows))
-    one, many = system_of(together), system_of(split)
+    """Reactions and compliance against loads of their own names."""
+    parts, even = PARTS[case], rf.SolverOptions(symmetry="none")
+    own = tuple(replace(part, name=f"L{k}") for k, part in enumerate(parts))
+    one, many = (
+        system_of(block(loads=(PRESS, *loads), history=driven(("P", *names)), solver=even))
+        for loads, names in ((parts, ("L",)), (own, [part.name for part in own]))
+    )
     assert one.load_names == ("P", "L")
     total = np.vstack([many.r_star[:1], many.r_star[1:].sum(axis=0)])
     size = np.abs(total).max()
@@ -65,12 +62,6 @@ def test_load_of_several_parts_is_their_sum(case: str) -> None:
     np.testing.assert_allclose(
         one.load_compliance, compliance, atol=1e-11 * np.abs(compliance).max()
     )
-    a, b = (rf.evolve(*pair).turning_points for pair in ((one, together), (many, split)))
-    for name in ("P", "Q", "v", "w"):
-        found, known = getattr(a, name), getattr(b, name)
-        np.testing.assert_allclose(found, known, atol=1e-9 * np.abs(known).max(), err_msg=name)
-    known = b.load_displacement @ sums.T
-    np.testing.assert_allclose(a.load_displacement, known, atol=1e-9 * np.abs(known).max())
 
 
 @pytest.mark.parametrize(

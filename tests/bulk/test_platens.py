@@ -1,4 +1,4 @@
-"""Platens and prescribed displacements: dense algebra, closed forms, resultants, work, refusals."""
+"""Platens and prescribed displacements: dense algebra with multipliers, gross slip."""
 
 from dataclasses import replace
 
@@ -6,15 +6,13 @@ from mpi4py import MPI
 
 import numpy as np
 import pytest
-from bodies import ELEMENTS, block, built, condense, displacements, make_mesh
+from bodies import ELEMENTS, block, built, condense, make_mesh
 from numpy.typing import NDArray
 from small import named_loads
 
 import receding_fenicsx as rf
-from receding_fenicsx.bulk import _dolfinx
-from receding_fenicsx.bulk.body import Bulk, back_substitute, gather_contact
-from receding_fenicsx.bulk.mesh.meshing import make_meshes
-from receding_fenicsx.bulk.stack import build, build_all
+from receding_fenicsx.bulk.body import Bulk
+from receding_fenicsx.bulk.stack import build
 from receding_fenicsx.studies.run import condense as condense_scene
 
 comm = MPI.COMM_WORLD
@@ -26,6 +24,7 @@ WEIGHT = rf.Load("p", "top", (-1.0, 1.0), pressure="1 + x")
 SIDE = rf.Load("s", "left", (-0.25, 0.25), traction=(1.0, 0.5))
 PULL = rf.Load("d", "right", (0.0, 0.5), displacement=(1.0, "y - 2"))
 SINK = rf.Load("w", "top", displacement=("free", -1.0))
+MOVE = rf.Load("u", "top", platen=True, displacement=(0.5, "free"))
 
 
 def dense(bulk: Bulk) -> tuple[Array, Array, list[Array]]:
@@ -39,9 +38,10 @@ def dense(bulk: Bulk) -> tuple[Array, Array, list[Array]]:
 
 
 def expected(scene: rf.Scene) -> tuple[Array, Array, Array, Array]:
-    """K, r*, compliance and sign by Lagrange's multipliers on a body without ties, densely."""
+    """K, r*, compliance and sign by Lagrange's multipliers on a free body without ties, densely."""
     forces = [load for load in scene.loads if load.displacement is None and not load.platen]
-    bulk = build(replace(scene, loads=tuple(forces)), make_mesh(comm, scene, False))
+    free = replace(scene, loads=tuple(forces), supports=())
+    bulk = build(free, make_mesh(comm, scene, False))
     A, places, vectors = dense(bulk)
     A *= bulk.young
     x, y = places.T
@@ -52,14 +52,18 @@ def expected(scene: rf.Scene) -> tuple[Array, Array, Array, Array]:
     for k, load in enumerate(scene.loads):
         nodes = edges.get(load.edge or "", np.empty(0, dtype=int))
         if load.platen:
-            F[2 * nodes[0] : 2 * nodes[0] + 2, k] = load.force
+            F[2 * nodes[0] : 2 * nodes[0] + 2, k] = load.force or 0.0
             for node in nodes[1:] if k == 0 else ():
                 held += [({2 * node + a: 1.0, 2 * nodes[0] + a: -1.0}, {}) for a in (0, 1)]
         elif load.displacement is None:
             F[:, k] = next(taken)
         for node in nodes[y[nodes] > 0.49] if load.displacement else ():
-            values = (1.0, y[node] - 2.0) if load is PULL else (None, -1.0)
+            values = {"d": (1.0, y[node] - 2.0), "w": (None, -1.0), "u": (0.5, None)}[load.name]
             held += [({2 * node + a: 1.0}, {k: v}) for a, v in enumerate(values) if v is not None]
+    for support in scene.supports:
+        at = np.isclose(places, support.point or np.nan).all(axis=1)
+        nodes = edges["top"] if support.edge else np.flatnonzero(at)
+        held += [({2 * i + "xy".index(fix): 1.0}, {}) for i in nodes for fix in support.fix]
     held += [({dof: 1.0}, {}) for dof in bulk.contact.dofs]
     m = len(bulk.contact.dofs)
     bulk.destroy()
@@ -70,7 +74,8 @@ def expected(scene: rf.Scene) -> tuple[Array, Array, Array, Array]:
     right_hand = np.zeros((len(system), count + m))
     right_hand[:n, :-m], right_hand[n:, :-m] = F, d
     right_hand[n + len(C) - m :, -m:] = np.eye(m)
-    solution = np.linalg.solve(system, right_hand)
+    # several constraints of a platen's node may be one
+    solution = np.linalg.lstsq(system, right_hand, rcond=1e-13)[0]
     # the multipliers are the forces of the body on what holds it
     u, force = solution[:n], -solution[n:]
     sign = np.array([1.0 if load.displacement else -1.0 for load in scene.loads])
@@ -80,19 +85,26 @@ def expected(scene: rf.Scene) -> tuple[Array, Array, Array, Array]:
 
 @ELEMENTS
 @pytest.mark.parametrize(
-    "loads",
+    ("loads", "supports"),
     [
-        (PRESS, SHEAR, WEIGHT, SIDE),
+        ((PRESS, SHEAR, WEIGHT, SIDE), ()),
         # with the last node of the contact
-        (replace(SHEAR, edge="right"), WEIGHT, SIDE),
-        (SIDE, PULL, WEIGHT),
-        (SINK, SIDE, WEIGHT),
+        ((replace(SHEAR, edge="right"), WEIGHT, SIDE), ()),
+        ((SIDE, PULL, WEIGHT), ()),
+        ((SINK, SIDE, WEIGHT), ()),
+        # the fretting rig: normal force and tangential displacement given, on one platen
+        ((PRESS, MOVE, SIDE), ()),
+        # what holds one point of a platen holds all of it
+        ((PRESS, SHEAR), (rf.Support("x", edge="top"),)),
+        ((PRESS, SHEAR), (rf.Support("y", point=(2.0, 1.0)),)),
+        ((PRESS, SHEAR), (rf.Support("y", point=(-2.0, 0.5)),)),
+        ((PRESS, SHEAR, SIDE), (rf.Support("xy", point=(0.0, 1.0)),)),
     ],
 )
 def test_condensed_system_is_that_of_multipliers(
-    cell: str, degree: int, loads: tuple[rf.Load, ...]
+    cell: str, degree: int, loads: tuple[rf.Load, ...], supports: tuple[rf.Support, ...]
 ) -> None:
-    scene = block(cell, degree, elements=8, loads=loads)
+    scene = block(cell, degree, elements=8, loads=loads, supports=supports)
     K, r_star, compliance, sign = expected(scene)
     bulk = built(scene)
     system = condense(bulk)
@@ -102,66 +114,9 @@ def test_condensed_system_is_that_of_multipliers(
         assert np.abs(system.r_star - r_star).max() < 1e-11 * np.abs(r_star).max()
         assert np.abs(system.load_compliance - compliance).max() < 1e-11
         assert np.array_equal(system.load_sign, sign)
-
-
-def on_top(bulk: Bulk, load: Array, u: Array | None) -> Array:
-    """Displacements (n, 2) of the nodes on the top, on every rank."""
-    field = back_substitute(bulk, load, u)
-    own = _dolfinx.owned_values(field).reshape(-1, 2)
-    y = bulk.space.tabulate_dof_coordinates()[: len(own), 1]
-    return np.vstack(comm.allgather(own[np.isclose(y, 1.0)]))
-
-
-def some(system: rf.ContactSystem | None) -> Array | None:
-    if system is None:
-        return None
-    return np.where(system.held, 0.0, np.random.default_rng(5).normal(size=2 * system.n))
-
-
-@pytest.mark.parametrize(
-    ("supports", "motions"),
-    [
-        ((), 2),
-        ((rf.Support("x", edge="top"),), 1),
-        ((rf.Support("x", point=(2.0, 1.0)),), 1),
-        ((rf.Support("y", point=(-2.0, 0.5)),), 1),
-        ((rf.Support("xy", point=(0.0, 1.0)),), 0),
-    ],
-)
-def test_support_at_one_point_of_a_platen_holds_all_of_it(
-    supports: tuple[rf.Support, ...], motions: int
-) -> None:
-    bulk = built(block(loads=(PRESS, SHEAR), supports=supports))
-    system = condense(bulk)
-    u = some(system)
-    moved = on_top(bulk, np.array([1.0, 1.0]), u)
-    assert np.ptp(moved, axis=0) == pytest.approx([0.0, 0.0], abs=1e-13)
-    for support in supports:
-        if support.point != (-2.0, 0.5):
-            axes = [{"x": 0, "y": 1}[name] for name in support.fix]
-            assert np.abs(moved[:, axes]).max() < 1e-14
-    if system is not None:
-        assert system.rigid.shape[1] == motions
-    bulk.destroy()
-
-
-def test_platen_may_be_pressed_by_a_force_and_moved_along() -> None:
-    """The fretting rig: normal force given, tangential displacement given, on one platen."""
-    move = rf.Load("u", "top", platen=True, displacement=(1.0, "free"))
-    bulk = built(block(degree=2, loads=(PRESS, move)))
-    system = condense(bulk)
-    u, load = some(system), np.array([0.8, 0.25])
-    moved = on_top(bulk, load, u)
-    assert moved[:, 0] == pytest.approx(0.25, abs=1e-15)
-    assert np.ptp(moved[:, 1]) < 1e-14
-    if system is not None:
-        assert u is not None
-        assert system.load_sign.tolist() == [-1.0, 1.0]
-        by = system.load_compliance @ load + system.load_sign * (system.r_star @ u)
-        assert by[0] == pytest.approx(-moved[0, 1], rel=1e-11)
-        r = load @ system.r_star + system.K @ u
-        assert by[1] == pytest.approx(-r[: system.n].sum(), rel=1e-10)
-    bulk.destroy()
+        resisted = np.linalg.matrix_rank(K, 1e-9 * np.abs(K).max(), hermitian=True)
+        assert system.rigid.shape[1] == 2 * system.n - resisted
+        assert np.abs(K @ system.rigid).max(initial=0.0) < 1e-11 * np.abs(K).max()
 
 
 def bars(*loads: rf.Load, f: float = 0.35) -> rf.Scene:
@@ -200,28 +155,6 @@ def test_a_face_that_touches_the_contact_pushes_up_to_gross_slip(kind: str) -> N
     assert found.load_displacement[-1, 1] == pytest.approx(10.0 * 1.4, rel=1e-12)
     # in gross slip the bar moves on without straining: so does the node at the face
     assert found.v[-1, 0] > 5.0 and np.all(np.diff(found.v[-1]) < 0.0)
-
-
-def test_bodies_move_apart_as_the_contact_and_the_driven_face_say() -> None:
-    """Any displacements of the contact, in a fit that a face is driven over."""
-    scene = bars(PUSHES["displacement"])
-    fit = replace(scene.contacts[0], interference="0.1 + 0.02*x")
-    held = (*scene.supports, rf.Support("y", "a.top"))
-    scene = replace(scene, contacts=(fit,), supports=held)
-    pair = build_all(scene, make_meshes(comm, scene, False))
-    system = condense(pair)
-    load = np.array([0.3, 0.7, 0.9])
-    u = some(system)
-    sides: list[Array] = []
-    for part, field in displacements(pair, load, u):
-        gathered = gather_contact(part, _dolfinx.owned_values(field)[:, None])
-        sides += [] if gathered is None else [part.contact.to_local(gathered[:, 0])]
-    pair.destroy()
-    if system is not None and u is not None:
-        # overlapping by what of the interference is there
-        u[system.n :] += load[2] * (0.1 + 0.02 * system.x)
-        assert np.abs(sides[0] - sides[1] - u).max() < 1e-12 * np.abs(sides[0]).max()
-        assert sides[0][0] == pytest.approx(10.0 * load[1], rel=1e-14)
 
 
 def test_edge_held_at_zero_may_touch_the_contact() -> None:

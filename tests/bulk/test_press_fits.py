@@ -13,7 +13,6 @@ from small import named_loads
 
 import receding_fenicsx as rf
 from receding_fenicsx.bulk.mesh.meshing import make_meshes
-from receding_fenicsx.bulk.mesh.raw_mesh import RawMesh, line_of, with_radii
 from receding_fenicsx.bulk.stack import build_all
 from receding_fenicsx.evolution.instants import Instant
 from receding_fenicsx.interface.law import MIRRORED
@@ -254,12 +253,3 @@ def test_pictures_show_a_fit_once_and_a_plane_on_both_sides_of_the_axis(
     assert np.all(found.points[fit, 0] == 20.0) and found.x[fit][0] == -9.5
     assert np.array_equal(found.argument[fit], found.x[fit])
     assert np.array_equal(found.argument[plane], np.abs(found.x[plane]))
-
-
-@pytest.mark.parametrize("height", [0.3, 3.0, -0.3, -3.0])
-def test_positions_on_a_cone_that_ends_on_the_axis_are_distances_from_there(height: float) -> None:
-    points = np.array([[0.0, height], [0.5, 0.5 * height], [1.0, 0.0], [0.0, 0.0]])
-    cells = np.array([[0, 1, 3], [1, 2, 3]])[:, :: -1 if height > 0.0 else 1]
-    mesh = RawMesh(points, cells, {"cone": np.array([[0, 1], [1, 2]])})
-    line = line_of(with_radii(mesh), "cone", "edge")
-    assert line.along(points[:3]) == pytest.approx(np.array([0.0, 0.5, 1.0]) * line.length)
