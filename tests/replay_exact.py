@@ -81,7 +81,7 @@ def follow(run: Replay, leg: Leg, totals: Totals) -> None:
                 changed.insert(g + 1, set())
                 following = None
             s_b = s_kink
-        drifts = _drifts(here, now, (s_a, s_b), (u_a, u_b), (kept, s_apex))
+        drifts = _drifts(run, here, now, (s_a, s_b), (u_a, u_b), (kept, s_apex))
         lifts = np.any(np.abs(here.free[:, n:][:, now == OPEN]) > LAW)
         if lifts and (drifts is None or np.all(now == OPEN)):
             # how a body drifts that touches nowhere is not determined, between two events neither
@@ -325,6 +325,7 @@ def _add_up(
 
 
 def _drifts(
+    run: Replay,
     here: States,
     now: Array,
     at: tuple[float, float],
@@ -347,7 +348,7 @@ def _drifts(
         drifts.append(here.free @ (there - (ends[0] + part * (ends[1] - ends[0]))).astype(float))
     lines = np.array([[1.0 - part, part] for part in parts]).reshape(-1, 2)
     if len(parts) == 1:  # a drift that begins with the piece
-        lines[:, 0] = 0.0
+        lines[:, 0], run.guessed = 0.0, True
     if np.linalg.matrix_rank(lines, tol=TELLING) < min(len(parts), 2) or not parts:
         return None
     return np.linalg.lstsq(lines, np.array(drifts), rcond=None)[0] @ here.free
