@@ -389,21 +389,12 @@ def verdict(p: Problem, record: rf.Record) -> Outcome:
 
 def _reason(error: rf.SolveError) -> str:
     """Return the kind of a refusal."""
-    text = str(error)
     words = (
-        "lost accuracy",
-        "lift-off",
-        "gross sliding",
-        "overturning",
-        "not held",
-        "jumped",
-        "no equilibrium was found",
-        "no state was found",
-        "round-off",
-        "frictionless",
+        "lost accuracy|lift-off|gross sliding|overturning|not held|jumped|no equilibrium was found|"
+        "no state was found|round-off|frictionless"
     )
-    word = next((word for word in words if word in text), "")
-    return f"{type(error).__name__}{': ' + word if word else ''}"
+    word = re.search(words, str(error))
+    return type(error).__name__ + (f": {word[0]}" if word else "")
 
 
 def _silent_jumps(p: Problem, run: Replay) -> list[str]:

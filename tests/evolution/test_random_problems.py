@@ -58,10 +58,6 @@ def test_accepted_answers_keep_the_laws_and_refusals_are_true(family: str, numbe
     assert not bad, f"{bad}\n{table_of(found.values())}"
 
 
-def same(p: Problem) -> Problem:
-    return p
-
-
 SINGLE = {
     # unloaded, open on one of two edges; loads without a resultant leave the bodies free; in 1294
     # and 20203 the loads of a leg cancel up to round-off, in 954 all contact forces vanish; the
@@ -79,7 +75,7 @@ SINGLE = {
     ),
     # near-singular bodies unloaded, feet that slip apart, levers, balanced and hanging bodies
     "rigid motions that the contact leaves free": (
-        same,
+        FAMILIES["plain"],
         "202838 300652 401437 402286 402484 403564 403946 414070 414102 423839 424162 483327 "
         "501660 73000433",
         {ACCEPTED, REFUSED},
@@ -88,7 +84,7 @@ SINGLE = {
     # singular; a free body that is unloaded in load steps does not float off; sweeps cycle; a body
     # drifts without friction, which dissipates nothing
     "accepted": (
-        same,
+        FAMILIES["plain"],
         "20076 1050272 1120300 464364 621228 71000404 71000611 74000110 1248 1643 20638",
         {ACCEPTED},
     ),
@@ -98,8 +94,8 @@ SINGLE = {
     # springs of 1e-8 to 1e-9 of K carry loads a hundred times the force scale of open contacts;
     # what 98000548, 98000836, 98001255 and 120000045 dissipate is the work of forces on round-off
     # of displacements; in 61000644, 61001002 and 98001488 a load step ends where the loads of its
-    # leg cancel but for round-off; 120001380 lands while it almost stands still; 121001623 jumps;
-    # 121000130 has no stiffness but that of the springs
+    # leg cancel but for round-off; 120001380 lands while it almost stands still; 121001623 jumps
+    # once it has landed; 121000130 has no stiffness but that of the springs
     "bodies lifted off soft springs": (
         sprung,
         "60000067 60000434 60000475 60000604 60001026 61000048 61000717 74000586 61000644 "
@@ -108,10 +104,11 @@ SINGLE = {
         {ACCEPTED},
     ),
     # one of two bonds opens and presses the other; loads that press nothing; a free body unloaded
-    # in load steps; the branch of a stuck node that is changed too early
+    # in load steps; the branch of a stuck node that is changed too early; 130000329 is unloaded
+    # with a shear limit in use; the displacements of 130000475 fall from 4e5 to 1e4
     "shear limits and cohesion": (
         capped,
-        "98400228 99400018 99400084 99400121",
+        "98400228 99400018 99400084 99400121 130000329 130000475",
         {ACCEPTED, REFUSED},
     ),
     # springs slide the body back in the last 1e-9 of unloading: no continuation, or a jump
@@ -126,7 +123,7 @@ def test_a_single_hard_problem_breaks_no_law(kind: str, number: int) -> None:
     change, _, allowed = SINGLE[kind]
     outcome = judge(change(problem(number)))
     assert outcome.verdict in allowed, outcome
-    if number in (464364, 621228, 1200094):  # nodes slip and stick at the place of a jump
+    if number in (464364, 621228, 1200094, 121001623):  # at once after a change of state
         assert outcome == Outcome(ACCEPTED, "with jumps")
 
 

@@ -30,6 +30,11 @@ class Branches:
         """The same for equal branches."""
         return self.branch.tobytes() + self.bonded.tobytes()
 
+    @property
+    def on_limit(self) -> NDArray[np.bool_]:
+        """(2, N) nodes whose limit forward, or backward, is the shear limit."""
+        return self.branch == np.array([[FORWARD_LIMIT], [BACKWARD_LIMIT]])
+
 
 class Cones:
     """Law of a contact with a cohesion or a shear limit.
@@ -67,9 +72,8 @@ class Cones:
         A = Q + c_A P + d_A and B = c_B P + d_B - Q are the margins of a cone for Q + a, P + b:
         b = (d_A + d_B) / (c_A + c_B), a = d_A - c_A b. The force [a; b] is a load of factor 1.
         """
-        on_limit = now.branch == np.array([[FORWARD_LIMIT], [BACKWARD_LIMIT]])
-        slope = np.where(on_limit, 0.0, self._slope)
-        offset = np.where(on_limit, self._t, np.where(now.bonded, self._c, 0.0))
+        slope = np.where(now.on_limit, 0.0, self._slope)
+        offset = np.where(now.on_limit, self._t, np.where(now.bonded, self._c, 0.0))
         opening = np.where(self._special, slope.sum(axis=0), 1.0)
         b = offset.sum(axis=0) / opening
         force = np.concatenate([offset[0] - slope[0] * b, b])
@@ -89,9 +93,8 @@ class Cones:
         """
         n = self.system.n
         Q, P = r[:, :n], r[:, n:]
-        on_limit = now.branch == np.array([[FORWARD_LIMIT], [BACKWARD_LIMIT]])
         rough = self._slope * P[:, None] + np.where(now.bonded, self._c, 0.0)
-        other = np.stack([Q, -Q], axis=1) + np.where(on_limit, rough, self._t)
+        other = np.stack([Q, -Q], axis=1) + np.where(now.on_limit, rough, self._t)
         P = np.where(self.cohesive & now.bonded, P, np.inf)
         margins = np.concatenate([other, P[:, None]], axis=1)
         return np.where(self._special, margins, np.inf)

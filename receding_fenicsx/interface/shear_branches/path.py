@@ -251,6 +251,8 @@ class BranchedPath:
             wrong = [(int(k), int(n)) for k, n in np.argwhere(at <= first + END_TOLERANCE)]
         elif isinstance(error, NoQuasiStaticContinuation):
             tied = (margins[-1, :2] <= slack) & (found.end.state != SEPARATION)
+            # a stuck node may leave a shear limit that friction has fallen below
+            tied |= now.on_limit & ~self.cones.branches_of(found.end).on_limit
             wrong = [(int(k), int(n)) for k, n in np.argwhere(tied)]
         events = found.events
         forms = self.cones.cohesive[events.node] & ~now.bonded[events.node]
@@ -375,7 +377,9 @@ class BranchedPath:
         residual = residual_at_rest(self.system, leg.end, scale)
         leg.residual = max(leg.residual, residual)
         accepted = ACCEPTED_RESIDUAL if self.sweeps is None else STEP_ON_LIMIT
-        if residual > max(accepted, reachable(self.system, leg.end.u, scale)):
+        # what touches keeps the round-off of displacements before
+        places = leg.end.u, *(u for _, u in leg.stops)
+        if residual > accepted and all(residual > reachable(self.system, u, scale) for u in places):
             raise SolveError(
                 f"the path from branch to branch of the shear limit lost accuracy: residual "
                 f"{residual:.1e} over {accepted:.0e}; try the other solver method"
