@@ -73,11 +73,8 @@ def problem(number: int) -> Problem:
     """Return the problem of a number."""
     rng = np.random.default_rng([number, 20080])
     tags: list[str] = []
-    n = int(
-        rng.choice(
-            [1, 2, 3, 4, 5, 6, 7, 8, 12], p=[0.2, 0.2, 0.16, 0.14, 0.1, 0.08, 0.05, 0.05, 0.02]
-        )
-    )
+    shares = [0.2, 0.2, 0.16, 0.14, 0.1, 0.08, 0.05, 0.05, 0.02]
+    n = int(rng.choice([1, 2, 3, 4, 5, 6, 7, 8, 12], p=shares))
     kind = str(rng.choice(["plain", "coupled", "near-singular", "integer", "mirror", "equal"]))
     tags.append(kind)
     K: np.ndarray = _stiffness(rng, kind, n)
@@ -357,8 +354,7 @@ def judge(p: Problem) -> Outcome:
     except rf.InputError as error:
         return Outcome(REFUSED, "InputError", str(error))
     except rf.SolveError as error:
-        reason = _reason(error)
-        found, reason = _refusal(p, error, reason)
+        found, reason = _refusal(p, error, _reason(error))
         if found == FALSE and "softest motion of the body" in str(error) and _is_nearly_loose(p):
             found, reason = UNJUDGED, "nearly loose"
         return Outcome(found, reason, str(error))
