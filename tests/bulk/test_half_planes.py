@@ -161,19 +161,6 @@ def test_rolling_creeps_as_carter_says(way: float) -> None:
     assert [stuck[0], stuck[-1]] == pytest.approx([1.5 * a, 2.5 * a], abs=1.1 * spacing)
 
 
-def test_both_surfaces_of_a_half_plane_are_refused() -> None:
-    scene = rf.from_toml(ONE)
-    contacts = tuple(replace(scene.contacts[0], edge=edge) for edge in ("bottom", "top"))
-    with pytest.raises(rf.InputError, match=r"has the surfaces bottom and top; use one") as caught:
-        rf.condense(replace(scene, contacts=contacts))
-    assert "\n" not in str(caught.value)
-
-
-def test_two_free_half_planes_are_an_error() -> None:
-    with pytest.raises(rf.InputError, match="moves both half-planes together"):
-        rf.condense(rf.from_toml(PAIR.replace(SUPPORT, "")))
-
-
 PUNCH_STICK = closed_forms.PUNCH_STICK["plane strain"]
 
 

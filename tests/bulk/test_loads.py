@@ -228,21 +228,3 @@ def test_the_interpolated_load_converges_with_the_square_of_the_steps() -> None:
         off.append(np.abs(unit[1:-1:2] - 0.5 * (unit[:-2:2] + unit[2::2])).max())
     if off:
         assert off[0] / off[1] == pytest.approx(16.0, rel=0.2)
-
-
-@pytest.mark.parametrize(
-    ("wheel", "history", "words"),
-    [
-        ({"pressure": None, "displacement": (0.0, 0.1)}, {}, "travel: is for a pressure or"),
-        ({"span": None, "steps": None}, {}, "steps: are needed to travel without a span"),
-        ({"steps": None, "span": (0.0, 1e-3)}, {}, "unit loads, 1000 are the most"),
-        ({"travel": (), "steps": None}, {}, "no load travels"),
-    ],
-)
-def test_what_cannot_travel_is_refused_in_one_line(
-    wheel: dict[str, Any], history: dict[str, Any], words: str
-) -> None:
-    scene = strip(replace(WHEEL, **wheel), history=replace(TRAVEL, **history))
-    with pytest.raises(rf.InputError, match=words) as caught:
-        condense(scene, comm)
-    assert "\n" not in str(caught.value)

@@ -1,6 +1,5 @@
 """The body's mesh: where its nodes lie, its symmetry, its groups, its messages."""
 
-import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -14,7 +13,7 @@ from bodies import block, everything, make_mesh
 import receding_fenicsx as rf
 from receding_fenicsx.bulk.mesh.user_mesh import read_user_meshes
 from receding_fenicsx.errors import InputError
-from receding_fenicsx.scene.model import Contact, Load, MeshOptions, Support
+from receding_fenicsx.scene.model import Contact, Load, Support
 
 comm = MPI.COMM_WORLD
 
@@ -77,17 +76,6 @@ def test_vertices_lie_at_ends_of_spans_and_at_points(half: bool) -> None:
         assert np.hypot(points[:, 0] - x, points[:, 1] - y).min() < 1e-15
         if not half:
             assert np.hypot(points[:, 0] + x, points[:, 1] - y).min() < 1e-15
-
-
-def test_misfit_names_the_key_and_its_advice_serves() -> None:
-    scene = block(contacts=(Contact(span=(-1.2, 1.2)),), elements=16)
-    with pytest.raises(InputError, match=r"mesh\.contact_elements = 16 .* contact\.span") as caught:
-        make_mesh(comm, scene, False)
-    advice = re.search(r"use (\d+)$", str(caught.value))
-    assert advice is not None and int(advice[1]) == 20
-    better = replace(scene, mesh=MeshOptions(contact_elements=20, degree=1))
-    points, _ = everything(make_mesh(comm, better, False))
-    assert np.hypot(points[:, 0] - 1.2, points[:, 1]).min() < 1e-15
 
 
 def test_side_contact_has_no_half() -> None:
