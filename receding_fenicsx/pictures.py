@@ -6,6 +6,7 @@ Drawing modules are imported when something is drawn: ``plots`` and ``snapshots`
 from __future__ import annotations
 
 import contextlib
+import sys
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -13,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from receding_fenicsx import mpi
+from receding_fenicsx import mpi, workers
 from receding_fenicsx.arrays import spread
 from receding_fenicsx.bulk.from_scene import bulk_of
 from receding_fenicsx.evolution.instants import Instant
@@ -23,6 +24,7 @@ from receding_fenicsx.interface.mirror import mirror_of
 from receding_fenicsx.measures.limit_nodes import shown_states
 from receding_fenicsx.mpi import world
 from receding_fenicsx.output import plots, snapshots
+from receding_fenicsx.output.snapshots import render
 from receding_fenicsx.scene import history
 from receding_fenicsx.scene.model import Scene
 from receding_fenicsx.store.run_folder import read_run
@@ -130,34 +132,61 @@ def draw_slip_mode(
         return snapshots.draw.draw_mode(bulk, critical, Path(file))
 
 
+def start_drawing(body: bool) -> None:
+    """Start the process that draws; it loads its libraries while this one computes."""
+    workers.submit("pictures", lambda: len(plots.figures.FIGURES))
+    if body:
+        render.start()
+
+
+def begin_figures(*drawn: Any) -> Callable[[], Any]:
+    """Begin to draw figures (arguments of ``plot_all``) beside; return what finishes them."""
+    draw = lambda: plots.figures.plot_all(*drawn)  # noqa: E731
+    # this process alone knows the figures that its program has registered
+    if f"{plots.__name__}.figures" in sys.modules:
+        return draw
+    job = workers.submit("pictures", draw)
+
+    def finish() -> None:
+        try:
+            workers.result("pictures", job)
+        except workers.WorkerEnded:  # VTK may crash
+            draw()
+
+    return finish
+
+
 def draw_run(
     comm: MPI.Comm,
     scene: Scene,
     system: ContactSystem | None,
     record: Record | None,
     folder: Path | None,
+    finish_figures: Callable[[], Any] | None,
     *,
     body: bool,
     everything: bool = True,
-    pdf: bool = False,
     say: Say | None = None,
 ) -> None:
-    """Draw the figures of a run and, with ``body``, snapshots of rank 0's record; collective.
+    """Finish the figures of a run; with ``body`` draw snapshots of rank 0's record; collective.
 
     Not ``everything``: only the pictures that answer the scene's question.
     """
 
     def begin() -> list[Instant]:
-        found, formats = mpi.given(record), ("png", "pdf") if pdf else ("png",)
-        plots.figures.plot_all(found, mpi.given(folder) / "figures", formats, say, everything)
-        return default_instants(scene, mpi.given(system), found, everything) if body else []
+        mpi.given(finish_figures)()
+        found = mpi.given(record)
+        return default_instants(scene, mpi.given(system), found, everything)
 
-    instants, place = comm.bcast((mpi.on_root(comm, begin), folder))
-    if body:
-        with picture_body(scene, comm) as fine:
-            names = ("von_mises", "max_shear") if everything else ("max_shear",)
-            quantities = tuple(snapshots.page.quantity_of(name) for name in names)
-            snapshots.draw.snapshots(fine, instants, place / "snapshots", quantities, say)
+    if not body:
+        mpi.on_root(comm, begin)
+        return
+    names = ("von_mises", "max_shear") if everything else ("max_shear",)
+    # Matplotlib is loaded while the other process draws
+    quantities = tuple(snapshots.page.quantity_of(name) for name in names)
+    with picture_body(scene, comm) as fine:
+        instants, place = comm.bcast((mpi.on_root(comm, begin), folder))
+        snapshots.draw.snapshots(fine, instants, place / "snapshots", quantities, say)
 
 
 @contextlib.contextmanager

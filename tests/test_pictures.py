@@ -1,5 +1,8 @@
 """Pictures of a run: drawn beside each other, errors of the processes, progress."""
 
+import os
+import signal
+import sys
 import time
 from pathlib import Path
 from typing import Any
@@ -8,8 +11,10 @@ from mpi4py import MPI
 
 import pytest
 
-from receding_fenicsx import read_scene
+import receding_fenicsx as rf
+from receding_fenicsx import read_scene, workers
 from receding_fenicsx.mpi import on_root
+from receding_fenicsx.pictures import begin_figures
 from receding_fenicsx.studies import run as study
 from receding_fenicsx.timing import Countdown
 
@@ -44,6 +49,25 @@ def test_pictures_of_a_run_are_counted_and_those_in_pdf_are_the_figures(
             assert any(h.startswith(f"pictures of the body: {count - 1} of {count}") for h in heard)
 
     on_root(COMM, compare)
+
+
+@pytest.mark.one_rank
+@pytest.mark.parametrize("ends", [False, True])
+def test_figures_are_drawn_beside_as_here_even_if_that_process_ends(
+    ends: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    record = rf.run(read_scene(BLOCK, SMALL), comm=MPI.COMM_SELF)
+    assert record is not None
+    here = rf.figures.plot_all(record, tmp_path / "here", "png", everything=False)
+    monkeypatch.delitem(sys.modules, "receding_fenicsx.output.plots.figures")
+    process = workers.result("pictures", workers.submit("pictures", os.getpid))
+    os.kill(process, signal.SIGSTOP)  # so that it is killed while it has the job
+    finish = begin_figures(record, tmp_path / "beside", "png", False)
+    assert not (tmp_path / "beside").exists()
+    os.kill(process, signal.SIGKILL if ends else signal.SIGCONT)
+    finish()
+    for path in here:
+        assert (tmp_path / "beside" / path.name).read_bytes() == path.read_bytes()
 
 
 def test_countdown_tells_the_time_left(monkeypatch: pytest.MonkeyPatch) -> None:

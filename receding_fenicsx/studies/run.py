@@ -36,7 +36,7 @@ from receding_fenicsx.measures.fatigue import fatigue_summary
 from receding_fenicsx.mpi import world
 from receding_fenicsx.output.report import summary
 from receding_fenicsx.output.report.run import limit_summary
-from receding_fenicsx.pictures import draw_run
+from receding_fenicsx.pictures import begin_figures, draw_run, start_drawing
 from receding_fenicsx.scene import history
 from receding_fenicsx.scene.model import Scene
 from receding_fenicsx.scene.validate import validate
@@ -132,12 +132,18 @@ def run(
         scene = study.with_coarser_partner(scene)
     timer = Timer(options.progress if comm.rank == 0 else None)
     body = options.system_file is None if options.snapshots is None else options.snapshots
-    drawn: Any = {"body": body, "everything": options.all_pictures, "pdf": options.pdf}
+    everything, formats = options.all_pictures, ("png", "pdf") if options.pdf else ("png",)
     with shared_folder(comm, out, scene, options.overwrite, options.resume) as folder:
+        if options.pictures and out is not None:
+            mpi.on_root(comm, lambda: start_drawing(body))
         found = _found(scene, comm, timer, folder, options)
         if options.starts and found.failure is None:
             found.extra.update(_starts(found, comm, timer, folder, options))
         record, failure = found.record, found.failure
+
+        def begun() -> Callable[[], Any]:
+            place = mpi.given(folder) / "figures"
+            return begin_figures(mpi.given(record), place, formats, everything)
 
         def written() -> dict[str, Any]:
             place, own = mpi.given(folder), mpi.given(record)
@@ -151,13 +157,15 @@ def run(
             mpi.on_root(comm, lambda: write_summary(file, mpi.given(text) | costs, True))
 
         if out is not None:
+            drawn = options.pictures and (failure is None or isinstance(failure, ToleranceNotMet))
+            figures = mpi.on_root(comm, begun) if drawn else None
             # written before the pictures too, which may fail
             text = mpi.on_root(comm, written)
             write_costs()
             with resumable(folder, "while drawing"), timer("pictures"):
-                if options.pictures and (failure is None or isinstance(failure, ToleranceNotMet)):
-                    run_of = (found.scene, found.system, record, folder)
-                    draw_run(comm, *run_of, **drawn, say=timer.say)
+                if drawn:
+                    run_of = (found.scene, found.system, record, folder, figures)
+                    draw_run(comm, *run_of, body=body, everything=everything, say=timer.say)
                     if "accuracy" in found.extra:
                         from receding_fenicsx.output.plots.study_plots import draw_search
 

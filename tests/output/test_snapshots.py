@@ -112,7 +112,7 @@ def test_renderer_that_crashes_is_said_and_replaced() -> None:
         triangle = SQUARE[:3], np.array([[0, 1, 2]])
         return render(*triangle, values, (0.0, 1.0), colours, window, (40, 40))
 
-    process = workers.result("renderer", workers.submit("renderer", os.getpid))
+    process = workers.result("pictures", workers.submit("pictures", os.getpid))
     os.kill(process, signal.SIGSTOP)  # so that it is killed while it has a job
     threading.Timer(0.5, os.kill, (process, signal.SIGKILL)).start()
     with pytest.raises(RecedingError, match=r"ended by SIGKILL.*libosmesa6") as told:

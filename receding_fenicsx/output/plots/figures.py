@@ -39,7 +39,6 @@ from receding_fenicsx.output.plots.traction_plots import (
     tractions,
 )
 from receding_fenicsx.output.plots.zone_plots import MAX_PANELS, cycle_maps, zone_maps
-from receding_fenicsx.timing import Say
 
 __all__ = [
     "FIGURES",
@@ -101,7 +100,6 @@ def plot_all(
     record: Record,
     folder: str | Path,
     formats: str | Iterable[str] = ("png", "pdf"),
-    say: Say | None = None,
     everything: bool = True,
 ) -> list[Path]:
     """Draw and save the figures that a record has data for; existing files are replaced.
@@ -121,8 +119,6 @@ def plot_all(
             if set(files) <= set(made):
                 continue
             make_folder(place)
-            if say is not None:
-                say(f"figures: {name}")
             drawn = draw()
             for path in files:
                 save(drawn, path)

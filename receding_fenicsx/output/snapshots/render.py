@@ -24,7 +24,7 @@ Pixels = NDArray[np.uint8]
 
 def start() -> None:
     """Start the process that renders; it loads its libraries while others compute."""
-    workers.submit("renderer", lambda: bool(_window()))
+    workers.submit("pictures", lambda: bool(_window()))
 
 
 def render(
@@ -43,8 +43,8 @@ def render(
     """
     try:
         picture = points, cells, values, limits, colours, window, size
-        job = workers.submit("renderer", _render, *picture)
-        return workers.result("renderer", job, 120.0)  # seconds
+        job = workers.submit("pictures", _render, *picture)
+        return workers.result("pictures", job, 120.0)  # seconds
     except Exception as error:
         reason = " ".join(str(error).split()) or type(error).__name__
         raise RecedingError(
