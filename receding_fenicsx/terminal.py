@@ -80,7 +80,9 @@ class _Lines(logging.Handler):
 def progress(verbose: int = 0) -> Iterator[Say]:
     """Show the present stage on a terminal, erased at the end; with -v log lines in its place."""
     levels = logging.WARNING, logging.INFO, logging.DEBUG
-    logging.getLogger("receding_fenicsx").setLevel(levels[min(verbose, 2)])
+    logger = logging.getLogger("receding_fenicsx")
+    logger.setLevel(levels[min(verbose, 2)])
+    logger.info("starting")
     if not is_root(world()) or not sys.stderr.isatty() or verbose:
         yield lambda text: None
         return
