@@ -1,11 +1,22 @@
-"""All texts of a figure, whether they can be read, and the states that legends name."""
+"""What a figure shows: its texts, whether they can be read, and all that it draws, in words."""
 
 from __future__ import annotations
 
+import re
+import tempfile
+from collections import defaultdict
+from collections.abc import Iterable, Iterator
+from itertools import zip_longest
+from pathlib import Path
+from typing import Any
+
 import matplotlib as mpl
+import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.colors import to_hex
+from matplotlib.collections import QuadMesh
+from matplotlib.colors import to_hex, to_rgba_array
 from matplotlib.figure import Figure
+from matplotlib.legend import Legend
 from matplotlib.text import Text
 
 from receding_fenicsx.output.plots import style
@@ -55,3 +66,120 @@ def names_of_colours(figure: Figure) -> dict[str, str]:
     patches = [patch for legend in figure.legends for patch in legend.get_patches()]
     labels = {to_hex(patch.get_facecolor()): str(patch.get_label()) for patch in patches}
     return {colour: label[3:] for colour, label in labels.items() if label[0].isdigit()}
+
+
+REPORTS = Path(__file__).parent / "output" / "reports"
+"""Folder of the texts that tell what figures show."""
+
+NUMBER = re.compile(r"(-?\d+(?:\.\d+)?(?:e[-+]\d+)?)")
+
+
+def check_words(found: list[str], known: Path) -> None:
+    """Assert that lines are those of a file; numbers may differ by a last digit of four."""
+
+    def alike(line: str, other: str) -> bool:
+        parts, others = NUMBER.split(line), NUMBER.split(other)
+        if parts[::2] != others[::2]:
+            return False
+        pairs = zip(parts[1::2], others[1::2], strict=True)
+        return all(np.isclose(float(a), float(b), rtol=2e-3, atol=1e-12) for a, b in pairs)
+
+    now = Path(tempfile.gettempdir()) / known.name
+    lines = known.read_text(encoding="utf-8").splitlines() if known.is_file() else []
+    pairs = zip_longest(found, lines, fillvalue="")
+    wrong = [pair for pair in pairs if not alike(*pair)]
+    if wrong:
+        now.write_text("\n".join([*found, ""]), encoding="utf-8")
+    assert not wrong[:3], f"{len(wrong)} lines are not those of {known}; all are in {now}"
+
+
+def check_figures(drawn: Iterable[tuple[str, Figure]], known: Path) -> None:
+    """Assert that figures show what a file tells, on their pages, and no text on another."""
+    found = []
+    for name, figure in drawn:
+        check_texts(figure, name)
+        found += told(figure, name)
+    check_words(found, known)
+
+
+def told(figure: Figure, name: str) -> list[str]:
+    """Return all that a figure draws, a line each: texts, legends, axes, curves, areas.
+
+    Of points there are their number, the lowest, the highest, the first and the mean place.
+    """
+    with mpl.rc_context(style.RC):
+        figure.draw_without_rendering()
+    width, height = figure.get_size_inches()
+    lines = [
+        f"-- {name}: {width:.2f} x {height:.2f}",
+        *(f"text: {t.get_text()}" for t in figure.texts),
+    ]
+    lines += [f"legend: {entry}" for legend in figure.legends for entry in _entries(legend)]
+    for axes in figure.axes:
+        places = _Places(axes)
+        title = f"{axes.get_title()} {axes.get_title(loc='left')}"
+        lines.append(f"== {title if axes.axison else 'no axes'}")
+        for axis in (axes.xaxis, axes.yaxis) if axes.axison else ():
+            low, high = axis.get_view_interval()
+            lines.append(f"{axis.get_scale()}: {low:.4g} to {high:.4g} {axis.label.get_text()}")
+        lines += [f"{look}: {places(points)}" for look, points in _drawn(axes)]
+        if legend := axes.get_legend():
+            lines += [f"legend inside: {entry}" for entry in _entries(legend)]
+    return [" ".join(line.split()) for line in lines]
+
+
+def _entries(legend: Legend) -> list[str]:
+    """Colours and texts of a legend."""
+    found = []
+    for handle, text in zip(legend.legend_handles, legend.get_texts(), strict=True):
+        own: Any = handle
+        colour = own.get_color() if hasattr(own, "get_color") else own.get_facecolor()
+        found.append(f"{to_hex(colour)} {text.get_text()}")
+    return found
+
+
+def _drawn(axes: Axes) -> Iterator[tuple[str, np.ndarray]]:
+    """Curves, areas and texts by their looks, with their points; guides and boxes are together."""
+    found = defaultdict(list)
+    for line in axes.lines:
+        points = np.asarray(line.get_xydata(), dtype=float)
+        look = f"{line.get_linestyle()} {line.get_marker()} {line.get_linewidth():.2g}"
+        look = f"line {to_hex(line.get_color())} {look}"
+        if len(points) > 2:
+            yield look, points
+        else:
+            found[look].append(points)
+    for shape in axes.collections:
+        if isinstance(shape, QuadMesh):
+            continue  # of a colour bar
+        colours = to_rgba_array(shape.get_facecolor())
+        if not len(colours):
+            colours = to_rgba_array(shape.get_edgecolor())
+        for k, path in enumerate(shape.get_paths()):
+            look = f"{type(shape).__name__} {to_hex(colours[k % len(colours)])}"
+            found[look].append(np.asarray(path.vertices))
+    for patch in axes.patches:
+        box = patch.get_transform().transform_path(patch.get_path()).get_extents()
+        ends = np.asarray(axes.transData.inverted().transform(box))
+        found[f"patch {to_hex(patch.get_facecolor())}"].append(ends)
+    for text in axes.texts:
+        tip: Any = getattr(text, "xy", ())  # of an arrow
+        where = [text.get_position(), *([tip] if tip else [])]
+        found[f"'{text.get_text()}' {text.get_color()}"].append(np.array(where, dtype=float))
+    yield from ((look, np.vstack(points)) for look, points in found.items())
+
+
+class _Places:
+    """Points in words; less than a millionth of the axes is zero."""
+
+    def __init__(self, axes: Axes) -> None:
+        self.small = 1e-6 * np.abs([np.ptp(axes.get_xlim()), np.ptp(axes.get_ylim())])
+
+    def __call__(self, points: np.ndarray) -> str:
+        known = points[np.isfinite(points).all(axis=1)]
+        if not len(known):
+            return "nothing"
+        rows = [known.min(axis=0), known.max(axis=0), known[0], known.mean(axis=0)]
+        shown = [*known] if len(known) < 3 else rows
+        zeroed = [np.where(np.abs(row) < self.small, 0.0, row) for row in shown]
+        return " ".join([str(len(known)), *(f"({x:.4g} {y:.4g})" for x, y in zeroed)])

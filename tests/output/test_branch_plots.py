@@ -7,6 +7,7 @@ from typing import Any
 import models
 import numpy as np
 import pytest
+from drawn_text import REPORTS, check_figures
 from matplotlib.collections import LineCollection
 from matplotlib.colors import to_rgba, to_rgba_array
 from matplotlib.figure import Figure
@@ -15,6 +16,8 @@ from small import cyclic, small_system, table
 import receding_fenicsx as rf
 from receding_fenicsx.interface.law import State
 from receding_fenicsx.interface.mirror import mirror_of
+from receding_fenicsx.output.plots import style
+from receding_fenicsx.output.plots.study_plots import draw_search
 from receding_fenicsx.output.snapshots import draw
 from receding_fenicsx.output.snapshots.page import compose
 from receding_fenicsx.output.snapshots.view import View
@@ -126,3 +129,18 @@ def test_body_in_a_slip_mode_has_its_picture(
     with pytest.raises(rf.InputError, match="with largest entry 0"):
         rf.draw_slip_mode(scene, critical, shared_tmp_path / "other.png")
     assert not (shared_tmp_path / "other.png").exists()
+
+
+def test_a_search_draws_twice_its_estimates_over_its_seconds(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A number has no estimate on the first mesh, another one on none."""
+    errors = ({"a_b": None, "c": None, "d": 0.02}, {"a_b": 0.004, "c": None, "d": 0.008})
+    way = [
+        {"seconds": seconds, "numbers": {name: {"relative": e} for name, e in level.items()}}
+        for seconds, level in zip((2.0, 5.0), errors, strict=True)
+    ]
+    drawn: list[tuple[str, Figure]] = []
+    monkeypatch.setattr(style, "save", lambda figure, path: drawn.append((path.name, figure)))
+    draw_search({"way": way, "tolerance": 0.01}, tmp_path)
+    check_figures(drawn, REPORTS / "search.txt")

@@ -122,6 +122,11 @@ def test_both_bodies_and_their_contact_are_one_grid() -> None:
         nodes = on_contact(grid)
         assert grid.at_points["gap"][nodes] == pytest.approx(0.1 * end.x**2 + end.w, abs=1e-12)
         assert np.any(end.state == 2) and np.any(end.p > 0.0)
+        # a line's stress is the mean of its ends'
+        lines = grid.topology[-4 * np.count_nonzero(part == 0) :].reshape(-1, 4)[:, 2:]
+        for name in ("sxx", "syy", "sxy", "von_mises", "max_shear"):
+            mean = grid.at_points[name][lines].mean(axis=1)
+            assert grid.in_cells[f"{name}_cell"][part == 0] == pytest.approx(mean, rel=1e-12)
         # the gap is between the two edges as they are drawn
         y = grid.points[:, 1] + grid.at_points["displacement"][:, 1]
         for node in nodes[::2]:

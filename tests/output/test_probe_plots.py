@@ -53,21 +53,6 @@ def test_stresses_of_a_point_are_drawn_along_the_legs() -> None:
         assert np.array_equal(lines(axes)[4][1][1:], probe.von_mises[rows, 0])
 
 
-@pytest.mark.parametrize(
-    ("axisymmetric", "third", "second"),
-    [(False, r"\sigma_{zz}", r"\sigma_{yy}"), (True, r"\sigma_{\theta\theta}", r"\sigma_{zz}")],
-)
-def test_lines_are_named_by_their_directions(axisymmetric: bool, third: str, second: str) -> None:
-    """In a body of revolution y is the axis z, and the third stress the hoop stress."""
-    found = replace(record(), axisymmetric=axisymmetric)
-    axes = rf.figures.probe_stresses(found, "one").axes[-1]
-    drawn = {line.get_label(): np.asarray(line.get_ydata()) for line in axes.lines}
-    probe = found.probe("one")
-    stress = probe.stress[probe.cycle == 3, 0]
-    assert np.array_equal(drawn[f"${third}$"][1:], stress[:, 2])
-    assert np.array_equal(drawn[f"${second}$"][1:], stress[:, 1])
-
-
 def test_stresses_of_several_points_are_drawn_along_them() -> None:
     figure = rf.figures.probe_stresses(record(), "row")
     probe = record().probe("row")

@@ -9,7 +9,7 @@ from typing import Any
 import matplotlib as mpl
 import numpy as np
 import pytest
-from drawn_text import names_of_colours
+from drawn_text import REPORTS, check_words, names_of_colours, told
 from matplotlib.collections import PolyCollection
 from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
@@ -17,10 +17,16 @@ from pictured import instant_of_row, view_at
 
 import receding_fenicsx as rf
 from receding_fenicsx.bulk.fields import Fields
-from receding_fenicsx.interface.law import Friction
-from receding_fenicsx.output.snapshots.page import QUANTITIES, colours_of, compose, layout_of
+from receding_fenicsx.output.snapshots.page import (
+    QUANTITIES,
+    Clock,
+    colours_of,
+    compose,
+    layout_of,
+)
 from receding_fenicsx.output.snapshots.view import View, _traction
 
+DEMOS = Path(__file__).parents[2] / "demos"
 PRESSURE, HEIGHT, YOUNG, LARGEST = 2.0, 3.0, 5.0, 4.0
 """Where they are all 1, what divides by the wrong one looks the same."""
 
@@ -208,30 +214,39 @@ def test_band_of_states_has_the_colours_of_the_legend_where_the_states_are() -> 
 
 
 @pytest.mark.one_rank
-def test_tractions_stand_below_their_places_and_are_named_by_their_colours() -> None:
-    view = view_alone()
-    f = Friction(np.full(len(view.x), 0.3), np.full(len(view.x), 0.5))
-    view, unit = replace(view, f=f), view.pressure_symbol
-    figure = page_of(view)
-    body, tractions, bar = figure.axes
-    legend = tractions.get_legend()
-    assert legend is not None and len(legend.get_texts()) == 2
-    for entry, text in zip(legend.get_lines(), legend.get_texts(), strict=True):
-        named = (line for line in tractions.lines if line.get_color() == entry.get_color())
-        (line,) = (line for line in named if np.size(line.get_xdata()) > 2)
-        values = {f"$p/{unit}$": view.p, f"$q/{unit}$": view.q}[text.get_text()]
-        assert np.asarray(line.get_xydata()) == pytest.approx(np.stack([view.x, values], axis=1))
-    (cone,) = (np.asarray(c.get_paths()[0].vertices) for c in tractions.collections)
-    for x, p in zip(view.x, view.p, strict=True):
-        at = cone[np.abs(cone[:, 0] - x) < 1e-12, 1]
-        assert (at.min(), at.max()) == pytest.approx((-0.3 * p, 0.5 * p))
-    assert tractions.get_xlim() == pytest.approx(body.get_xlim())
-    labels = tractions.get_xlabel(), tractions.get_ylabel()
-    assert labels == ("$x/h$", f"$p/{unit}$,  $q/{unit}$")
-    assert bar.get_ylabel() == rf"$2\tau_\mathrm{{max}}/{unit}$"
-    assert bar.get_ylim() == pytest.approx((0.0, 2.0 * view.stress["max_shear"].max()))
-    caption, note = (text.get_text() for text in figure.texts)
-    assert caption == view.caption and note.endswith(f"displacements × {view.factor:g}")
+def test_pages_draw_what_is_known() -> None:
+    """All four states; two edges, one of them between bodies; a load that travels, in a film."""
+    coarse = ["mesh.contact_elements=16", "history.cycles=1"]
+    stack = rf.read_scene(DEMOS / "stack.toml", coarse)
+    limited = replace(stack.contacts[0], shear_limit="0.05 + 0.002*x")
+    heavy = [*coarse, "load.weight.body_force=[0,-1]"]
+    travelling = rf.read_scene(DEMOS / "moving_load.toml", heavy)
+    scenes = {
+        "block": (BLOCK, 1),
+        "stack": (replace(stack, contacts=(limited, stack.contacts[1])), 1),
+        "travelling": (replace(travelling, contacts=(rf.Contact(cohesion="0.02 + 0.001*x"),)), 6),
+    }
+    found = []
+    for name, (scene, row) in scenes.items():
+        made = seen(scene, row)
+        assert made is not None
+        view, _, record = made
+        table = record.turning_points
+        load = table.load[:, :2] / np.abs(table.load[:, :2]).max(axis=0)
+        time = np.linspace(0.0, 1.0, len(load))
+        names = tuple(f"${load_name}$" for load_name in record.load_names[:2])
+        clock = Clock(time, load, names, 0.25, load[row], (-0.5, 2.5), "upper left")
+        for stress in ("syy", "max_shear"):
+            quantity = next(q for q in QUANTITIES if q.name == stress)
+            values = view.stress[stress]
+            colours = colours_of(values, quantity, view.pressure_symbol)
+            with mpl.rc_context(rf.style.RC):
+                layout = layout_of(view, dpi=50.0)
+                empty = np.zeros((*layout.pixels[::-1], 4), dtype=np.uint8)
+                own = clock if name == "travelling" else None
+                page = compose(view, layout, empty, colours, own, values)
+            found += told(page, f"{name} {stress}")
+    check_words(found, REPORTS / "pages.txt")
 
 
 @pytest.mark.one_rank
@@ -252,8 +267,7 @@ def test_fringes_are_white_at_whole_orders_and_black_halfway(scale: float) -> No
 
 
 def test_small_contact_is_shown_from_near_by() -> None:
-    demo = Path(__file__).parents[2] / "demos" / "punch.toml"
-    punch = rf.read_scene(demo, ["mesh.contact_elements=16"])
+    punch = rf.read_scene(DEMOS / "punch.toml", ["mesh.contact_elements=16"])
     made = seen(punch, row=0)
     if made is None:
         return

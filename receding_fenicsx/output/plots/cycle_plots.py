@@ -206,7 +206,8 @@ def trajectories(
         elif record.f_backward is not None:
             cone = r"$-f_\mathrm{forward} p \leq q \leq f_\mathrm{backward} p$"
         handles.append(Patch(label=f"friction cone, {cone}", **style.CONE))
-    figure.legend(handles=handles, loc="outside lower center", ncols=len(handles))
+    ncols = len(handles) if columns > 2 else 2
+    figure.legend(handles=handles, loc="outside lower center", ncols=ncols)
     return figure
 
 
