@@ -407,8 +407,7 @@ def _silent_jumps(p: Problem, run: Replay) -> list[str]:
         except TooMany:
             continue
         # where all loads vanish the last part of a way is round-off of the step before
-        ways = [end for end in ends if end.s >= 1.0 - SAME]
-        whole = [float(np.abs(k * (end.u - u_b)).max()) for end in ways]
+        whole = [float(np.abs(k * (end.u - u_b)).max()) for end in ends if end.s >= 1.0 - SAME]
         if min(whole, default=np.inf) > APART * way:
             load = step.load[1].astype(float).tolist()
             found.append(f"{step.leg.place(0.0)}: a load step jumps silently, to {load}")
@@ -430,8 +429,7 @@ def _needless_jumps(p: Problem, run: Replay) -> list[str]:
         leg, rest = jump.leg, max(1.0 - jump.s, SAME)
         if leg.noise.max() > HIDDEN * leg.force:
             continue  # round-off of far displacements decides whether it jumps
-        here = leg.load(jump.s).astype(float)
-        way = p.system, here, leg.ends[1], jump.u, jump.state, leg.force
+        way = p.system, leg.load(jump.s).astype(float), leg.ends[1], jump.u, jump.state, leg.force
         try:
             # a node may be as little pressed as to seem free where it jumps by as little
             ends = [end for close in (NEAR, *NEARER) for end in follow(*way, close)]

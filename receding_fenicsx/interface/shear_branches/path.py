@@ -342,15 +342,16 @@ class BranchedPath:
             return ContactState(one.u, r, one.state)
 
         last = outer(end, found.end)
+        # the constant force is none of the contact
+        scale = max(problem.force_scale, float(np.abs(last.r).max(initial=0.0)))
         return replace(
             found,
             end=last,
             dissipation=found.dissipation + force[:n] * change[:n],
             work=found.work - float(force @ change),
             samples=[(s, outer(s, one)) for s, one in found.samples],
-            # the constant force is none of the contact
-            force_scale=max(problem.force_scale, float(np.abs(last.r).max(initial=0.0))),
-            residual=0.0,
+            force_scale=scale,
+            residual=found.residual * found.force_scale / (scale or 1.0),
             ties=Changes.none(),
         )
 
@@ -368,18 +369,20 @@ class BranchedPath:
     def _add(self, leg: Leg, found: Leg, part: tuple[float, float]) -> None:
         """Add a piece between two places to what has been followed."""
         stops = [(s, u) for s, u in found.stops if s > part[0]] + [(part[1], found.end.u)]
+        self._check(found)
         leg.add(replace(found, stops=stops))
-        self._check(leg)
 
-    def _check(self, leg: Leg) -> None:
+    def _check(self, piece: Leg) -> None:
         """Note the residual of the end of a piece; raise SolveError above its tolerance."""
-        scale = leg.force_scale
-        residual = residual_at_rest(self.system, leg.end, scale)
-        leg.residual = max(leg.residual, residual)
+        scale, in_cones = piece.force_scale, piece.residual
+        residual = residual_at_rest(self.system, piece.end, scale)
+        piece.residual = max(in_cones, residual)
         accepted = ACCEPTED_RESIDUAL if self.sweeps is None else STEP_ON_LIMIT
-        # what touches keeps the round-off of displacements before
-        places = leg.end.u, *(u for _, u in leg.stops)
-        if residual > accepted and all(residual > reachable(self.system, u, scale) for u in places):
+        # places where other limits are reached have the round-off of displacements on the way
+        places = piece.end.u, *(u for _, u in piece.stops)
+        if residual > max(accepted, 2.0 * in_cones) and all(
+            residual > reachable(self.system, u, scale) for u in places
+        ):
             raise SolveError(
                 f"the path from branch to branch of the shear limit lost accuracy: residual "
                 f"{residual:.1e} over {accepted:.0e}; try the other solver method"
