@@ -151,7 +151,9 @@ def _drawn(axes: Axes) -> Iterator[tuple[str, np.ndarray]]:
             found[look].append(points)
     for shape in axes.collections:
         if isinstance(shape, QuadMesh):
-            continue  # of a colour bar
+            corners, values = np.asarray(shape.get_coordinates()), np.asarray(shape.get_array())
+            yield f"mesh of mean {values.mean():.4g}", corners.reshape(-1, 2)
+            continue
         colours = to_rgba_array(shape.get_facecolor())
         if not len(colours):
             colours = to_rgba_array(shape.get_edgecolor())

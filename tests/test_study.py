@@ -115,15 +115,6 @@ def test_initial_slip_is_taken_over() -> None:
         np.testing.assert_allclose(shift, 0.125, rtol=1e-6)
 
 
-def test_failing_run_leaves_nothing_behind(shared_tmp_path: Path) -> None:
-    # one sweep from one step of the whole load cannot be enough
-    scene = small("solver.method=gauss-seidel", "solver.max_sweeps=1", "solver.polish=false")
-    with pytest.raises(rf.NotConverged):
-        study.run(scene, shared_tmp_path / "run", comm=comm)
-    comm.Barrier()
-    assert os.listdir(shared_tmp_path) == []
-
-
 def test_instants_are_found_by_the_names_of_legs(finished: Finished) -> None:
     scene, (out, record, _) = small(), finished
     if record is not None:

@@ -4,11 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import partial
-from itertools import pairwise
 
 import numpy as np
 import pytest
-from scipy.integrate import quad
 
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.half_plane import interior
@@ -55,34 +53,6 @@ def modes_of(x: Array) -> Array:
 def pressed(free: tuple[bool, bool, bool] = (True, True, False)) -> FarField:
     """A far field under a unit force against n."""
     return FarField(np.array(free), np.array([[0.0, -1.0, 0.0]]), np.zeros((1, 3)), -np.ones(1))
-
-
-def test_integrals_of_the_logarithm_are_those_of_quadrature() -> None:
-    x = np.array([-0.5, -0.31, -0.3, 0.05, 0.2, 0.5])
-    lower = np.arange(5)
-    logs, signs = surface_integrals(x, np.stack([lower, lower + 1], axis=1))
-
-    def hat(i: int, at: float) -> float:
-        return float(np.interp(at, x, np.eye(6)[i]))
-
-    def inner(j: int, at: float) -> float:
-        pieces = pairwise(x)
-        return sum(
-            quad(lambda s: hat(j, s) * np.log(abs(at - s)), *ends)[0]
-            for low, high in pieces
-            if hat(j, low) + hat(j, high) > 0.0
-            for ends in ([(low, at), (at, high)] if low < at < high else [(low, high)])
-        )
-
-    for i, j in ((0, 0), (0, 5), (2, 3), (3, 3)):
-        ends = [(a, b) for a, b in pairwise(x) if hat(i, a) + hat(i, b) > 0.0]
-        parts = [quad(lambda at, i=i, j=j: hat(i, at) * inner(j, at), *e, limit=80) for e in ends]
-        known = sum(value for value, _ in parts)
-        assert abs(logs[i, j] - known) < 1e-8
-    assert np.array_equal(logs, logs.T)
-    assert np.array_equal(signs, -signs.T)
-    # elements apart: sgn is constant there
-    assert np.isclose(signs[0, 5], -0.5 * 0.19 * 0.5 * 0.3)
 
 
 def test_far_elements_have_enough_points(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -8,6 +8,7 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 from bodies import block
+from drawn_text import REPORTS, check_figures
 from shakedown_cases import LOWER, TO_AND_FRO, UPPER, two_nodes
 from small import small_system
 
@@ -136,9 +137,7 @@ def test_text_and_diagram_show_the_limits_at_the_mean_of_the_scene() -> None:
     (_, *own), (nodes, lower, upper) = found.meshes
     assert own == [limits.lower, limits.upper]
     assert f"second mesh   {lower:.6g} and {upper:.6g} with {nodes} nodes" in str(found)
-    lines = {line.get_label(): line for line in diagram_figure(diagram).axes[0].lines}
-    assert np.array_equal(lines[r"$\lambda_1$"].get_ydata(), diagram.lower)
-    assert np.array_equal(lines[r"$\lambda_2$"].get_ydata(), diagram.upper)
+    check_figures([("diagram", diagram_figure(diagram))], REPORTS / "shakedown.txt")
 
 
 # -- many starts ----------------------------------------------------------------------------------
@@ -186,12 +185,7 @@ def test_whether_it_slips_for_ever_depends_on_the_start_between_the_limits_only(
     # a node that stays on its limit does not slip
     slips = np.isin(states.state, (rf.State.FORWARD_SLIP, rf.State.BACKWARD_SLIP)).any(axis=1)
     assert np.array_equal(slips, np.array(states.kind) != "shakedown")
-    figure = steady_states_figure(states)
-    assert figure.axes[0].get_xlabel().startswith("dissipation")
-    kinds = np.array(states.kind)
-    for line in figure.axes[0].lines:
-        of_kind = np.sort(states.dissipation[kinds == line.get_label()])
-        assert np.array_equal(np.asarray(line.get_xdata()), of_kind) and len(of_kind)
+    check_figures([("starts", steady_states_figure(states))], REPORTS / "starts.txt")
 
 
 @pytest.mark.parametrize("seed", range(4))

@@ -453,7 +453,9 @@ def _zones(study: WearStudy, seen: tuple[float, float]) -> Figure:
     style.state_mesh(axes, edges, cycles, study.zone)
     axes.set(xlabel="$x$", ylabel="cycles", xlim=seen)
     if cycles[-1] > 0.0:
-        axes.set_yscale("symlog", linthresh=max(1.0, 1e-3 * cycles[-1]))
+        # a power of ten, below which no tick but 0 stands
+        linear = 10.0 ** np.ceil(np.log10(max(1.0, 1e-3 * cycles[-1])))
+        axes.set_yscale("symlog", linthresh=linear)
     patches = style.state_patches(np.unique(study.zone))
     for patch in patches:  # of a whole cycle, which slips both ways
         patch.set_label(str(patch.get_label())[3:].removeprefix("forward "))
