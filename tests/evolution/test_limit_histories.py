@@ -13,9 +13,12 @@ from models import (
     tall_under_four_loads,
     under_four_loads,
 )
-from small import table
+from replay import replay
+from small import table, walker
 
 import receding_fenicsx as rf
+from receding_fenicsx.evolution.limit import search
+from receding_fenicsx.evolution.replay import state_at
 from receding_fenicsx.interface.system import ContactSystem
 
 pytestmark = pytest.mark.one_rank
@@ -27,14 +30,21 @@ def polygon(corners: int, phase: float) -> np.ndarray:
     return np.stack([1.0 + 0.4 * np.cos(angle), 0.25 * np.sin(angle + phase)], axis=1)
 
 
-def assert_same(limit: rf.Record, plain: rf.Record) -> None:
-    """Assert that a limit that was searched for is that of plain cycles."""
+def assert_same(limit: rf.Record, plain: rf.Record, walks: bool = False) -> None:
+    """Assert that a limit that was searched for is that of plain cycles, up to a rigid walk."""
     assert limit.limit is not None and limit.limit.jumped, limit.limit
-    assert plain.steady.reached
+    assert plain.steady.reached and limit.steady.kind == plain.steady.kind
+    assert (limit.steady.kind == "ratchetting") == walks
     D, last = limit.cycles.dissipation, plain.cycles.dissipation[-1]
     assert last > 0.0 and abs(D[-1] - last) < 1e-7 * last
-    v, w = limit.turning_points.v[-1], plain.turning_points.v[-1]
-    assert np.abs(v - w).max() < 1e-6 * np.abs(w).max()
+    ends = limit.turning_points, plain.turning_points
+    for name in ("P", "Q", "w") if walks else ("P", "Q", "v", "w"):
+        one, two = (getattr(end, name)[-1] for end in ends)
+        size = np.abs([ends[1].P[-1], ends[1].Q[-1]] if name in "PQ" else two).max()
+        assert np.abs(one - two).max() <= 1e-6 * size, name
+    gained, known = (record.cycles.slip_increment[-1] for record in (limit, plain))
+    size = np.abs(known).max() if walks else np.abs(ends[0].v[-1]).max()
+    assert np.abs(gained - known).max() < 1e-7 * size
     assert limit.residual_max < 1e-11
 
 
@@ -85,3 +95,37 @@ def test_limits_under_several_loads_are_those_of_plain_cycles(
     limit = rf.evolve(block, table(block, path, loop, 300), until="limit")
     plain = rf.evolve(block, table(block, path, loop, 1000), solver, until="steady")
     assert_same(limit, plain)
+
+
+def rocked() -> tuple[ContactSystem, rf.History]:
+    """Return the block pushed by a constant force while the pressure moves to and fro."""
+    block = pushed_block()
+    tilt = np.concatenate([np.zeros(block.n), block.weight * block.x])
+    body = replace(block, r_star=np.vstack([block.r_star, tilt]), load_names=("p0", "push", "tilt"))
+    loop = [[1, 0.195, 0.2], [1, 0.195, -0.2], [1, 0.195, 0.2]]
+    return body, table(body, [[0, 0, 0], [1, 0, 0], [1, 0.195, 0], loop[0]], loop, 400)
+
+
+def test_the_limit_of_a_walk_is_that_of_plain_cycles_and_keeps_the_laws_from_its_start() -> None:
+    body, history = rocked()
+    walk = rf.evolve(body, history, until="limit")
+    solver = rf.SolverOptions(steady_tolerance=1e-10)
+    assert_same(walk, rf.evolve(body, history, solver, until="steady"), walks=True)
+    assert np.any(walk.turning_points.state[-1] == 2)  # open nodes move with the body
+    assert replay(body, history, walk).found == []
+    n, samples = len(walk.cycles.dissipation), walk.samples
+    row = int(np.flatnonzero((samples.cycle == n) & (samples.leg == 0))[5])
+    at = state_at(walk, body, history, rf.SolverOptions(), (n, 0, float(samples.s[row])))
+    assert np.abs(at.v - samples.v[row]).max() < 1e-10 * np.abs(at.v).max()
+
+
+@pytest.mark.parametrize("first", [1, 3])
+def test_two_feet_walk_by_the_closed_form(monkeypatch: pytest.MonkeyPatch, first: int) -> None:
+    """Each gains 0.4/k a cycle, found by a search from its first cycle, or as it is played."""
+    monkeypatch.setattr(search, "FIRST_SEARCH", first)
+    path = [[0, 0, 0], [1, 0, 0], [1, 0.5, 0], [1, 0.5, 0.9]]
+    loop = [[1, 0.5, 0.9], [1, 0.5, -0.9], [1, 0.5, 0.9]]
+    record = rf.evolve(walker(4.0), table(walker(4.0), path, loop, 20), until="limit")
+    assert record.limit is not None and record.limit.reached
+    assert record.limit.jumped == (first == 1) and record.steady.kind == "ratchetting"
+    assert rf.summarise(record)["limit"]["walk"] == pytest.approx(0.1, rel=1e-12)
