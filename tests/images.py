@@ -224,8 +224,12 @@ class Image:
         close("load", a.load[rows][:, order], load * b.load)
         work = b.load_displacement * long * force / load
         close("load displacement", a.load_displacement[rows][:, order], work)
+        for name in ("dissipation_first_loading", "released"):
+            close(name, getattr(found, name), getattr(known, name) * long * force, 1e-6 * work)
         D = found.cycles.dissipation, known.cycles.dissipation * long * force
         close("dissipation", *D, 1e-6 * work)
+        assert found.jumps == known.jumps and len(found.events.s) <= found.n_events
+        assert found.steady.kind == known.steady.kind
         density = known.cycles.dissipation_density * long * stress
         close("density", found.cycles.dissipation_density[:, at], density, 1e-6 * long * stress)
         gain = sign * long * known.cycles.slip_increment
@@ -238,7 +242,11 @@ class Image:
         events = replace(found.events, load=found.events.load[:, order] / load)
         self._check_events(events, known.events, at, rel)
         if found.uniqueness and known.uniqueness:
-            assert found.uniqueness.certified == known.uniqueness.certified
+            one, two = found.uniqueness, known.uniqueness
+            assert (one.certified, one.solutions) == (two.certified, two.solutions)
+            # that of half a body is among symmetric paths
+            if np.isfinite(two.margin) and found.half == known.half:
+                close("margin", one.margin, two.margin)
         for name in dict.fromkeys(known.probes.names if known.probes else ()):
             one, two = found.probe(name), known.probe(name)
             near = np.array([self.place(point) for point in two.points])
