@@ -241,12 +241,12 @@ class Image:
         close("weight", found.weight[at], force / stress * known.weight)
         events = replace(found.events, load=found.events.load[:, order] / load)
         self._check_events(events, known.events, at, rel)
-        if found.uniqueness and known.uniqueness:
-            one, two = found.uniqueness, known.uniqueness
-            assert (one.certified, one.solutions) == (two.certified, two.solutions)
+        mine, own = found.uniqueness, known.uniqueness
+        if mine and own:
+            assert (mine.certified, mine.solutions) == (own.certified, own.solutions)
             # that of half a body is among symmetric paths
-            if np.isfinite(two.margin) and found.half == known.half:
-                close("margin", one.margin, two.margin)
+            if np.isfinite(own.margin) and found.half == known.half:
+                close("margin", mine.margin, own.margin)
         for name in dict.fromkeys(known.probes.names if known.probes else ()):
             one, two = found.probe(name), known.probe(name)
             near = np.array([self.place(point) for point in two.points])
