@@ -250,7 +250,10 @@ class Image:
         for name in dict.fromkeys(known.probes.names if known.probes else ()):
             one, two = found.probe(name), known.probe(name)
             near = np.array([self.place(point) for point in two.points])
-            near = np.linalg.norm(one.points[None] - near[:, None], axis=2).argmin(axis=1)
+            off = np.linalg.norm(one.points[None] - near[:, None], axis=2)
+            near = off.argmin(axis=1)
+            assert sorted(near) == [*range(len(one.points))], name
+            close("probe", off.min(axis=1), 0.0 * near, 1e-2 * np.ptp(places))
             ends = [each.kind == "turning point" for each in (one, two)]
             u = long * two.displacement[ends[1]] @ self.turn.T
             close("u", one.displacement[ends[0]][rows][:, near], u)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import fields, replace
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -11,6 +13,7 @@ from problems import FAMILIES, Problem, play, problem
 from replay import objections
 
 import receding_fenicsx as rf
+from receding_fenicsx.evolution.replay import state_at
 from receding_fenicsx.interface.system import ProbeMatrix, eliminate_tangential
 
 pytestmark = pytest.mark.one_rank
@@ -53,6 +56,7 @@ def dressed(number: int) -> Problem | None:
     return replace(p, system=system)
 
 
+@cache
 def played(number: int) -> tuple[Problem, rf.Record] | None:
     p = dressed(number)
     try:
@@ -136,6 +140,25 @@ def _check_probes(s: rf.ContactSystem, record: rf.Record) -> None:
     assert not probes.displacement[at_rest].any() and not probes.stress[at_rest].any()
     assert record.probe("a").points.tolist() == s.probes.points[[0, 2]].tolist()
     assert np.array_equal(record.probe("b").stress[:, 0], probes.stress[:, 1])
+
+
+def test_a_state_between_turning_points_is_found_again() -> None:
+    """By both methods, in all kinds of histories, of which the record keeps the samples."""
+    compared = Counter[str]()
+    for number in NUMBERS:
+        if (pair := played(number)) is None or pair[1].jumps:
+            continue
+        (p, record), table = pair, pair[1].samples
+        if record.uniqueness is None or not record.uniqueness.certified:
+            continue
+        size = np.abs([record.turning_points.v, record.turning_points.w]).max()
+        for row in np.random.default_rng(number).integers(len(table.s), size=3):
+            where = int(table.cycle[row]), int(table.leg[row]), float(table.s[row])
+            found = state_at(record, p.system, p.history, p.solver, where)
+            assert near(found.v, table.v[row], size) and near(found.state.w, table.w[row], size)
+            assert np.array_equal(found.state.state, table.state[row]), (number, where)
+            compared[record.method] += 1
+    assert min(compared["events"], compared["gauss-seidel"]) > 5, compared
 
 
 def test_a_probe_at_an_event_is_that_of_a_path_that_ends_there() -> None:
