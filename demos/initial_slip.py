@@ -17,7 +17,6 @@ rank 0 hands out the cases; a stopped sweep continues when the demo is started a
 """
 
 import argparse
-import sys
 from pathlib import Path
 
 import matplotlib as mpl
@@ -26,56 +25,42 @@ import numpy as np
 import receding_fenicsx as rf
 
 BLOCK = Path(__file__).with_name("block.toml")
-PERMANENT_STICK = 1e-9
-"""Dissipation density over the largest one below which a node counts as permanently stuck."""
-SHAKEDOWN = 1e-6
-"""Steady dissipation over the largest of a cycle 1 in the map, below which it counts as none."""
-MAP_SIZE = 2.0
-"""Size of the random slips of the map, over the largest slip of the first loading at FRICTION."""
 FRICTION, MINIMUM = 0.35, 1.0 / 3.0
 """Values of the paper."""
 
 
 def numbers(record: rf.Record) -> dict[str, object]:
-    """Return the dissipation of cycle 1 and of the last one, and "1" for each node that sticks."""
+    """Return the dissipation of cycle 1 and of the last one, and how many nodes always stick."""
     D, density = record.cycles.dissipation, record.cycles.dissipation_density
     touching = np.all(record.turning_points.state[-2:] != rf.State.SEPARATION, axis=0)
-    stuck = touching & (density[-1] <= PERMANENT_STICK * density[0].max())
-    text = "".join("01"[bool(s)] for s in stuck)
-    return {"first": D[0], "last": D[-1], "stuck": text}
+    stuck = touching & (density[-1] <= 1e-9 * density[0].max())
+    return {"first": D[0], "last": D[-1], "stuck": int(stuck.sum()), "nodes": len(stuck)}
 
 
 def random_slips(record: rf.Record, count: int) -> dict[str, object]:
-    """Return no slip, and random ones whose size is MAP_SIZE, over x."""
-    size = MAP_SIZE * np.abs(record.turning_points.v[0]).max()
+    """Return no slip, and random ones over x, of twice the largest slip of the first loading."""
+    size = 2.0 * np.abs(record.turning_points.v[0]).max()
     slips: dict[str, object] = {"none": 0.0}
     for seed in range(1, count):
         random = np.random.default_rng(seed).uniform(-1.0, 1.0, len(record.x))
-        slips[f"seed {seed}"] = {"x": record.x, "value": size * random}
+        slips[f"seed {seed}"] = {"x": record.x.tolist(), "value": (size * random).tolist()}
     return slips
 
 
 def draw_map(table: rf.SweepTable, folder: Path) -> None:
     """Draw the steady dissipation and its spread over friction and minimum load."""
     D, first = table.grid("last"), table.grid("first")[:, :, 0]
-    nodes = max(len(text or "") for text in table["stuck"])
-    stuck = np.vectorize(lambda text: (text or "").count("1"))(table.grid("stuck"))
-    alive = D.max(axis=2) > SHAKEDOWN * np.nanmax(first)
-    panels = (
-        (
-            "steady dissipation over cycle 1 (grey: none)",
-            np.where(alive, D[:, :, 0] / first, np.nan),
-        ),
-        (
-            "spread of steady dissipation",
-            np.ptp(D, axis=2) / np.where(alive, D.max(axis=2), np.nan),
-        ),
-        ("spread of permanent stick", np.ptp(stuck, axis=2) / nodes),
-    )
+    largest = D.max(axis=2)
+    alive = np.where(largest > 1e-6 * np.nanmax(first), 1.0, np.nan)  # less is shakedown
+    panels = {
+        "steady dissipation over cycle 1 (grey: none)": alive * D[:, :, 0] / first,
+        "spread of steady dissipation": np.ptp(D, axis=2) / (alive * largest),
+        "spread of permanent stick": np.ptp(table.grid("stuck") / table.grid("nodes"), axis=2),
+    }
     f, minimum = (np.array(values, dtype=float) for values in table.labels[:2])
     with mpl.rc_context(rf.style.RC):
         figure = rf.style.new_figure(rf.style.PAGE, 2.7)
-        for panel, (title, values) in zip(figure.subplots(1, 3), panels, strict=True):
+        for panel, (title, values) in zip(figure.subplots(1, 3), panels.items(), strict=True):
             panel.set_facecolor(rf.style.STATE_COLOURS[rf.State.STICK])
             image = panel.pcolormesh(f, minimum, values.T, cmap="viridis", vmin=0, rasterized=True)
             figure.colorbar(image, ax=panel)
@@ -84,12 +69,6 @@ def draw_map(table: rf.SweepTable, folder: Path) -> None:
         figure.axes[0].set_ylabel("minimum load over $p_0$")
         for suffix in ("png", "pdf"):
             figure.savefig(folder / f"initial_slip_map.{suffix}")
-
-
-def say(text: str) -> None:
-    """Show the progress on a terminal."""
-    if sys.stderr.isatty():
-        print(f"\r\033[K{text}", end="", file=sys.stderr, flush=True)
 
 
 def main() -> None:
@@ -117,7 +96,7 @@ def main() -> None:
     if system is not None:  # on rank 0
         states = rf.steady_states(system, scene, options.samples)
         cells["history.initial_slip"] = random_slips(rf.evolve(system, scene), options.seeds)
-    again = rf.StudyOptions(resume=True, progress=say)
+    again = rf.StudyOptions(resume=True, progress=print)
     table = rf.sweep(scene, cells, folder / "map", measure=numbers, options=again)
     if states is None or table is None:
         return

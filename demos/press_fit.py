@@ -38,19 +38,16 @@ LAME = YOUNG * DEPTH / (2.0 * R) * (1.0 - R**2 / C**2)
 
 def scene_of(elements: int, **parameters: float) -> rf.Scene:
     """Return the scene with parameters of the .geo file."""
-    changes = [
-        f"body.{body}.parameters.{key}={value}"
-        for body in ("shaft", "hub")
-        for key, value in parameters.items()
-    ]
-    return rf.read_scene(SCENE, [f"mesh.contact_elements={elements}", *changes])
+    changes = [f"mesh.contact_elements={elements}"]
+    for key, value in parameters.items():
+        changes += [f"body.{body}.parameters.{key}={value}" for body in ("shaft", "hub")]
+    return rf.read_scene(SCENE, changes)
 
 
 def fitted(elements: int, length: float, overhang: float) -> None:
     """Print pressures and forces of a fit; assert what closed forms say."""
     scene = scene_of(elements, length=length, overhang=overhang)
-    # longer fits slide later
-    stroke = (length / 40.0) ** 2
+    stroke = (length / 40.0) ** 2  # longer fits slide later
     history = replace(scene.history, maximum=stroke, minimum=-stroke)
     record = rf.run(replace(scene, history=history))
     if record is None:
@@ -58,8 +55,7 @@ def fitted(elements: int, length: float, overhang: float) -> None:
     table = record.turning_points
     mean = table.P.sum(axis=1) / record.weight.sum()
     middle = np.interp(0.0, record.x, table.p[0]) / LAME
-    # the conjugate of the prescribed displacement, per unit of the stroke
-    force = table.load_displacement[:, 0] / 0.06
+    force = table.load_displacement[:, 0] / 0.06  # work over the stroke of the scene
     area = 2.0 * np.pi * R * length
     print(
         f"  {length / R:4.1f}  {overhang / R:8.1f}  {mean[0] / LAME:9.4f}  {middle:8.4f}  "
@@ -92,11 +88,8 @@ def pressed(taper: float) -> None:
     force = table.load_displacement[:, 0] / 0.3
     out = max(-force[top:].min(), 0.0)
     free = N[top + int(np.argmax(np.append(force[top:-1] <= 1e-9 * force[top], True)))]
-    known = max(F - taper, 0.0) / (F + taper)
-    print(
-        f"  {taper:5.2f}  {force[top]:9.0f}  {out:9.0f}  {out / force[top]:6.3f}  {known:6.3f}  "
-        f"{free / N[top]:6.3f}"
-    )
+    rigid, ratio = max(F - taper, 0.0) / (F + taper), out / force[top]
+    print(f"  {taper:5.2f}  {force[top]:9.0f}  {ratio:9.3f}  {rigid:5.3f}  {free / N[top]:6.3f}")
     sliding = N[top] * (taper + F) / np.hypot(1.0, taper)
     assert abs(force[top] / sliding - 1.0) < 1e-9
     assert (free > 0.5 * N[top]) == (taper < F), "it locks below the angle of friction"
@@ -118,7 +111,7 @@ def main() -> None:
         fitted(elements, length, overhang)
     print(f"in the middle of a long fit: {1.0 / (1.0 - NU**2):.4f}")
     print(f"taper pushed in by 0.3 mm, f = {F:g}")
-    print("  tan a     push, N    pull, N   ratio   rigid  N left without force, over N")
+    print("  tan a    push, N  pull/push  rigid  N left without force, over N")
     for taper in (0.05, 0.10, 0.14, 0.16, 0.20):
         pressed(taper)
 
