@@ -89,7 +89,7 @@ def pressed(taper: float) -> None:
     out = max(-force[top:].min(), 0.0)
     free = N[top + int(np.argmax(np.append(force[top:-1] <= 1e-9 * force[top], True)))]
     rigid, ratio = max(F - taper, 0.0) / (F + taper), out / force[top]
-    print(f"  {taper:5.2f}  {force[top]:9.0f}  {ratio:9.3f}  {rigid:5.3f}  {free / N[top]:6.3f}")
+    print(f"  {taper:5.2f}  {force[top]:9.0f}  {ratio:9.3f}  {rigid:5.3f}  {free / N[top]:z6.3f}")
     sliding = N[top] * (taper + F) / np.hypot(1.0, taper)
     assert abs(force[top] / sliding - 1.0) < 1e-9
     assert (free > 0.5 * N[top]) == (taper < F), "it locks below the angle of friction"
