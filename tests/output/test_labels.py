@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from drawn_text import REPORTS, check_figures
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
 import receding_fenicsx as rf
 from receding_fenicsx.output.plots.figures import draw_all
@@ -106,74 +105,53 @@ def test_areas_of_all_loops_are_the_dissipation(kind: str) -> None:
     assert work == pytest.approx(found.cycles.dissipation[-1], rel=0.01)
 
 
-def test_curves_have_the_values_and_colours_of_their_names_in_the_legends() -> None:
+def check_curves(axes: Axes, *known: tuple[np.ndarray, np.ndarray]) -> None:
+    """Assert that the curves of axes, without guides and dots, are these in this order."""
+    lines = [line for line in axes.lines if len(line.get_xdata()) > 2]  # type: ignore[arg-type]
+    drawn = [line.get_xydata() for line in lines if line.get_linestyle() != "None"]
+    for points, wanted in zip(drawn, (np.stack(pair, axis=1) for pair in known), strict=True):
+        assert np.abs((points - wanted) / np.abs(wanted).max(axis=0)).max() < 1e-9
+
+
+def test_curves_have_the_values_of_the_record() -> None:
+    """Those of the legends' names, as the known texts tell."""
     found = fretting("table")
     moment, d, used = found.at(3, leg=0), found.cycles.dissipation_density, found.weight > 0.0
     x, nodes = found.x[used], [7, 20]
-    figure = rf.figures.tractions(found, moment)
-    check_legend(figure, figure.axes[1], {"$p$": (x, moment.p[used]), "$q$": (x, moment.q[used])})
-    figure = rf.figures.dissipation_density(found)
-    density = {"cycle 1": (x, d[0][used]), "cycle 3": (x, d[-1][used])}
-    check_legend(figure, figure.axes[0], density)
-    (ratio,) = rf.figures.dissipation_per_cycle(found).axes[0].lines
-    assert np.allclose(ratio.get_ydata(), found.cycles.dissipation / found.cycles.dissipation[0])
-    zones = rf.figures.zone_maps(found, [(3, 0)]).axes[0].get_title()
-    loads = "$P$ $800$ to $960$ N/mm, $Q$ $128$ to $-32$ N/mm, bulk $30$ to $10$ MPa"
-    assert " ".join(zones.split()) == f"cycle 3, leg 0: {loads}"
-    loops = {
-        "first loading" if cycle == 0 else f"cycle {cycle}": rf.loop_of(found, cycle)
-        for cycle in (0, 1, 2, 3)
-    }
-    figure = rf.figures.hysteresis(found, [0, 1, 2, 3])
+    check_curves(
+        rf.figures.tractions(found, moment).axes[1], (x, moment.p[used]), (x, moment.q[used])
+    )
+    density = rf.figures.dissipation_density(found).axes[0]
+    check_curves(density, (x, d[0][used]), (x, d[-1][used]))
+    loops = [rf.loop_of(found, cycle) for cycle in range(4)]
+    figure = rf.figures.hysteresis(found, range(4))
     for k, (left, right) in enumerate(zip(figure.axes[::2], figure.axes[1::2], strict=True)):
         # a tension of the far field does its work on the conjugate's negative
         size, unit = ((800.0, 800.0), (320.0, 320.0), (100.0, -100.0))[k]
-        load = {name: loop.load[:, k] * size for name, loop in loops.items()}
-        moved = {name: loop.displacement[:, k] / unit for name, loop in loops.items()}
-        dots = {name: loop.turning for name, loop in loops.items()}
-        check_legend(figure, left, {name: (moved[name], load[name]) for name in loops}, dots)
-        # less the straight line between the extreme loads of the last loop
-        last = load["cycle 3"]
-        ends = [last.argmin(), last.argmax()]
-        chord = np.polyfit(last[ends], moved["cycle 3"][ends], 1)
-        bent = {
-            name: (moved[name] - np.polyval(chord, load[name]), load[name])
-            for name in loops
-            if name != "first loading"
-        }
-        check_legend(figure, right, bent, dots)
-    figure = rf.figures.trajectories(found, nodes, [0, 1, 2, 3])
+        load = [loop.load[:, k] * size for loop in loops]
+        moved = [loop.displacement[:, k] / unit for loop in loops]
+        check_curves(left, *zip(moved, load, strict=True))
+        # less the straight line between the extreme loads of the last loop; no first loading
+        ends = [load[-1].argmin(), load[-1].argmax()]
+        chord = np.polyfit(load[-1][ends], moved[-1][ends], 1)
+        bent = [(u - np.polyval(chord, one), one) for u, one in zip(moved, load, strict=True)]
+        check_curves(right, *bent[1:])
+    above = rf.figures.trajectories(found, nodes, range(4)).axes
     for n, node in enumerate(nodes):
-        forces = {name: (loop.q[:, node], loop.p[:, node]) for name, loop in loops.items()}
-        moves = {name: (loop.v[:, node], loop.w[:, node]) for name, loop in loops.items()}
-        assert figure.axes[n].get_title() == f"({'ab'[n]}) $x = {found.x[node]:.3g}$ mm"
-        check_legend(figure, figure.axes[n], forces, dots)
-        check_legend(figure, figure.axes[len(nodes) + n], moves, dots)
-
-
-def check_legend(
-    figure: Figure,
-    axes: Axes,
-    shown: dict[str, tuple[np.ndarray, np.ndarray]],
-    dots: dict[str, np.ndarray] | None = None,
-) -> None:
-    """Assert that curves are those of their names in the legend, and dots at some of their points.
-
-    Earlier cycles are wider, to be seen below later ones.
-    """
-    entries = {str(entry.get_label()): entry for entry in figure.legends[0].get_lines()}
-    assert set(shown) <= set(entries)
-    lines = [line for line in axes.lines if np.size(line.get_xdata()) != 2]
-    for name, points in shown.items():
-        own = [line for line in lines if line.get_color() == entries[name].get_color()]
-        every = slice(None)
-        for line, at in zip(own, [every] if dots is None else [every, dots[name]], strict=True):
-            assert line.get_linestyle() == ("-" if at is every else "None")
-            wanted = np.stack(points, axis=1)[at]
-            size = np.abs(np.stack(points, axis=1)).max(axis=0)
-            assert np.all(np.abs(line.get_xydata() - wanted) <= 1e-9 * size), name
-    widths = [entries[name].get_linewidth() for name in shown if name.startswith("cycle")]
-    assert widths == sorted(widths, reverse=True)
+        check_curves(above[n], *((loop.q[:, node], loop.p[:, node]) for loop in loops))
+        check_curves(above[n + 2], *((loop.v[:, node], loop.w[:, node]) for loop in loops))
+    corner, path = found.probe("corner"), found.probe("path")
+    stress = [np.dstack([one.stress, one.von_mises]) for one in (corner, path)]
+    rows = (corner.cycle == 3) | ((corner.cycle == 2) & (corner.leg == 2) & (corner.s == 1.0))
+    begun = np.where(corner.cycle == 3, corner.leg + corner.s, 0.0)[rows]
+    panel = rf.figures.probe_stresses(found, "corner").axes[-1]
+    check_curves(panel, *((begun, values) for values in stress[0][rows, 0].T))
+    along = np.append(0.0, np.cumsum(np.hypot(*np.diff(path.points, axis=0).T)))
+    (end,) = np.flatnonzero((path.cycle == 3) & (path.leg == 2) & (path.s == 1.0))
+    panel = rf.figures.probe_stresses(found, "path").axes[-1]
+    check_curves(panel, *((along, values) for values in stress[1][end].T))
+    with pytest.raises(rf.InputError, match="'pth': is not in the record; did you mean 'path'"):
+        rf.figures.probe_stresses(found, "pth")
 
 
 def test_figures_of_harmonic_loads_are_drawn_over_their_phase() -> None:
