@@ -199,7 +199,7 @@ UNEVEN: dict[str, rf.Scene] = {
         history=replace(CYCLE, constant={}),
     ),
     "between bodies": pair(
-        rf.Load("T", "a.right", traction=(0.15, 0.01)),
+        rf.Load("T", "a.bottom", (1.0, 2.0), platen=True, force=(0.08, 0.005)),
         springs=(rf.Spring("a.bottom", (1.0, 2.0), 0.4, 0.3, against="b.top"),),
         contacts=(rf.Contact("a.bottom", (-2.0, 0.5), friction=0.3, against="b.top"),),
     ),

@@ -98,13 +98,15 @@ def test_fields_are_those_of_the_condensed_system(name: str) -> None:
 
     def check() -> None:
         assert system is not None and load is not None and u is not None
-        r, n = load @ system.r_star + system.K @ u, system.n
+        r, n, n_loads = load @ system.r_star + system.K @ u, system.n, len(load)
         conjugate = system.load_compliance @ load + system.load_sign * (system.r_star @ u)
         pushes, scale = system.load_sign < 0.0, np.abs(r).max()
-        off = np.abs(np.asarray(work)[: len(load)] - conjugate)[pushes]
-        assert off.max(initial=0.0) < 1e-10 * np.abs(conjugate).max()
+        moves, size = np.asarray(work), np.abs(conjugate).max()
+        assert np.abs(moves[:n_loads] - conjugate)[pushes].max(initial=0.0) < 1e-10 * size
+        # bolts and springs between bodies are as long as the places that they join are apart
         at, soft = bodies.links()
-        F = own[0][at]
+        F, shortening = own[0][at], np.append(load, np.zeros(len(moves)))[at]
+        assert np.abs(soft @ F + moves[at] - shortening).max(initial=0.0) < 1e-10 * size
         total = u @ r + load @ conjugate
         assert energy + F @ soft @ F == pytest.approx(total, rel=1e-9, abs=1e-9 * scale)
         if not scene.ties:
