@@ -101,21 +101,19 @@ def test_record_file_has_the_agreed_layout(record: Record, tmp_path: Path) -> No
         assert list(file.attrs["load_names"]) == ["p0"] and file.attrs["format_version"] == 1
 
 
-def test_files_are_not_overwritten_unless_asked(record: Record, tmp_path: Path) -> None:
+def test_no_file_or_folder_is_overwritten_unless_asked(record: Record, tmp_path: Path) -> None:
     path = tmp_path / "record.h5"
     path.write_text("precious")
-    with pytest.raises(InputError, match="already exists"):
-        write_record(path, record)
+    for place, words in (
+        (path, "already exists"),
+        (tmp_path / "none" / "record.h5", "folder does not exist"),
+        (tmp_path, "is a folder"),
+    ):
+        with pytest.raises(InputError, match=words):
+            write_record(place, record)
     assert path.read_text() == "precious"
     write_record(path, record, overwrite=True)
     assert read_record(path).method == "events"
-
-
-def test_places_that_cannot_be_written_are_refused(record: Record, tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="folder does not exist"):
-        write_record(tmp_path / "none" / "record.h5", record)
-    with pytest.raises(InputError, match="is a folder"):
-        write_record(tmp_path, record)
 
 
 # -- condensed systems ---------------------------------------------------------------------------
