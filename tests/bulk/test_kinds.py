@@ -83,6 +83,7 @@ def test_a_record_keeps_all_laws_and_loops_enclose_the_dissipation(name: str) ->
         assert objections(system, history, again) == []
     assert found.energy_error_max < 1e-9 and found.residual_max < 1e-9
     D = found.cycles.dissipation
+    assert found.cycles.dissipation_density @ found.weight == pytest.approx(D, abs=1e-12)
     if name in KINDS and abs(D[1] - D[0]) < 1e-6 * D[0]:  # a closed loop
         fine = replace(KINDS[name], output=rf.OutputOptions(200, (2,)))
         loop = loop_of(rf.evolve(systems(name), fine), 2)

@@ -57,6 +57,12 @@ def test_the_usual_cycles_and_the_last_are_sampled() -> None:
     assert sorted(set(record.events.cycle.tolist())) == [0, 1, 2, 9, 12]
     assert record.samples.s.tolist() == pytest.approx(np.tile(np.arange(1, 41) / 40, 9))
     assert kept_cycles(evolve(BLOCK, cyclic(2))) == [0, 1, 2]
+    # the last one is traced once more, from its start
+    every = evolve(BLOCK, cyclic(12), output=OutputOptions(cycles="all")).samples
+    for name in ("load", "state", "P", "Q", "v"):
+        found, known = (getattr(table, name) for table in (record.samples, every))
+        known = known[np.isin(every.cycle, kept_cycles(record))]
+        assert np.abs(found - known).max() <= 1e-11 * np.abs(known).max(), name
 
 
 @pytest.mark.parametrize("chosen", [(3,), (0, 2), (), (1, 99)])

@@ -163,12 +163,12 @@ def two_cells(
     points: Array = POINTS,
     cells: list[Ints] | None = None,
     edges: dict[str, Ints] | None = None,
-    supports: tuple[Support, ...] = (),
+    **parts: object,
 ) -> Scene:
     on_root(comm, lambda: write_msh(path, points, cells or [SQUARES], edges or EDGES))
     comm.barrier()
     scene = block(contacts=(Contact(edge="foot"),), load=Load("p", "head", pressure=1.0))
-    return replace(scene, supports=supports, body=Body(mesh=str(path)))
+    return replace(scene, **({"body": Body(mesh=str(path))} | parts))  # type: ignore[arg-type]
 
 
 def test_mesh_that_cannot_serve_is_refused_by_name(shared_tmp_path: Path) -> None:
@@ -181,6 +181,8 @@ def test_mesh_that_cannot_serve_is_refused_by_name(shared_tmp_path: Path) -> Non
     shared = {**EDGES, "head": np.array([[3, 4], [1, 2]])}
     nowhere = POINTS.copy()
     nowhere[4] = np.nan, 1.0
+    bent = POINTS + 0.2 * (POINTS == [0.0, 1.0]).all(1)[:, None]
+    part = Load("p", "head", (-0.25, 1.0), pressure=1.0)
     cases: list[tuple[dict, str]] = [
         ({"edges": {"foot": EDGES["foot"], "haed": EDGES["head"]}}, "'head'; did you mean 'haed'?"),
         ({"edges": corner}, "'foot' turns by 90 degrees at (2, 0)"),
@@ -202,6 +204,29 @@ def test_mesh_that_cannot_serve_is_refused_by_name(shared_tmp_path: Path) -> Non
         ({"points": solid}, "not plane"),
         ({"cells": [np.empty((0, 3), dtype=int)]}, "has no cells"),
         ({"supports": (Support("x", edge="side"),)}, "[[support]] edge: the mesh has no group"),
+        (
+            {"contacts": (Contact(edge="foot", span=(-1.0, 0.5)),)},
+            "[contact] span: no vertex of the mesh lies at 0.5, the nearest at",
+        ),
+        (
+            {"contacts": (Contact(edge="foot", span=(-1.0, 1.5)),)},
+            "[contact] span: 1.5 lies beyond the edge, which runs from -1 to 1",
+        ),
+        ({"loads": (part,)}, "load 'p' span: no vertex"),
+        ({"loads": (part,), "points": bent}, "load 'p' span: 'head' is not straight"),
+        (
+            {
+                "points": np.vstack([POINTS, [[3.0, 0.0], [3.0, 1.0]]]),
+                "cells": [np.vstack([SQUARES, [[2, 6, 7, 5]]])],
+                "edges": {**EDGES, "foot": np.array([[0, 1], [2, 6]])},
+            },
+            "'foot' is in pieces, one ends at (1, 0)",
+        ),
+        (
+            {"body": Body(mesh=str(path), parameters={"width": 1.0})},
+            "parameters are for .geo files",
+        ),
+        ({"cells": [np.array([[0, 2, 3, 1, 4, 5]])]}, "cells of higher order"),
     ]
     for change, words in cases:
         text = refused(two_cells(path, **change))
@@ -224,29 +249,6 @@ def test_cells_may_run_clockwise_and_facets_be_listed_twice(
             assert other.r_star == pytest.approx(found[0].r_star, abs=1e-13)
 
 
-def test_span_has_to_end_at_vertices(shared_tmp_path: Path) -> None:
-    scene = two_cells(shared_tmp_path / "my.msh")
-    for span, words in [
-        ((-1.0, 0.5), "[contact] span: no vertex of the mesh lies at 0.5, the nearest at"),
-        ((-1.0, 1.5), "[contact] span: 1.5 lies beyond the edge, which runs from -1 to 1"),
-    ]:
-        assert words in refused(replace(scene, contacts=(Contact(edge="foot", span=span),)))
-    load = Load("p", "head", (-0.25, 1.0), pressure=1.0)
-    assert "load 'p' span: no vertex" in refused(replace(scene, loads=(load,)))
-    bent = two_cells(
-        shared_tmp_path / "bent.msh", POINTS + 0.2 * (POINTS == [0.0, 1.0]).all(1)[:, None]
-    )
-    assert "load 'p' span: 'head' is not straight" in refused(replace(bent, loads=(load,)))
-
-
-def test_edge_in_pieces_is_refused(shared_tmp_path: Path) -> None:
-    points = np.vstack([POINTS, [[3.0, 0.0], [3.0, 1.0]]])
-    cells = [np.vstack([SQUARES, [[2, 6, 7, 5]]])]
-    edges = {**EDGES, "foot": np.array([[0, 1], [2, 6]])}
-    text = refused(two_cells(shared_tmp_path / "my.msh", points, cells, edges))
-    assert "'foot' is in pieces, one ends at (1, 0)" in text
-
-
 def test_a_surface_in_two_groups_has_no_material(shared_tmp_path: Path) -> None:
     names = ("core", "all")
     groups = "".join(f'Physical Surface("{name}") = {{1}};\n' for name in names)
@@ -254,17 +256,6 @@ def test_a_surface_in_two_groups_has_no_material(shared_tmp_path: Path) -> None:
     materials = tuple(Material(2.0, 0.3, name=name) for name in names)
     text = refused(replace(scene, materials=materials))
     assert "the physical surface 'core/all' has no material; it is in two groups" in text
-
-
-def test_msh_files_that_cannot_serve_are_refused(shared_tmp_path: Path) -> None:
-    scene = two_cells(shared_tmp_path / "my.msh")
-    body = replace(scene.body, parameters={"width": 1.0})
-    assert "parameters are for .geo files" in refused(replace(scene, body=body))
-    second = np.array([[0, 2, 3, 1, 4, 5]])
-    order_two = two_cells(shared_tmp_path / "two.msh", cells=[second])
-    assert "cells of higher order" in refused(order_two)
-    garbage = write_text(shared_tmp_path / "bad.msh", "no mesh")
-    assert "gmsh cannot use it" in refused(replace(order_two, body=Body(mesh=garbage)))
 
 
 @pytest.mark.one_rank

@@ -123,19 +123,3 @@ def test_states_on_the_way_that_leave_a_motion_free_excuse_no_residual() -> None
     slips = Changes.of([(0.5, 0, STICK, FORWARD), (0.6, 0, FORWARD, STICK)])
     found = [_displacement_uncertainty(segments, ends, way, 1.0) for way in (Changes.none(), slips)]
     assert found[0] == found[1]
-
-
-def test_round_off_that_stays_is_not_removed_at_every_event(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    """That of a nearly incompressible block: each removal would add some to its slips."""
-    calls, balanced = [], Walk._balanced
-
-    def counted(walk: Walk) -> None:
-        calls.append(walk.s)
-        balanced(walk)
-
-    monkeypatch.setattr(Walk, "_balanced", counted)
-    block = block_system(40, 6, poisson=0.49999999)
-    record = evolve(block, table(block, [0.0, 1.0, 0.3, 1.0, 0.3, 1.0]))
-    assert record.n_events > 300 and 0 < len(calls) <= 3 * 5

@@ -1,20 +1,14 @@
 """Load steps and jumps: none is passed over, none is made up; the exact path is the reference."""
 
 import re
-from dataclasses import replace
 
 import numpy as np
 import pytest
 from small import small_system, table
 
-from receding_fenicsx.errors import NoEquilibrium, NoQuasiStaticContinuation, SolveError
+from receding_fenicsx.errors import NoEquilibrium, NoQuasiStaticContinuation
 from receding_fenicsx.evolution.evolve import evolve
-from receding_fenicsx.interface.exact.legs import LegProblem, unchanged
-from receding_fenicsx.interface.exact.walk import Walk
-from receding_fenicsx.interface.gauss_seidel.sweeps import GaussSeidelOptions
 from receding_fenicsx.interface.law import State
-from receding_fenicsx.interface.load_steps.path import GaussSeidelPath
-from receding_fenicsx.interface.system import ContactState
 from receding_fenicsx.scene.model import SolverOptions
 
 
@@ -82,26 +76,3 @@ def test_a_free_node_that_is_pulled_off_has_no_equilibrium(spring: float) -> Non
         evolve(node, table(node, [0.0, 1.0, 0.2, 1.0]), solver)
         with pytest.raises(NoEquilibrium, match="lift-off"):
             evolve(node, table(node, [0.0, 1.0, -0.1]), solver)
-
-
-@pytest.mark.parametrize(("off", "taken"), [(0.015, True), (0.1, False)])
-def test_a_step_to_rest_is_taken_near_the_exact_path_only(
-    monkeypatch: pytest.MonkeyPatch, off: float, taken: bool
-) -> None:
-    """Load (1, 1), f = 1/2: v = -1/2 slides back to 0; the exact path loses accuracy at its end."""
-
-    def lost(*end: object) -> None:
-        raise SolveError("lost accuracy")
-
-    monkeypatch.setattr(Walk, "finish", lost)
-    monkeypatch.setattr(GaussSeidelPath, "_is_straight", lambda *step: False)
-    free = small_system(np.diag([1.0, 0.0]), {"a": [1.0, 1.0]}, 0.5, rigid=[[0.0, 1.0]])
-    pressed = ContactState(
-        np.array([-0.5, 0.0]), np.array([0.5, 1.0]), np.array([State.BACKWARD_SLIP], dtype=np.int8)
-    )
-    problem = LegProblem(pressed, (np.ones(1), np.zeros(1)), 1.0)
-    leg = unchanged(problem)
-    end = ContactState(np.array([-0.5 * off, 0.0]), np.zeros(2), np.array([State.STICK], np.int8))
-    monkeypatch.setattr(GaussSeidelPath, "_solve", lambda *part: replace(leg, end=end))
-    found, s = GaussSeidelPath(free, GaussSeidelOptions(), 1).attempt(problem, leg, 0.0, 1.0)
-    assert (found is not None, s) == ((True, 1.0) if taken else (False, 0.5))
