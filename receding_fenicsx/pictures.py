@@ -111,6 +111,7 @@ def _run_body(
 
     def find() -> tuple[Scene, list[Instant]]:
         scene, system, record = read_run(Path(folder))
+        render.start()
         return scene, [shown_instant(scene, system, record, where) for where in places(scene)]
 
     scene, instants = comm.bcast(mpi.on_root(comm, find))

@@ -58,8 +58,7 @@ def branches(tree: BranchTree) -> Figure:
         axes.ticklabel_format(axis="x", scilimits=(-2, 3), useMathText=True)
         if len(moves) > 1:
             axes.set_title(style.panel_title(n, len(moves), load_text(name)), loc="left", pad=4.0)
-    handles, labels = panels[0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=1)
+    figure.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=1)
     return figure
 
 
@@ -84,10 +83,8 @@ def slip_mode(system: ContactSystem, critical: CriticalFriction) -> Figure:
     # gap of open nodes, over the largest displacement of a mode, that is drawn
     if open_.max() > 0.01:
         above.fill_between(x, 0.0, open_, color="#c3cad3", label="$w$, open nodes")
-    for sign, state, name in (
-        (1.0, State.FORWARD_SLIP, "forward"),
-        (-1.0, State.BACKWARD_SLIP, "backward"),
-    ):
+    for sign, state in ((1.0, State.FORWARD_SLIP), (-1.0, State.BACKWARD_SLIP)):
+        name = "forward" if sign > 0.0 else "backward"
         look = {"color": style.STATE_COLOURS[state], "lw": 1.6}
         above.vlines(x[signs == sign], 0.0, v[signs == sign], **look)
         above.plot([], [], label=f"$v$, {name} assumed", **look)

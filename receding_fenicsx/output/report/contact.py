@@ -328,11 +328,8 @@ def tell_fatigue(summary: Summary) -> Told:
     found, lines = summary.get("fatigue", {}).get("parameters", {}), []
     columns = "max", "x", "y", "probe", "angle", "estimate", "averaged", "life"
     rows = [[CRITERIA[k], *map(row.get, columns)] for k, row in found.items()]
-    large = ", ".join(
-        CRITERIA[name]
-        for name, row in found.items()
-        if row["estimate"] is not None and row["estimate"] > 0.1 * abs(row["max"])
-    )
+    coarse = [k for k, row in found.items() if (row["estimate"] or 0.0) > 0.1 * abs(row["max"])]
+    large = ", ".join(CRITERIA[name] for name in coarse)
     note = large and (
         f"The mesh decides {large} by more than 10%: refine the ends of the contact; at a singular "
         "corner take the mean over a length, [fatigue] average."

@@ -42,7 +42,7 @@ from receding_fenicsx.output.snapshots.page import (
     layout_of,
     quantity_of,
 )
-from receding_fenicsx.output.snapshots.render import render, start
+from receding_fenicsx.output.snapshots.render import render
 from receding_fenicsx.output.snapshots.view import (
     Units,
     View,
@@ -68,17 +68,12 @@ def snapshots(
 ) -> list[Path] | None:
     """Draw stresses at instants into a folder; write ``fields`` beside it; collective."""
     comm, beside = bulk.comm, folder.parent / "fields"
-
-    def prepare() -> None:
-        start()
-        make_folder(folder)
-        make_folder(beside)
-
-    on_root(comm, prepare)
     names = [f"cycle{now.cycle:04d}_leg{now.leg}_s{now.s:.3f}" for now in instants]
     solved = [fields_at(bulk, now.load, np.concatenate([now.v, now.state.w])) for now in instants]
 
     def draw() -> list[Path]:
+        make_folder(folder)
+        make_folder(beside)
         history, files = history_from_scene(bulk.scene), [beside / f"{n}.xdmf" for n in names]
         # all fields first: they need no graphics library
         for now, file, fields in zip(instants, files, map(given, solved), strict=True):
