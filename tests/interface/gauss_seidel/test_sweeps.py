@@ -4,7 +4,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from models import block_system
-from small import cyclic, small_system, table
+from small import cyclic, small_system
 
 import receding_fenicsx as rf
 from receding_fenicsx.interface.gauss_seidel.sweeps import NodeProblem
@@ -75,24 +75,6 @@ def test_running_out_of_sweeps_names_residual_and_node() -> None:
     assert found is not None and "\n" not in text
     assert float(found[1]) > 1e-12
     assert float(found[3]) == pytest.approx(BLOCK.x[int(found[2])], rel=1e-5)
-
-
-# Touch-down. K = [[2, 1], [1, 2]], g0 = 1. Held reactions (0, 3) move the free node along (1, -2)
-# per unit load: it closes the gap at load 1/2 with v = 1/2, where Q = 2 v - 1 = 0 for any load: it
-# sticks there. Held reactions (-3, 3) move it along (3, -3): it lands at load 1/3 with v = 1. With
-# f = 1/2 it then slips: Q = -P/2 gives v = 0.6 lambda + 0.8, P = 3.6 lambda - 1.2, and
-# D = integral of P/2 dv from 1/3 to 1 = 0.24.
-FREE_NODE = [[2.0, 1.0], [1.0, 2.0]]
-
-
-@pytest.mark.parametrize("steps", [1, 2, 3, 7])
-def test_a_node_that_slips_after_touch_down_dissipates_from_there(steps: int) -> None:
-    node = small_system(FREE_NODE, {"load": [-3.0, 3.0]}, 0.5, 1.0)
-    record = rf.evolve(node, table(node, [0.0, 1.0]), gauss_seidel(steps))
-    end = record.turning_points
-    assert end.state.tolist() == [[rf.State.FORWARD_SLIP]]
-    assert (end.v[0, 0], end.P[0, 0], end.Q[0, 0]) == pytest.approx((1.4, 2.4, -1.2), rel=1e-13)
-    assert record.dissipation_first_loading == pytest.approx(0.24, rel=1e-12)
 
 
 def test_the_error_of_the_energy_identity_falls_with_the_step() -> None:

@@ -22,22 +22,6 @@ RATES = 4
 """Load rates for which the solutions of an instant are counted."""
 
 
-def one(state: int) -> np.ndarray:
-    return np.array([state], dtype=np.int8)
-
-
-def test_margin_of_one_node_is_its_stiffness_over_friction_times_coupling() -> None:
-    # backward slip: K_tt - f K_nt = 2 - .5 * .8 phi; forward slip only stiffens
-    system = small_system([[2.0, 0.8], [0.8, 1.0]], {"a": [0.0, 1.0]}, 0.5)
-    judge = Certificate(system)
-    assert judge.margin(one(BACKWARD))[0] == pytest.approx(5.0, rel=1e-14)
-    assert judge.margin(one(FORWARD))[0] == np.inf
-    assert judge.margin(one(STICK))[0] == np.inf
-    # each direction of slip has its own friction
-    two = replace(system, f_backward=np.array([1.0]))
-    assert Certificate(two).margin(one(BACKWARD))[0] == pytest.approx(2.5, rel=1e-14)
-
-
 def test_margin_is_that_of_the_stiffness_with_separated_nodes_condensed_out() -> None:
     rng = np.random.default_rng(1)
     G = rng.standard_normal((6, 9))
@@ -53,7 +37,8 @@ def test_margin_is_that_of_the_stiffness_with_separated_nodes_condensed_out() ->
         M = S[:2, :2] + below * found * np.diag([0.4, -0.9]) @ S[2:, :2]
         assert np.linalg.eigvalsh(0.5 * (M + M.T))[0] > 0.0
     assert set(nodes) <= {0, 2}
-    judge = Certificate(system)
+    judge, stuck = Certificate(system), np.full(3, STICK, dtype=np.int8)
+    assert judge.margin(stuck)[0] == np.inf
     assert certify(judge, [Sides.of(state)], 0.9999 * found) is not None
     assert certify(judge, [Sides.of(state)], 1.0001 * found) is None
 
