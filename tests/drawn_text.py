@@ -107,8 +107,6 @@ def told(figure: Figure, name: str) -> list[str]:
 
     Of points there are their number, the lowest, the highest, the first and the mean place.
     """
-    with mpl.rc_context(style.RC):
-        figure.draw_without_rendering()
     width, height = figure.get_size_inches()
     lines = [
         f"-- {name}: {width:.2f} x {height:.2f}",

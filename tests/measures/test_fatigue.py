@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-from drawn_text import REPORTS, check_figures
+from drawn_text import REPORTS, check_figures, check_words
 from scipy.optimize import brentq, minimize
 
 import receding_fenicsx as rf
-from receding_fenicsx.measures.fatigue import averaged, life, smallest_sphere
+from receding_fenicsx.measures.fatigue import averaged, fatigue_summary, life, smallest_sphere
 from receding_fenicsx.mpi import given
 
 pytestmark = pytest.mark.one_rank
@@ -54,11 +55,18 @@ def cylinders(size: float | None = None, elements: int = 80, bulk: float = 0.0) 
     return given(rf.run(scene))
 
 
-@pytest.fixture(scope="module")
-def record_with_a_crack() -> rf.Record:
+def cracked(elements: int) -> rf.Record:
+    """Run unlike cylinders, a crack in the lower one."""
     text = PROBES.replace("point = [0.3, -0.4]", "segment = [[1.07, 0], [1.07, -0.6]]\ncount = 30")
     text = text.replace('"inside"', '"crack"') + "threshold = 0.1\nfatigue_limit = 0.2\n"
-    return given(rf.run(rf.from_toml(CYLINDERS.read_text() + text, ["mesh.contact_elements=30"])))
+    text = CYLINDERS.read_text() + text + "average = 0.2\nstrength = 4.0\n"
+    changes = [f"mesh.contact_elements={elements}", "material.upper.young=300.0"]
+    return given(rf.run(rf.from_toml(text, changes)))
+
+
+@pytest.fixture(scope="module")
+def record_with_a_crack() -> rf.Record:
+    return cracked(30)
 
 
 def slip_amplitude(x: np.ndarray) -> np.ndarray:
@@ -188,12 +196,15 @@ def test_pylife_has_the_lives_of_the_same_line(record_with_a_crack: rf.Record) -
         assert np.all(found[name][~finite] >= 1e15)
 
 
-def test_figures_along_a_crack_draw_what_is_known(record_with_a_crack: rf.Record) -> None:
+def test_figures_and_numbers_of_a_crack_are_what_is_known(record_with_a_crack: rf.Record) -> None:
     record = record_with_a_crack
     crack = rf.short_cracks(record)["crack"]
     names = "fatigue_crack", "crack_crack"
     drawn = dict(rf.figures.draw_all(record))
     check_figures([(name, drawn[name]) for name in names], REPORTS / "crack.txt")
+    told = fatigue_summary(record, cracked(16))["fatigue"]
+    rows = [*told["parameters"].items(), *told["cracks"].items()]
+    check_words([json.dumps(row) for row in rows], REPORTS / "fatigue.txt")
     lines = drawn["crack_crack"].axes[0].get_lines()
     known = [k(axis=0) for values in (crack.k_i, crack.k_ii) for k in (values.max, values.min)]
     for line, values in zip(lines, [*known, crack.threshold], strict=False):

@@ -410,3 +410,14 @@ def test_zones_of_several_cycles_fill_one_page() -> None:
     draw = rf.figures.FIGURES["zones_by_cycle"].draw
     drawn = ((f"{legs} legs", draw(found, None)) for legs, found in records.items())
     check_figures(drawn, REPORTS / "zones.txt")
+
+
+@pytest.mark.parametrize("peak", [1.0, 40.0])
+def test_a_peak_is_cut_off_alike_on_both_sides_of_the_axis(peak: float) -> None:
+    p = np.append(np.zeros(20), np.linspace(1.0, 2.0, 40))
+    p[-1] *= peak
+    low, high = rf.style.focus(p, -0.3 * p)
+    room = 0.06 * (high - low) / 1.12
+    # a tenth of the nodes that touch may belong to the peak, of which 2.5 times the rest is seen
+    top = min(p.max(), 2.5 * np.percentile(p[20:], 90.0))
+    assert (low + room, high - room) == pytest.approx((-0.3 * top, top))
