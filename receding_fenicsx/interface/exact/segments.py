@@ -111,6 +111,9 @@ class Segments:
         Raises:
             SingularExchange: a motion of the body is left without stiffness.
         """
+        # the pivot of a body that turns about one node may be all round-off
+        if self.free_motions(state).shape[1]:
+            return self._pinned(state)
         try:
             if self._tableau is None:
                 self._tableau = Tableau(self.system, state)
