@@ -1,4 +1,3 @@
-import re
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -178,7 +177,7 @@ def test_an_error_is_no_less_than_what_the_number_is_known_to_on_its_own_mesh() 
 # -- in a run -------------------------------------------------------------------------------------
 
 
-def test_a_run_writes_and_prints_its_errors(shared_tmp_path: Path) -> None:
+def test_a_run_writes_its_errors(shared_tmp_path: Path) -> None:
     comm = MPI.COMM_WORLD
     record = study.run(
         scene_of(32), shared_tmp_path / "run", study.RunOptions(pictures=False, error=True), comm
@@ -198,10 +197,6 @@ def test_a_run_writes_and_prints_its_errors(shared_tmp_path: Path) -> None:
     assert summary["errors"]["dissipation_ratio"]["value"] == D[-1] / D[0]
     assert summary["errors"]["dissipation_first_loading"]["value"] == first > 0.0
     assert summary["timings"]["errors"] > 0.0
-    printed = rf.run_table(summary, everything=True)
-    for name, found in summary["errors"].items():
-        words = f"{name.replace('_', ' ')} {found['value']:.6g}, estimated space error"
-        assert re.search(rf"{re.escape(words)} +{found['error']:.1e} \(observed order", printed)
 
 
 def test_a_zone_of_few_nodes_is_named_as_a_reason_for_stairs(

@@ -1,6 +1,7 @@
 """Import of a body from its own finite elements, through the text files of three programs."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -322,7 +323,8 @@ def test_exported_matrices_can_be_imported_again(
 ) -> None:
     block = Block()
     first = rf.import_system(specification(tmp_path, block))
-    rf.write_system(tmp_path / "system.h5", first)
+    laws = {"f_backward": np.full(first.n, 0.1), "g0": np.linspace(0.5, 1.0, first.n)}
+    rf.write_system(tmp_path / "system.h5", replace(first, **laws))
     out = tmp_path / "matrices"
     head = ["export", str(tmp_path / "system.h5"), "--matrices", "--out", str(out)]
     assert cli.main(head) == 0
@@ -330,7 +332,10 @@ def test_exported_matrices_can_be_imported_again(
     assert cli.main(head) == 2 and "already exists" in capsys.readouterr().err
     assert cli.main([*head, "--overwrite"]) == 0
     table = np.loadtxt(out / "nodes.csv", delimiter=",", skiprows=1)
-    assert np.array_equal(table[:, :4], np.column_stack([first.x, first.points, first.weight]))
+    head, *_ = (out / "nodes.csv").read_text().splitlines()
+    assert head.lstrip("# ") == "x,px,py,weight,f_forward,f_backward,gap,held_v,held_w"
+    columns = [first.x, first.points, first.weight, first.f, *laws.values()]
+    assert np.array_equal(table, np.column_stack([*columns, *first.held.reshape(2, -1)]))
     rows = [f"{i},{x!r},{y!r}" for i, (x, y) in enumerate(table[:, 1:3].tolist(), 1)]
     (out / "points.csv").write_text("\n".join(rows))
     r_star = io.mmread(out / "r_star.mtx")

@@ -7,14 +7,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 from bodies import block
+from drawn_text import REPORTS, check_figures
 from models import block_system, pushed_block
 from small import cyclic, table
 
+import receding_fenicsx as rf
 from receding_fenicsx.evolution.evolve import evolve
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.interface.measures.zone_ends import dundurs_beta
 from receding_fenicsx.measures.ends import contact_betas, half_width_estimates
-from receding_fenicsx.measures.limit_nodes import shown_states
+from receding_fenicsx.measures.limit_nodes import limit_nodes, shown_states
 from receding_fenicsx.mpi import given
 from receding_fenicsx.output.plots.series import slip_lines
 from receding_fenicsx.output.report.summary import SECTIONS, report_html, summarise
@@ -103,7 +105,7 @@ def test_a_contact_without_force_has_no_half_width(method: str) -> None:
 
 
 def test_slip_of_a_settled_cycle_that_is_negligible_is_shown_as_stick() -> None:
-    record = evolve(block_system(16, 8), cyclic(80))
+    record = evolve(block_system(24, 6), cyclic(60))
     assert record.steady.kind == "cyclic slip"
     last, samples = len(record.cycles.dissipation), record.samples
     rows = samples.cycle == last
@@ -115,6 +117,15 @@ def test_slip_of_a_settled_cycle_that_is_negligible_is_shown_as_stick() -> None:
     assert np.array_equal(shown_states(record, 0, state), state)
     shown = shown_states(record, last, state)
     assert np.all(shown[still] == 1) and np.all(shown[large] == 3)
+    # of these a dashed line shows where they reach their limit
+    check_figures([("zones", rf.figures.zone_maps(record, last))], REPORTS / "settled.txt")
+    found = limit_nodes(record, last)
+    assert len(found.node) > 3 and not found.strict
+    for node, leg, s in zip(found.node, found.leg, found.s, strict=True):
+        place = rows & (samples.leg == leg)
+        k = np.flatnonzero(place)[np.abs(samples.s[place] - s).argmin()]
+        limit = record.f[node] * samples.P[k, node]
+        assert abs(samples.Q[k, node]) == pytest.approx(limit, rel=0.02)
     # an edge of a millionth of the slips shows what it would show alone
     edge = (record.x > 0.0).astype(np.int64)
     tables = {

@@ -153,6 +153,7 @@ def test_export_of_a_run_s_step_is_that_step(tmp_path: Path) -> None:
         r = file["solution/r"][()]
         assert file["fclib_local/info/title"][()] == b"Ahn & Barber block"
         assert b"from s = 0.9975 to 1" in file["fclib_local/info/description"][()]
+        assert b"u_N gap at the end of the step" in file["fclib_local/info/math_info"][()]
     # a step is the exact path up to what changes within it
     np.testing.assert_allclose(r[0::2], P, atol=1e-6 * P.max())
     # the half body carries half of the load 1 - (2/3) s on the edge of length 2

@@ -13,7 +13,7 @@ import pytest
 import receding_fenicsx as rf
 from receding_fenicsx.errors import InputError, Interrupted
 from receding_fenicsx.evolution.journal import JOURNAL
-from receding_fenicsx.store.run_folder import SCENE, SYSTEM, has_run, part_of, run_folder
+from receding_fenicsx.store.run_folder import CORNERS, SCENE, SYSTEM, has_run, part_of, run_folder
 from receding_fenicsx.store.workspace import FolderKind, locked, resumable
 
 pytestmark = pytest.mark.one_rank
@@ -40,6 +40,7 @@ def fill(folder: Path, text: str = "{}") -> None:
     (folder / SYSTEM).write_text(text)
     (folder / JOURNAL).mkdir(exist_ok=True)
     (folder / JOURNAL / "0.npz").touch()
+    (folder / CORNERS).touch()
     (folder / "summary.json").write_text(text)
 
 
@@ -143,7 +144,7 @@ def test_finished_run_stays_until_the_longer_one_is_finished_too(tmp_path: Path)
         fill(folder, "short")
     longer = replace(BLOCK, history=replace(BLOCK.history, cycles=900))
     with pytest.raises(Killed), run_folder(out, longer, resume=True) as folder:
-        assert sorted(os.listdir(folder)) == [JOURNAL, SCENE, SYSTEM]
+        assert set(os.listdir(folder)) == {CORNERS, JOURNAL, SCENE, SYSTEM}
         fill(folder, "on the way")
         raise Killed
     assert (out / SYSTEM).read_text() == "short"
@@ -153,6 +154,32 @@ def test_finished_run_stays_until_the_longer_one_is_finished_too(tmp_path: Path)
         fill(folder, "long")
     assert (out / SYSTEM).read_text() == "long"
     assert "cycles = 900" in (out / SCENE).read_text()
+
+
+FREE = """title="x" | units.length="mm" | accuracy.tolerance=0.1
+| wear.coefficient=1e-3 | mode.count=2 | history.cycles=900 | history.until="limit"
+| output.cycles=[1] | output.samples_per_leg=40"""
+BOUND = """contact.friction=0.3 | material.poisson=0.2 | mesh.degree=1 | body.height=1.5
+| load.p0.pressure=2.0 | history.minimum=0.1 | solver.branch="least dissipation"
+| output.samples_per_leg=41"""
+
+
+@pytest.mark.parametrize("change", [text.strip() for text in FREE.split("|")])
+def test_a_run_goes_on_with_what_does_not_change_its_cycles(change: str, tmp_path: Path) -> None:
+    interrupt(tmp_path / "run")
+    with run_folder(tmp_path / "run", rf.read_scene(BLOCK_FILE, [change]), resume=True) as folder:
+        fill(folder)
+
+
+@pytest.mark.parametrize("change", [text.strip() for text in BOUND.split("|")])
+def test_a_run_goes_on_with_nothing_else(change: str, tmp_path: Path) -> None:
+    interrupt(tmp_path / "run")
+    changed, key = rf.read_scene(BLOCK_FILE, [change]), change.partition("=")[0].split(".")[-1]
+    with (
+        pytest.raises(InputError, match=rf"with another .*\b{key}\b"),
+        run_folder(tmp_path / "run", changed, resume=True),
+    ):
+        pytest.fail("was let in")
 
 
 def test_folder_in_use_is_left_alone(tmp_path: Path) -> None:
