@@ -323,7 +323,10 @@ def test_exported_matrices_can_be_imported_again(
 ) -> None:
     block = Block()
     first = rf.import_system(specification(tmp_path, block))
-    laws = {"f_backward": np.full(first.n, 0.1), "g0": np.linspace(0.5, 1.0, first.n)}
+    laws: dict[str, Any] = {
+        "f_backward": np.full(first.n, 0.1),
+        "g0": np.linspace(0.5, 1.0, first.n),
+    }
     rf.write_system(tmp_path / "system.h5", replace(first, **laws))
     out = tmp_path / "matrices"
     head = ["export", str(tmp_path / "system.h5"), "--matrices", "--out", str(out)]
@@ -332,8 +335,8 @@ def test_exported_matrices_can_be_imported_again(
     assert cli.main(head) == 2 and "already exists" in capsys.readouterr().err
     assert cli.main([*head, "--overwrite"]) == 0
     table = np.loadtxt(out / "nodes.csv", delimiter=",", skiprows=1)
-    head, *_ = (out / "nodes.csv").read_text().splitlines()
-    assert head.lstrip("# ") == "x,px,py,weight,f_forward,f_backward,gap,held_v,held_w"
+    names = (out / "nodes.csv").read_text().splitlines()[0]
+    assert names.lstrip("# ") == "x,px,py,weight,f_forward,f_backward,gap,held_v,held_w"
     columns = [first.x, first.points, first.weight, first.f, *laws.values()]
     assert np.array_equal(table, np.column_stack([*columns, *first.held.reshape(2, -1)]))
     rows = [f"{i},{x!r},{y!r}" for i, (x, y) in enumerate(table[:, 1:3].tolist(), 1)]
