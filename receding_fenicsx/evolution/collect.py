@@ -21,6 +21,7 @@ from receding_fenicsx.evolution.probes import probes_table
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.evolution.record_data import Cycles, Events, PathUniqueness, States, Steady
 from receding_fenicsx.interface.law import MIRRORED, State
+from receding_fenicsx.interface.measures.steady import SteadyWatch
 from receding_fenicsx.interface.mirror import Mirror, mirror_of
 from receding_fenicsx.interface.system import ContactSystem, frictional_form
 from receding_fenicsx.interface.uniqueness.watch import Uniqueness
@@ -33,11 +34,13 @@ def record_of(
     cycles: list[FinishedCycle],
     unfinished: tuple[list[Instant], Totals, Uniqueness] = ([], Totals(), Uniqueness()),
     last: Samples | None = None,
+    watch: SteadyWatch | None = None,
 ) -> Record:
     """Return the record of the whole contact from the finished cycles.
 
     ``unfinished`` has the ends of the finished legs of a cycle that ended early, the totals and the
     uniqueness there; ``last`` has samples and events of the last finished cycle, where it has none.
+    ``watch`` has seen the cycles.
     """
     mirror = mirror_of(system)
     samples = [c.samples for c in cycles if c.samples is not None] + ([last] if last else [])
@@ -45,7 +48,7 @@ def record_of(
     totals, unique = unfinished[1:]
     if cycles and not unfinished[0]:
         totals, unique = cycles[-1].totals, cycles[-1].uniqueness
-    watch, weight = steady_watch(system, solver, cycles), mirror.total(system.weight)
+    watch, weight = watch or steady_watch(system, solver, cycles), mirror.total(system.weight)
     D = np.array([cycle.dissipation for cycle in cycles[1:]]).reshape(-1, system.n)
     # what open nodes move between the ends of a cycle is no slip
     open_ = [cycle.corners[-1].state.state == State.SEPARATION for cycle in cycles]

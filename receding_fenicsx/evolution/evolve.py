@@ -148,7 +148,7 @@ def continue_history(
             )
         raise
     last = None if search is not None and search.steady is not None else run.sample_last()
-    record = record_of(problem.system, problem.solver, cycles, last=last)
+    record = record_of(problem.system, problem.solver, cycles, last=last, watch=run.steady)
     record.choices = _choices(problem)
     if search is not None:
         search.tell(record)

@@ -203,28 +203,28 @@ def slips(state: int, slip: float, P: float) -> bool:
     return P > 0.0 and (slip >= 0.0 if state == FORWARD else slip <= 0.0)
 
 
-def limit_distances(
+def margin_slopes(
     friction: Friction,
     nodes: tuple[NDArray[np.bool_], NDArray[np.bool_]],
     state: NDArray[np.int8],
-    r: Array,
-) -> tuple[Array, Array]:
-    """Return the margins A and B of all nodes, or their rates.
+) -> Array:
+    """Return the slopes of the margins A and B over Q and P in given states (N,): (2, 2, N).
 
-    At a slipping node one of them is zero and the other A + B: as a difference of Q and f P it
+    At a slipping node one margin is zero and the other A + B: as a difference of Q and f P it
     would carry the round-off of Q, which a small f P does not bear. Both are zero at an open node,
     and at one that a support holds normally, which has no limit. ``nodes`` are those with friction,
-    and smooth ones, at which P stands in place of A. Reactions or their rates r are (2N,), or
-    (2N, k) of several, all else (N, 1).
+    a cone, and smooth ones, at which P stands in place of A.
     """
     frictional, smooth = nodes
-    n = len(state)
-    Q, P = r[:n], r[n:]
-    sliding, (margin_A, margin_B) = friction.opening(P), friction.margins(Q, P)
-    distance_A = np.where(state == BACKWARD, sliding, margin_A)
-    distance_B = np.where(state == FORWARD, sliding, margin_B)
-    distance_A = np.where(state == FORWARD, 0.0, distance_A)
-    distance_B = np.where(state == BACKWARD, 0.0, distance_B)
-    contact = state != SEPARATION
-    distance_A = np.where(smooth, P, np.where(frictional, distance_A, 0.0))
-    return np.where(contact, distance_A, 0.0), np.where(contact & frictional, distance_B, 0.0)
+    stuck, contact = frictional & (state == STICK), state != SEPARATION
+    backward, forward = frictional & (state == BACKWARD), frictional & (state == FORWARD)
+    opening, Q = friction.opening(np.ones(len(state))), np.where(stuck, 1.0, 0.0)
+    A = np.select([smooth & contact, stuck, backward], [1.0, friction.forward, opening])
+    B = np.select([stuck, forward], [friction.backward, opening])
+    return np.array([[Q, A], [-Q, B]])
+
+
+def margins_at(slopes: Array, r: Array) -> Array:
+    """Return the margins A and B (2, N) of reactions (2N,), or their rates, from their slopes."""
+    margins: Array = (slopes * r.reshape(2, -1)).sum(axis=1)
+    return margins

@@ -88,8 +88,9 @@ def law_residual(
     n = system.n
     k_t, k_n = stiffness
     Q, P, gap = r[..., :n], r[..., n:], system.g0 + u[..., n:]
-    tangential = np.abs(Q - np.clip(Q - k_t * slip, *system.law.limits(P, touches)))
-    normal = np.abs(P - np.maximum(0.0, P - k_n * gap))
+    low, high = system.law.limits(P, touches)
+    tangential = np.abs(Q - np.minimum(np.maximum(Q - k_t * slip, low), high))
+    normal = np.abs(np.minimum(P, k_n * gap))
     both = np.concatenate([tangential, normal], axis=-1)
     both[..., system.held] = 0.0
     return both
@@ -112,9 +113,5 @@ def relative_residual(
 
 def residual_at_rest(system: ContactSystem, end: ContactState, force_scale: float) -> float:
     """Return the relative residual at one instant; a slipping node must be at its limit."""
-    if force_scale == 0.0:
-        return 0.0  # nothing presses
-    slipping = SLIP_SIGN[end.state] != 0.0
-    worst = relative_residual(system, end, np.zeros(system.n), system.local_stiffness, force_scale)
-    off_limit = np.abs(end.Q - system.law.slip_force(end.state, end.P))[slipping]
-    return max(worst, float(off_limit.max(initial=0.0)) / force_scale)
+    beyond = 1e200 * SLIP_SIGN[end.state]
+    return relative_residual(system, end, beyond, system.local_stiffness, force_scale)

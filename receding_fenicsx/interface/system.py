@@ -155,6 +155,11 @@ class ContactSystem:
         return np.diagonal(self.K).copy()
 
     @cached_property
+    def load_forces(self) -> Array:
+        """(n_loads,) largest held reaction to each unit load."""
+        return np.abs(self.r_star).max(axis=1)
+
+    @cached_property
     def local_stiffness(self) -> tuple[Array, Array]:
         """Local stiffnesses k_i of the residual, (K_tt)_ii and (K_nn)_ii.
 

@@ -53,17 +53,11 @@ class BalanceCheck:
         self.on_load = system.r_star @ on_r
         self._of_gaps = system.g0 @ on_u[n:]
 
-    def error(self, y: Array, load: Array, of_rates: bool = False) -> float:
-        """Return the largest of the sums, see :meth:`errors`."""
-        errors = self.errors(y, load, of_rates)
-        # of a few numbers Python finds the largest sooner
-        return max(map(abs, errors.tolist())) if y.ndim == 1 else float(np.abs(errors).max())
+    def error(self, q: Array, direction: Array) -> float:
+        """Return the largest of the sums of rates q (4N,), the loads changing by ``direction``."""
+        return float(np.abs(q @ self.on_y + direction @ self.on_load).max())
 
-    def errors(self, y: Array, load: Array, of_rates: bool = False) -> Array:
-        """Return the sums.
-
-        Of one instant or, with rows y (k, 4N) and load (k, n_loads), of several.
-        """
-        errors: Array = y.dot(self.on_y)
-        errors += load.dot(self.on_load)
-        return errors if of_rates else errors - self._of_gaps
+    def errors(self, y: Array, load: Array) -> Array:
+        """Return the sums of quantities y (4N,) under a load (n_loads,)."""
+        errors: Array = y @ self.on_y + load @ self.on_load - self._of_gaps
+        return errors

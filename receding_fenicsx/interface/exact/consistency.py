@@ -52,31 +52,28 @@ class ConsistentStates:
         self,
         segments: Segments,
         point: PathPoint,
+        on_limit: Array,
         equilibrium_ends: EquilibriumEnd,
     ) -> None:
-        """Prepare for one leg.
+        """Prepare for one point.
 
         Args:
             segments: rates in known sets of states.
             point: present point of the path; its states and quantities on limits are changed.
+            on_limit: (4N,) distance from a limit up to which a node is on it.
             equilibrium_ends: place on the leg beyond which there is no equilibrium; looked for only
                 where rates alone do not decide.
         """
-        self.segments, self.point = segments, point
+        self.segments, self.point, self.on_limit = segments, point, on_limit
         self.equilibrium_ends = equilibrium_ends
         a, b = point.problem.ends
         self.direction = b - a
-        self.on_limit = segments.limit * point.problem.force_scale
-        self._highest_limit = float(self.on_limit.max())
 
     def violations(self, segment: Segment) -> NDArray[np.intp]:
         """Return labels of quantities on their limit that are driven across it."""
         fall = segment.falling
-        y = self.point.y[fall]
-        # mostly none is near even the largest of the limits
-        if not len(y) or y[y.argmin()] > self._highest_limit:
-            return segment.reversed_nodes
-        return np.concatenate([segment.reversed_nodes, fall[y <= self.on_limit[fall]]])
+        passed = fall[self.point.y[fall] <= self.on_limit[fall]]
+        return np.concatenate([segment.reversed_nodes, passed])
 
     def error(
         self, states: States, nodes: NDArray[np.intp] | None = None, exhausted: bool = False
@@ -129,8 +126,8 @@ class ConsistentStates:
         within round-off of the place: all forces of a body vanish together where its loads do.
         """
         system, segments, y = self.segments.system, self.segments, self.point.y
-        n, u = system.n, self.point.displacements()
-        Q, P = ROUND_OFFS * EPSILON * (np.abs(system.K) @ np.abs(u)).reshape(2, n)
+        n, u = system.n, np.abs(y[: 2 * system.n] - np.append(np.zeros(system.n), system.g0))
+        Q, P = ROUND_OFFS * EPSILON * (np.abs(system.K) @ u).reshape(2, n)
         friction, gap = segments.friction, P / segments.weight[n : 2 * n]
         A = np.where(segments.frictional, Q + friction.forward * P, P)
         by_round_off = np.concatenate([np.zeros(n), gap, A, Q + friction.backward * P])
@@ -141,7 +138,7 @@ class ConsistentStates:
         by_place = END_TOLERANCE * np.abs(rates)
         wide = np.maximum.reduce([self.on_limit, by_round_off, by_residual, by_place])
         more = (y > self.on_limit) & (y <= wide)
-        self.on_limit, self._highest_limit = wide, float(wide.max())
+        self.on_limit = wide
         return bool(np.any(more[n:]))
 
     def _pivoted(self, before: States) -> tuple[Segment | None, bool]:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from receding_fenicsx.arrays import Array
-from receding_fenicsx.interface.system import ContactState, ContactSystem, Leg
+from receding_fenicsx.interface.system import ContactState, Leg
 
 EVENTS_WITHOUT_PROGRESS = 20
 """Events per node within ``SIMULTANEOUS`` of one place after which there is no end of them."""
@@ -81,7 +81,6 @@ class PathPoint:
     """Contact at one place of a leg, as the quantities of the event search; changed in place."""
 
     problem: LegProblem  # the leg
-    system: ContactSystem  # the condensed body in 2N form
     s: float  # place on the leg
     y: Array  # (4N,) quantities [v, gap, A, B]
     state: NDArray[np.int8]  # (N,) states
@@ -90,11 +89,6 @@ class PathPoint:
     def load(self) -> Array:
         """(n_loads,) load factors."""
         return self.problem.load(self.s)
-
-    def displacements(self) -> Array:
-        """Return the displacements (2N,)."""
-        n = self.system.n
-        return np.concatenate([self.y[:n], self.y[n : 2 * n] - self.system.g0])
 
 
 def evenly_spaced(samples: int) -> tuple[float, ...]:

@@ -18,6 +18,7 @@ from receding_fenicsx.interface.exact.segments import (
     UNREFINABLE_ROUND_OFFS,
     Segments,
     States,
+    keep,
 )
 from receding_fenicsx.interface.exact.tableau import EXCHANGES, SMOOTH_EXCHANGES
 from receding_fenicsx.interface.law import SEPARATION, STICK
@@ -71,7 +72,7 @@ class ActiveSets:
             free = np.append(t, n + np.flatnonzero(limited & (state == SEPARATION)))
             slip = segments.system.friction.at_slip(state)
             friction = np.where(segments.frictional, slip, 0.0)[t]
-            _keep(self._sets, key, ActiveSet(free, friction))
+            keep(self._sets, key, ActiveSet(free, friction))
         return self._sets[key]
 
     def correction(self, state: States, forces: Array) -> Array:
@@ -93,16 +94,9 @@ class ActiveSets:
             size = np.abs(np.diagonal(factor[0]))
             if size.min() <= 1e-9 * size.max():
                 raise SingularExchange
-            _keep(self._factors, key, tuple(factor))
+            keep(self._factors, key, tuple(factor))
         change[free] = -sla.lu_solve(self._factors[key], forces, check_finite=False)
         return change
-
-
-def _keep(some: dict[bytes, Any], key: bytes, one: Any) -> None:
-    """Keep one more, at most four of them."""
-    if len(some) == 4:
-        del some[next(iter(some))]
-    some[key] = one
 
 
 class Loop:

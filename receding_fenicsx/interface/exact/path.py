@@ -6,7 +6,6 @@ from contextlib import suppress
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.errors import NoEquilibrium, NoQuasiStaticContinuation, SolveError
@@ -43,7 +42,6 @@ class EventPath:
 
     Attributes:
         segments: rates of the whole contact.
-        changed: (N,) nodes that have changed state, by the direction of the leg.
     """
 
     def __init__(
@@ -65,14 +63,9 @@ class EventPath:
         self.segments = Segments(system)
         self._loop: Loop | None = None
         self._low_friction_node = _low_friction_node(self.segments)
-        self.changed: dict[bytes, NDArray[np.bool_]] = {}
-        self._opened = np.zeros(system.n, dtype=bool)
+        self._changed, self._opened = np.zeros((2, system.n), dtype=bool)
+        self._directions: set[bytes] = set()  # of the legs followed
         self._limits: dict[tuple[bytes, bytes], Limit | None] = {}
-
-    @property
-    def trials(self) -> int:
-        """Sets of states whose rates were computed, as far as they are remembered."""
-        return 0 if self._loop is None else int(self._loop.memory.used[0])
 
     def trace_leg(
         self, start: ContactState, ends: tuple[Array, Array], force_scale: float, samples: int = 0
@@ -190,9 +183,8 @@ class EventPath:
     def _walk(self, problem: LegProblem) -> Leg:
         """Follow one leg from event to event."""
         walk, (a, b), resolved = self.walk(problem), problem.ends, self._low_friction_node is None
-        if (b - a).tobytes() in self.changed and not self.segments.is_special:
-            changed = np.logical_or.reduce(list(self.changed.values()))
-            walk.loop.leave_out(problem.start.state, changed, self._opened)
+        if (b - a).tobytes() in self._directions and not self.segments.is_special:
+            walk.loop.leave_out(problem.start.state, self._changed, self._opened)
         short = stops_short(self.segments, b)
         try:
             walk.run(1.0 - REMAINING_LOAD if short else 1.0)
@@ -232,9 +224,9 @@ class EventPath:
 
     def _remember(self, direction: Array, leg: Leg) -> None:
         """Remember which nodes changed state on a leg in this direction."""
-        changed = self.changed.setdefault(direction.tobytes(), np.zeros(self.system.n, dtype=bool))
+        self._directions.add(direction.tobytes())
         events = leg.events
-        changed[events.node] = True
+        self._changed[events.node] = True
         self._opened[events.node[(events.old == SEPARATION) | (events.new == SEPARATION)]] = True
 
     def limit(self, a: Array, b: Array) -> Limit | None:

@@ -72,20 +72,11 @@ def exchange(matrix: Matrix, outputs: Ints, inputs: Ints) -> bool:
     if size.min() <= matrix.singular * max(1.0, size.max()):
         return False
     inverse = dgetrs(lu, piv, np.eye(e))[0]
-    # the blocks of T are made apart where many are exchanged
-    if e <= 0.3 * min(T.shape):
-        R = inverse @ R
-        # T is row-major: its transpose is what BLAS sees as a column-major matrix
-        dgemm(-1.0, R.T, C, beta=1.0, c=T.T, trans_b=1, overwrite_c=1)
-        T[i], T[:, j] = -R, C @ inverse
-        T[np.ix_(i, j)] = inverse
-    else:
-        other, kept = np.delete(np.arange(len(T)), i), np.delete(np.arange(T.shape[1]), j)
-        # whole rows are moved in less time than single entries
-        rest, C, change = T[other], C.take(other, axis=0), inverse @ R.take(kept, axis=1)
-        R[:, kept], R[:, j] = -change, inverse
-        rest[:, kept], rest[:, j] = rest.take(kept, axis=1) - C @ change, C @ inverse
-        T[i], T[other] = R, rest
+    R = inverse @ R
+    # T is row-major: its transpose is what BLAS sees as a column-major matrix
+    dgemm(-1.0, R.T, C, beta=1.0, c=T.T, trans_b=1, overwrite_c=1)
+    T[i], T[:, j] = -R, C @ inverse
+    T[np.ix_(i, j)] = inverse
     matrix.row_label[i], matrix.column_label[j] = inputs, outputs
     matrix.row_of[outputs] = matrix.column_of[inputs] = -1
     matrix.row_of[inputs], matrix.column_of[outputs] = i, j
@@ -103,15 +94,10 @@ def of_loads(matrix: Matrix, loads: Array) -> Array:
 
 
 def response(matrix: Matrix, inputs: Ints, change: Array) -> Array:
-    """Return the change (m,) of the outputs when the labelled inputs change, or several."""
-    columns, k = matrix.column_of[inputs], matrix.counts[0]
-    U, V = matrix.U[:k].T, matrix.V[:k]
-    if change.ndim > 1:
-        small: Array = V.take(columns, axis=1) @ change
-        return matrix.T.take(columns, axis=1) @ change + U @ small
-    x = np.zeros(matrix.T.shape[1])
-    x[columns] = change
-    return matrix.T @ x + U @ (V @ x)
+    """Return the change (m,) of the outputs when the labelled inputs change."""
+    k, x = matrix.counts[0], np.zeros(matrix.T.shape[1])
+    x[matrix.column_of[inputs]] = change
+    return matrix.T @ x + matrix.U[:k].T @ (matrix.V[:k] @ x)
 
 
 def apply_pending(matrix: Matrix) -> None:

@@ -71,14 +71,13 @@ def stops_short(segments: Segments, load: Array) -> bool:
 def zero_crossing(system: ContactSystem, ends: tuple[Array, Array]) -> float | None:
     """Return the s inside a leg at which all loads vanish together, or None."""
     # factors of loads have units of their own: their forces are compared
-    a, b = (load * np.abs(system.r_star).max(axis=1) for load in ends)
-    back = a - b
-    length = float(back.dot(back))
-    s = float(a.dot(back)) / length if length > 0.0 else 0.0
-    if not 0.0 < s < 1.0:
+    a, b = (load * system.load_forces for load in ends)
+    if a.dot(b) >= 0.0:
         return None
+    back = a - b
+    s = float(a.dot(back) / back.dot(back))
     load = (1.0 - s) * a + s * b
-    return s if np.abs(load).max() <= REMAINING_LOAD * np.abs(a).max() else None
+    return s if s < 1.0 and np.abs(load).max() <= REMAINING_LOAD * np.abs(a).max() else None
 
 
 def displacements_at_rest(segments: Segments, end: ContactState) -> Array:

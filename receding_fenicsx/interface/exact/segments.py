@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from math import sqrt
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,7 +24,8 @@ from receding_fenicsx.interface.law import (
     SEPARATION,
     SLIP_SIGN,
     STICK,
-    limit_distances,
+    margin_slopes,
+    margins_at,
 )
 from receding_fenicsx.interface.system import (
     Changes,
@@ -65,7 +67,6 @@ class Segments:
         smooth: (N,) nodes without friction, or held tangentially.
         weight: (4N,) brings every entry of y to the size of a nodal force.
         limit: (4N,) distance from a limit, per unit of force scale, up to which a node sits on it.
-        stiffness: local stiffnesses, tangential and normal.
         friction: coefficients of friction.
         shares: (N,) factors a, b of Q = a A - b B; 0 at nodes without friction.
         balance: check that forces and displacements belong together.
@@ -83,8 +84,7 @@ class Segments:
         self.smooth = normal & ~self.frictional
         f = system.friction.mean
         force = 1.0 / np.maximum(1.0, f)
-        self.stiffness = system.local_stiffness
-        stiffness = np.concatenate(self.stiffness)
+        stiffness = np.concatenate(system.local_stiffness)
         self._pin = float(stiffness.max())
         self.weight = np.concatenate([stiffness, force, force])
         # A and B are small with f: only a node without pressure may be on both limits
@@ -102,6 +102,7 @@ class Segments:
         self.refinements = 0
         self._tableau: Tableau | None = None
         self._last_pinned: tuple[bytes, Array, Tableau] | None = None
+        self._slopes: dict[bytes, tuple[NDArray[np.bool_], Array]] = {}
 
     def tableau(self, state: States, renew: bool = False) -> Tableau:
         """Return the tableau, brought to the given states.
@@ -192,11 +193,6 @@ class Segments:
             raise SingularExchange
         return self.segment(state, q, direction)
 
-    def is_near(self, state: States) -> bool:
-        """Return whether the tableau is brought to the given states by a few exchanges."""
-        tableau = self._tableau
-        return tableau is not None and np.count_nonzero(tableau.state != state) <= 16
-
     def segment(self, state: States, q: Array, direction: Array) -> Segment:
         """Return the segment with rates (4N,) along a leg; those of low friction are corrected."""
         forces = q * self.weight
@@ -221,14 +217,14 @@ class Segments:
         if renew:
             self.refinements = 0
         q = tableau.rates(direction)
-        imbalance = self.balance.error(q, direction, of_rates=True)
+        imbalance = self.balance.error(q, direction)
         accepted = self._accepted(q * self.weight, imbalance)
         for _ in range(3):
             if imbalance <= accepted:
                 break
             self.refinements += 1
             better = tableau.refined(q, direction)
-            left = self.balance.error(better, direction, of_rates=True)
+            left = self.balance.error(better, direction)
             if left >= imbalance:
                 break
             q, imbalance = better, left
@@ -279,43 +275,44 @@ class Segments:
 
     def margins(self, state: ContactState) -> Array:
         """Return the same, A and B below zero where the limit of friction is passed."""
-        nodes = self.frictional, self.smooth
-        forward, backward = limit_distances(self.friction, nodes, state.state, state.r)
-        contact = state.state != SEPARATION
-        gap = np.where(contact & (self.frictional | self.smooth), 0.0, self.system.g0 + state.w)
+        key, nodes = state.state.tobytes(), (self.frictional, self.smooth)
+        if key not in self._slopes:
+            closed = (state.state != SEPARATION) & (self.frictional | self.smooth)
+            keep(self._slopes, key, (closed, margin_slopes(self.friction, nodes, state.state)))
+        closed, slopes = self._slopes[key]
         # a gap keeps its round-off: times the stiffness it would be a force out of balance
-        return np.concatenate([state.v, gap, forward, backward])
+        gap = np.where(closed, 0.0, self.system.g0 + state.w)
+        return np.concatenate([state.v, gap, *margins_at(slopes, state.r)])
 
 
-def tied(
-    segments: Segments, places: Array, states: NDArray[np.int8], on: NDArray[np.bool_]
-) -> Changes:
-    """Return the ties of several instants, as changes to the state that a node may take as well.
+def keep(some: dict[bytes, Any], key: bytes, one: Any) -> None:
+    """Keep one more of what belongs to states at ends of legs, at most four of them."""
+    if len(some) == 4:
+        del some[next(iter(some))]
+    some[key] = one
+
+
+def tied(segments: Segments, s: float, state: States, on: NDArray[np.bool_]) -> Changes:
+    """Return the ties at one place, as changes to the state that a node may take as well.
 
     That is a direction of slip, or SEPARATION where it has neither gap nor pressure and may take
     any.
 
     Args:
         segments: of the condensed body.
-        places: (k,) of the instants.
-        states: (k, N) states.
-        on: (k, 3N) gap, A and B that are within round-off of zero, B of nodes without friction too.
+        s: the place.
+        state: (N,) states.
+        on: (3N,) gap, A and B that are within round-off of zero, B of nodes without friction too.
     """
-    n, frictional = segments.system.n, segments.frictional
-    gap, A, B = on[:, :n], on[:, n : 2 * n], on[:, 2 * n :]
-    touches = np.where(states == SEPARATION, gap, A & B)
-    near = touches | (A | B) & (states == STICK) & frictional
-    near &= frictional | segments.smooth
-    rows, nodes = near.nonzero()
-    if not len(rows):
-        return Changes.none()
-    side = np.where(A[rows, nodes], FORWARD, BACKWARD)
-    other = np.where(touches[rows, nodes], SEPARATION, side)
-    return Changes(places[rows], nodes, states[rows, nodes], other.astype(np.int8))
+    frictional, (gap, A, B) = segments.frictional, on.reshape(3, -1)
+    touches = np.where(state == SEPARATION, gap, A & B)
+    near = touches | (A | B) & (state == STICK) & frictional
+    node = (near & (frictional | segments.smooth)).nonzero()[0]
+    side = np.where(A[node], FORWARD, BACKWARD)
+    other = np.where(touches[node], SEPARATION, side).astype(np.int8)
+    return Changes(np.full(len(node), s), node, state[node], other)
 
 
 def ties_at(segments: Segments, s: float, y: Array, state: States, force_scale: float) -> Changes:
     """Return the ties at one place, with quantities y (4N,) and states (N,), see :func:`tied`."""
-    n = len(state)
-    on = y[n:] <= segments.limit[n:] * force_scale
-    return tied(segments, np.array([s]), state[None], on[None])
+    return tied(segments, s, state, y[len(state) :] <= segments.limit[len(state) :] * force_scale)

@@ -25,7 +25,14 @@ from scipy.linalg.blas import dscal
 from receding_fenicsx.arrays import Array, Ints
 from receding_fenicsx.interface.exact import pivot_matrix
 from receding_fenicsx.interface.exact.pivot_matrix import SINGULAR_PIVOT, Matrix, SingularExchange
-from receding_fenicsx.interface.law import BACKWARD, FORWARD, SEPARATION, STICK, limit_distances
+from receding_fenicsx.interface.law import (
+    BACKWARD,
+    FORWARD,
+    SEPARATION,
+    STICK,
+    margin_slopes,
+    margins_at,
+)
 from receding_fenicsx.interface.system import ContactSystem
 
 V, W, A, B, REACTION = range(5)
@@ -225,49 +232,26 @@ class Tableau:
 
     def refined(self, rates: Array, direction: Array) -> Array:
         """Return rates after one step of iterative refinement, reactions evaluated afresh."""
-        n, system = self.system.n, self.system
-        new = self.following(direction @ system.r_star + system.K @ rates[: 2 * n])
-        new[: 2 * n] += rates[: 2 * n]
-        return new
-
-    def following(self, dr: Array) -> Array:
-        """Return the rates (4N,) where loads change the reactions by dr (2N,), or several."""
-        n, every = self.system.n, (slice(None), *(None,) * (dr.ndim - 1))
-        friction, state = self.system.friction[every], self.state[every]
-        frictional, smooth = self.frictional[every], self.smooth[every]
-        change = self.correction(dr)[: 4 * n].reshape(4, n, *dr.shape[1:])
-        forward, backward = limit_distances(friction, (frictional, smooth), state, dr)
+        n, system, state = self.system.n, self.system, self.state
+        dr = direction @ system.r_star + system.K @ rates[: 2 * n]
+        change = self.correction(dr)[: 4 * n].reshape(4, n)
+        slopes = margin_slopes(system.friction, (self.frictional, self.smooth), state)
+        margins = margins_at(slopes, dr) + change[A:]
         # at a slipping node the sum of both is the change of A + B
-        sliding = change[A] + change[B]
-        forward += np.where(state == BACKWARD, sliding, change[A])
-        backward += np.where(state == FORWARD, sliding, change[B])
-        open_ = self.state == SEPARATION
-        forward[open_ | (self.state == FORWARD)] = 0.0
-        backward[open_ | (self.state == BACKWARD)] = 0.0
-        return np.concatenate([*change[:A], forward, backward])
-
-    def response(self, labels: NDArray[np.intp], change: Array) -> Array:
-        """Return the change of every quantity when forces among the inputs change.
-
-        Of the (k,) labelled inputs, not V or W, or of several changes in columns: (5N,) by label,
-        or as many columns.
-        """
-        out = np.zeros((5 * self.system.n, *change.shape[1:]))
-        out[self.matrix.row_label] = pivot_matrix.response(self.matrix, labels, change)
-        out[: 2 * self.system.n] /= self._unit
-        out[labels] = change
-        return out
+        forward, backward = state == FORWARD, state == BACKWARD
+        margins[0, backward] += change[B, backward]
+        margins[1, forward] += change[A, forward]
+        margins[0, forward] = margins[1, backward] = margins[:, state == SEPARATION] = 0.0
+        return np.concatenate([rates[: 2 * n] + change[:A].ravel(), *margins])
 
     def correction(self, r: Array) -> Array:
         """Return the change of every quantity that brings every input back to zero.
 
-        Of reactions (2N,), or their rates, in the present states, or of several in columns: (5N,)
-        changes by label, those of the displacements first.
+        Of reactions (2N,), or their rates, in the present states: (5N,) changes by label, those of
+        the displacements first.
         """
         n, state = self.system.n, self.state
         Q, P, friction = r[:n], r[n:], self.system.friction
-        if r.ndim > 1:
-            friction = friction[:, None]
         open_ = state == SEPARATION
         nodes = (
             np.flatnonzero(self.frictional & (open_ | (state == FORWARD))),
@@ -276,6 +260,12 @@ class Tableau:
             np.flatnonzero(self.free_v),
         )
         quantities = (*friction.margins(Q, P), P, Q)
-        labels = [kind * n + i for kind, i in zip((A, B, A, REACTION), nodes, strict=True)]
+        labels = np.concatenate(
+            [kind * n + i for kind, i in zip((A, B, A, REACTION), nodes, strict=True)]
+        )
         change = [-quantity[i] for quantity, i in zip(quantities, nodes, strict=True)]
-        return self.response(np.concatenate(labels), np.concatenate(change))
+        out = np.zeros(5 * n)
+        out[labels] = np.concatenate(change)
+        out[self.matrix.row_label] = pivot_matrix.response(self.matrix, labels, out[labels])
+        out[: 2 * n] /= self._unit
+        return out

@@ -8,6 +8,7 @@ among several continuations, round-off that has grown, the last events before a 
 from __future__ import annotations
 
 from contextlib import suppress
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -65,8 +66,7 @@ class Walk:
         self.problem, self.force_scale = problem, problem.force_scale
         self.path = loop.path(problem, traced)
         self.residual, self._excess = 0.0, False
-        self._states = ConsistentStates(self.segments, self.point, equilibrium_ends)
-        self._accept_round_off = accept_round_off
+        self._equilibrium_ends, self._accept_round_off = equilibrium_ends, accept_round_off
 
     @property
     def s(self) -> float:
@@ -76,7 +76,7 @@ class Walk:
     @property
     def point(self) -> PathPoint:
         """Present place; its quantities are the path's, its states a copy."""
-        return PathPoint(self.problem, self.system, self.s, self.path.y, self.path.state.copy())
+        return PathPoint(self.problem, self.s, self.path.y, self.path.state.copy())
 
     def run(self, s_end: float) -> None:
         """Follow the path from event to event up to ``s_end``.
@@ -119,9 +119,8 @@ class Walk:
                     self._end_at(y, way)
                     return
             elif request == kernel.ENDLESS:
-                raise self._states_at(self._before()).error(
-                    self.path.state, np.zeros(0, dtype=np.intp)
-                )
+                states = self._states_at(self._before(), way)
+                raise states.error(self.path.state, np.zeros(0, dtype=np.intp))
 
     def _before(self) -> States:
         """Return the (N,) states on the way to the present instant."""
@@ -130,11 +129,10 @@ class Walk:
         before[now[:, 0]] = now[:, 1]
         return before
 
-    def _states_at(self, state: States) -> ConsistentStates:
+    def _states_at(self, state: States, way: kernel_data.Way) -> ConsistentStates:
         """Return the search for consistent states at the present point, in given states."""
-        self._states.point = self.point
-        self._states.point.state = state.copy()
-        return self._states
+        point = replace(self.point, state=state.copy())
+        return ConsistentStates(self.segments, point, way.on_limit, self._equilibrium_ends)
 
     def _set(self, before: States, state: States) -> None:
         """Put states in place of those at the present instant."""
@@ -168,7 +166,7 @@ class Walk:
     def _decided(self, way: kernel_data.Way) -> kernel_data.Way:
         """Decide the states at the present point; return the leg with its limits, maybe wider."""
         before = self._before()
-        states = self._states_at(before)
+        states = self._states_at(before, way)
         segment = states.decide(before)
         self._give(way, before, states.point.state, segment)
         load = self.problem.load(self.s)
@@ -186,7 +184,7 @@ class Walk:
         chooser, before, path = self.problem.chooser, self._before(), self.path
         path.counts[kernel_data.CHOSEN] = 1
         assert chooser is not None
-        states = self._states_at(path.state)
+        states = self._states_at(path.state, way)
         q = self.loop.memory.rates[path.counts[kernel_data.ENTRY]].copy()
         segment = self.segments.segment(states.point.state, q, way.direction)
         chosen = chooser.choose(states, before, segment)
@@ -283,7 +281,7 @@ class Walk:
     def _correction(self, state: ContactState, wrong: Array) -> Array:
         """Return the change (2N,) of displacements that brings forces which vanish back to zero."""
         segments, none = self.segments, np.zeros_like(state.u)
-        if not segments.is_special and not segments.is_near(state.state):
+        if not segments.is_special:
             with suppress(SingularExchange):
                 return self.loop.sets.correction(state.state, wrong)
         with suppress(SingularExchange):

@@ -298,7 +298,7 @@ class GaussSeidelPath:
         found = list[Changes]()
         if s < 1.0:  # the next leg begins with those at the end of this one
             on = segments.values(end)[n:] <= segments.limit[n:] * leg.force_scale
-            found.append(tied(segments, np.array([s]), end.state[None], on[None]))
+            found.append(tied(segments, s, end.state, on))
         A, B = segments.values(before)[2 * n :].reshape(2, -1)
         stuck = segments.frictional & (before.state == STICK)
         begun = stuck & ((end.state == FORWARD) | (end.state == BACKWARD))

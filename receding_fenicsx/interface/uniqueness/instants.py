@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
 from itertools import product
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -115,25 +115,25 @@ class Instants(NamedTuple):
     """Instants of a leg: its start, and where states change."""
 
     start: States  # (N,) states at the start
-    every: Changes  # events and ties in order
-    is_tie: NDArray[np.bool_]  # which of them are ties, changes that nodes on limits may make
-    first: Ints  # (k + 1,) first row of each of the k instants, and the number of rows
+    every: Changes  # ties, changes that nodes on limits may make, then events
+    ties: int  # number of ties
+    order: Ints  # (k,) all of them in order
+    apart: NDArray[np.bool_]  # (k,) which begin another instant than the one before
 
     @classmethod
     def of(cls, start: States, events: Changes, ties: Changes) -> Instants:
         """Group the events and ties of a leg by instants; the first one is its start."""
         every = Changes.joined(ties, events)
         order = every.s.argsort(kind="stable")
-        every = every.select(order)
-        number = np.cumsum(np.diff(every.s, prepend=0.0) > SIMULTANEOUS)
-        first = number.searchsorted(np.arange(number.max(initial=0) + 2))
-        return cls(start, every, order < len(ties), first)
+        apart = np.diff(every.s[order], prepend=0.0) > SIMULTANEOUS
+        return cls(start, every, len(ties), order, apart)
 
     @property
-    def columns(self) -> tuple[NDArray[Any], ...]:
+    def key(self) -> tuple[int | bytes, ...]:
         """What tells one leg from another, wherever on it its instants are."""
         every = self.every
-        return self.start, every.node, every.old, every.new, self.is_tie, self.first
+        parts = self.start, every.node, every.old, every.new, self.order, self.apart
+        return self.ties, *(part.tobytes() for part in parts)
 
     def sides(self, finite: Callable[[float], bool] | None = None) -> Iterator[tuple[float, Sides]]:
         """Yield the place s of each instant, and the sides with all slip that may be.
@@ -143,8 +143,9 @@ class Instants(NamedTuple):
         anything. Where states change by a load step or a jump, as ``finite`` says of a place, only
         the states after it are judged.
         """
-        every, first = self.every, self.first.tolist()
-        columns = every.node, every.old, every.new, self.is_tie
+        every, number = self.every.select(self.order), np.cumsum(self.apart)
+        first = number.searchsorted(np.arange(number.max(initial=0) + 2)).tolist()
+        columns = every.node, every.old, every.new, self.order < self.ties
         rows = list(zip(*(column.tolist() for column in columns), strict=True))
         now = Sides.of(self.start)
         for k in range(len(first) - 1):

@@ -150,15 +150,16 @@ class UniquenessWatch:
                     at = *place, crossing or 0.0
                     self.found = self.found.with_doubt(at, _differing(states), count)
             state, events, ties = leg.end.state, *[Changes.none()] * 2
-        self._rates(place, b - a, (state, events, ties))
+        new = self._rates(place, b - a, (state, events, ties))
         free = bool(np.any(b)) and system.rigid.shape[1] > 0
         self.floats = free and carries_nothing(leg.end, largest_force(system, b, leg.end.r, scale))
         if self.floats:  # nothing says where
             self.found = self.found.with_doubt((*place, 1.0), ())
-        end = Sides.of(leg.end.state).of_nodes(self.certificate.rubbing)
-        if (end.forward or end.backward) and end not in self._measured:
-            self._measured.add(end)
-            self._measure(end)
+        if new:
+            end = Sides.of(leg.end.state).of_nodes(self.certificate.rubbing)
+            if (end.forward or end.backward) and end not in self._measured:
+                self._measured.add(end)
+                self._measure(end)
         unknown = self.in_steps and len(leg.events) and self.found.certified
         if unknown and not self._is_always_definite:
             self.found = self.found.with_doubt((*place, float(leg.events.s[0])), ())
@@ -180,8 +181,12 @@ class UniquenessWatch:
         place: tuple[int, int],
         direction: Array,
         path: tuple[States, Changes, Changes],
-    ) -> None:
-        """Judge the rates along a leg, or a part of it: its start, events and ties."""
+    ) -> bool:
+        """Judge the rates along a leg, or a part of it: its start, events and ties.
+
+        Returns:
+            Whether it is not known that there was a leg like it before.
+        """
         way, (start, events, ties), finite = direction.tobytes(), path, None
         if self._jumps or self.in_steps:
             # what an event has decided is no tie
@@ -190,9 +195,9 @@ class UniquenessWatch:
             finite = self._is_finite
         instants = Instants.of(start, events, ties)
         if finite is None:
-            leg = hash((way, *(part.tobytes() for part in instants.columns)))
+            leg = hash((way, instants.key))
             if leg in self._legs:
-                return
+                return False
             self._legs.add(leg)
         rubbing, met = self.certificate.rubbing, self._met.setdefault(way, set())
         new = dict[Sides, float]()
@@ -208,6 +213,7 @@ class UniquenessWatch:
             if one in self.indefinite:
                 self._doubtful.append((way, sides))
                 self._doubt((*place, new[sides]), direction, sides)
+        return True
 
     def _is_new(self, one: Sides) -> bool:
         """Return whether nothing is known of a set of states."""
