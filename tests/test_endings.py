@@ -245,3 +245,11 @@ def test_every_name_of_a_load_can_be_drawn() -> None:
         text = f"{shown_name(name)} at $0.3$ of its largest"
         assert parser.parse(text) is not None
         assert text.count("$") - text.count("\\$") == 2
+    # each letter is drawn as itself or its likeness; a prime is a zero of a font of symbols
+    likeness = str.maketrans(
+        {"#": "♯", "^": "∧", "~": "∼", "-": "−", "'": "0", "`": "0", '"': "00"}
+    )
+    for letter in names[: string.printable.index(" ")]:
+        _, _, _, glyphs, _ = MathTextParser("path").parse(f"${load_symbol(f'x{letter}x')}$")
+        shown = "".join(chr(glyph[2]) for glyph in glyphs)
+        assert shown == f"x{letter}x".translate(likeness), letter
