@@ -127,3 +127,14 @@ def test_nodes_that_may_land_count_in_the_static_problem_of_an_initial_slip(
     unique = found(node, table(node, [[0.0], [1.0]]), None, None, np.full(1, 0.01))
     assert unique.certified == (solutions == 1)
     assert unique.first_loading == unique.solutions == solutions
+
+
+@pytest.mark.parametrize("n", [3, 8])
+def test_nodes_that_touch_without_pressure_are_undecided_however_many(n: int) -> None:
+    """The first load presses node 0 alone; under the second all others stick, open or slip back."""
+    others = np.arange(n) > 0
+    loads = {"one": [*np.zeros(n), *~others], "others": [*1.3 * others, *others]}
+    system = small_system(np.kron([[1.0, 0.9], [0.9, 1.0]], np.eye(n)), loads, 1.5)
+    alone, both = (found(system, table(system, [[0, 0], [1, 0], *more])) for more in ([], [[1, 1]]))
+    assert alone.certified and not both.certified
+    assert (both.leg, both.s) == (1, 0.0)

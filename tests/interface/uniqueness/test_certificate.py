@@ -96,9 +96,10 @@ def test_a_certified_instant_has_one_solution_for_every_load_rate() -> None:
 
 def test_every_set_in_a_pattern_has_the_margin_that_one_factorisation_shows() -> None:
     tally = {"held": 0, "turned": 0, "open and slipping": 0, "refused": 0, "touching": 0}
-    for seed in range(60):
+    # in the last ones a node that closes, or two that turn round, lower it below what is certified
+    for seed in (*range(100), 481, 637, 2516, 2793, 3712):
         rng = np.random.default_rng(seed)
-        n = 4
+        n = 3
         G = rng.standard_normal((2 * n, 3 * n))
         K = rng.uniform(0.02, 0.2) * G @ G.T / n + np.eye(2 * n)
         system = small_system(K, {"a": np.zeros(2 * n)}, rng.uniform(0.1, 1.5, n))
