@@ -161,7 +161,7 @@ FREE = """title="x" | units.length="mm" | accuracy.tolerance=0.1
 | output.cycles=[1] | output.samples_per_leg=40"""
 BOUND = """contact.friction=0.3 | material.poisson=0.2 | mesh.degree=1 | body.height=1.5
 | load.p0.pressure=2.0 | history.minimum=0.1 | solver.branch="least dissipation"
-| output.samples_per_leg=41"""
+| output.samples_per_leg=41 | solver.symmetry="none" | contact.cohesion=0.1"""
 
 
 @pytest.mark.parametrize("change", [text.strip() for text in FREE.split("|")])
