@@ -193,6 +193,11 @@ class Segments:
             raise SingularExchange
         return self.segment(state, q, direction)
 
+    def is_near(self, state: States) -> bool:
+        """Return whether the tableau is brought to the given states by a few exchanges."""
+        tableau = self._tableau
+        return tableau is not None and np.count_nonzero(tableau.state != state) <= 16
+
     def segment(self, state: States, q: Array, direction: Array) -> Segment:
         """Return the segment with rates (4N,) along a leg; those of low friction are corrected."""
         forces = q * self.weight
