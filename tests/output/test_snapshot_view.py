@@ -102,7 +102,10 @@ def test_pictures_are_in_the_units_of_the_scene() -> None:
     assert view.x == pytest.approx(record.x, rel=1e-14)
     assert view.p == pytest.approx(record.turning_points.p[1], rel=1e-9)
     assert view.stress["von_mises"].max() == pytest.approx(fields.stress["von_mises"].max())
-    check_words(told(page_of(view), "in units"), REPORTS / "page_in_units.txt")
+    shown = told(page_of(view), "in units")
+    # a mesh on several ranks begins elsewhere
+    known = [line for line in shown if not line.startswith("LineCollection")]
+    check_words(known, REPORTS / "page_in_units.txt")
 
 
 @pytest.mark.one_rank
