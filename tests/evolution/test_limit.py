@@ -145,10 +145,6 @@ def test_the_limit_and_cycles_to_come_are_those_played(minimum: float, cycles: i
     assert not found.walks
     assert np.abs(ends[0] - ends[-1]).max() > 1e-7 * size
     assert np.abs(found.u - ends[-1]).max() < 1e-11 * size
-    for start, end in found.others:  # releases come in another order there
-        n = int(np.argmin([np.abs(start - u).max() for u in ends]))
-        assert n > 0 and np.abs(start - ends[n]).max() < 1e-11 * size
-        assert np.abs(end - ends[n + 1]).max() < 1e-11 * size
     if minimum == 0.6:  # it shakes down: the nodes that drift slip nowhere in the limit
         assert np.any(found.drifting)
 

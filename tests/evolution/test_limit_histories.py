@@ -78,7 +78,7 @@ def test_the_limit_of_a_wedge_damper_is_that_of_plain_cycles(elements: int) -> N
 @pytest.mark.parametrize(
     ("made", "seed"),
     [(under_four_loads, seed) for seed in (12, 38, 338, 428, 738, 4239, 91729, 702941)]
-    + [(tall_under_four_loads, seed) for seed in (13, 20985, 101054)]
+    + [(tall_under_four_loads, seed) for seed in (13, 24, 20985, 101054)]
     + [(gapped_under_four_loads, 800766)]
     + [(directed_under_four_loads, seed) for seed in (800817, 8800759)],
 )
@@ -98,14 +98,20 @@ def test_limits_under_several_loads_are_those_of_plain_cycles(
     limit = rf.evolve(block, table(block, path, loop, 300), until="limit")
     plain = rf.evolve(block, table(block, path, loop, 1000), solver, until="steady")
     assert_same(limit, plain)
-    # from any cycle on the limit is foreseen, or refused
-    last, force = turning_point(plain, block, -1).u, plain.turning_points.P.max()
-    for number in range(1, 12):
-        row, segments = plain.start_row(number), Segments(frictional_form(block))
-        start = turning_point(plain, block, row)  # type: ignore[arg-type]
+    # from any cycle on the limit is foreseen or refused, and cycles that release in other orders
+    rows = [row for row in map(plain.start_row, range(1, 1000)) if row is not None]
+    starts, force = [turning_point(plain, block, row) for row in rows], plain.turning_points.P.max()
+    u, others = np.array([start.u for start in starts]), 0
+    close, segments = 1e-6 * np.abs(u[-1]).max(), Segments(frictional_form(block))
+    for start in starts[:11]:
         with suppress(NoLimit):
             tail = follow(trace(segments, start, np.array(loop), force), force, 1e-10 * force)
-            assert np.abs(tail.u - last).max() < 1e-6 * np.abs(last).max(), number
+            assert np.abs(tail.u - u[-1]).max() < close
+            for begin, end in tail.others:
+                n = int(np.argmin(np.abs(u - begin).max(axis=1)))
+                assert n > 0 and np.abs(u[n : n + 2] - [begin, end]).max() < 1e-3 * close
+                others += 1
+    assert others or seed not in (24, 702941)
 
 
 def rocked() -> tuple[ContactSystem, rf.History]:
