@@ -199,7 +199,7 @@ def test_pylife_has_the_lives_of_the_same_line(record_with_a_crack: rf.Record) -
 def test_figures_and_numbers_of_a_crack_are_what_is_known(record_with_a_crack: rf.Record) -> None:
     record = record_with_a_crack
     crack = rf.short_cracks(record)["crack"]
-    names = "fatigue_crack", "crack_crack"
+    names = "fatigue_edge", "fatigue_crack", "crack_crack"
     drawn = dict(rf.figures.draw_all(record))
     shown = [line for name in names for line in told(drawn[name], name)]
     # 0 and 180 degrees are one plane
