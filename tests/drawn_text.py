@@ -1,10 +1,9 @@
-"""What a figure shows: its texts, whether they can be read, and all that it draws, in words."""
+"""What a figure shows: its texts, whether they can be read, and the looks of what it draws."""
 
 from __future__ import annotations
 
 import re
 import tempfile
-from collections import defaultdict
 from collections.abc import Iterable, Iterator
 from itertools import zip_longest
 from pathlib import Path
@@ -103,83 +102,40 @@ def check_figures(drawn: Iterable[tuple[str, Figure]], known: Path) -> None:
 
 
 def told(figure: Figure, name: str) -> list[str]:
-    """Return all that a figure draws, a line each: texts, legends, axes, curves, areas.
-
-    Of points there are their number, the lowest, the highest, the first and the mean place.
-    """
-    width, height = figure.get_size_inches()
-    lines = [
-        f"-- {name}: {width:.2f} x {height:.2f}",
-        *(f"text: {t.get_text()}" for t in figure.texts),
-    ]
-    lines += [f"legend: {entry}" for legend in figure.legends for entry in _entries(legend)]
+    """Return the words of a figure and the looks of what it draws; where that lies is not told."""
+    lines = [f"-- {name}", *(f"text: {t.get_text()}" for t in figure.texts)]
+    lines += [_entries(legend) for legend in figure.legends]
     for axes in figure.axes:
-        places = _Places(axes)
         title = f"{axes.get_title()} {axes.get_title(loc='left')}"
-        lines.append(f"== {title if axes.axison else 'no axes'}")
-        for axis in (axes.xaxis, axes.yaxis) if axes.axison else ():
-            low, high = axis.get_view_interval()
-            lines.append(f"{axis.get_scale()}: {low:.4g} to {high:.4g} {axis.label.get_text()}")
-        lines += [f"{look}: {places(points)}" for look, points in _drawn(axes)]
+        labels = [f"{a.get_scale()} {a.label.get_text()}" for a in (axes.xaxis, axes.yaxis)]
+        lines += [f"== {title}", f"axes: {'; '.join(labels)}"] if axes.axison else ["== no axes"]
+        lines.append(f"drawn: {'; '.join(sorted(set(_looks(axes))))}")
         if legend := axes.get_legend():
-            lines += [f"legend inside: {entry}" for entry in _entries(legend)]
+            lines.append(f"inside {_entries(legend)}")
     return [" ".join(line.split()) for line in lines]
 
 
-def _entries(legend: Legend) -> list[str]:
+def _entries(legend: Legend) -> str:
     """Colours and texts of a legend."""
     found = []
     for handle, text in zip(legend.legend_handles, legend.get_texts(), strict=True):
         own: Any = handle
         colour = own.get_color() if hasattr(own, "get_color") else own.get_facecolor()
         found.append(f"{to_hex(colour)} {text.get_text()}")
-    return found
+    return f"legend: {'; '.join(found)}"
 
 
-def _drawn(axes: Axes) -> Iterator[tuple[str, np.ndarray]]:
-    """Curves, areas and texts by their looks, with their points; guides and boxes are together."""
-    found = defaultdict(list)
+def _looks(axes: Axes) -> Iterator[str]:
+    """Curves, areas and texts by their looks."""
     for line in axes.lines:
-        points = np.asarray(line.get_xydata(), dtype=float)
-        look = f"{line.get_linestyle()} {line.get_marker()} {line.get_linewidth():.2g}"
-        look = f"line {to_hex(line.get_color())} {look}"
-        if len(points) > 2:
-            yield look, points
-        else:
-            found[look].append(points)
+        if np.isfinite(line.get_xydata()).all(axis=1).any():
+            dash = f"{line.get_linestyle()} {line.get_marker()} {line.get_linewidth():.2g}"
+            yield f"line {to_hex(line.get_color())} {dash}"
     for shape in axes.collections:
-        if isinstance(shape, QuadMesh):
-            corners, values = np.asarray(shape.get_coordinates()), np.asarray(shape.get_array())
-            yield f"mesh of mean {values.mean():.4g}", corners.reshape(-1, 2)
-            continue
         colours = to_rgba_array(shape.get_facecolor())
         if not len(colours):
             colours = to_rgba_array(shape.get_edgecolor())
-        for k, path in enumerate(shape.get_paths()):
-            look = f"{type(shape).__name__} {to_hex(colours[k % len(colours)])}"
-            found[look].append(np.asarray(path.vertices))
-    for patch in axes.patches:
-        box = patch.get_transform().transform_path(patch.get_path()).get_extents()
-        ends = np.asarray(axes.transData.inverted().transform(box))
-        found[f"patch {to_hex(patch.get_facecolor())}"].append(ends)
-    for text in axes.texts:
-        tip: Any = getattr(text, "xy", ())  # of an arrow
-        where = [text.get_position(), *([tip] if tip else [])]
-        found[f"'{text.get_text()}' {text.get_color()}"].append(np.array(where, dtype=float))
-    yield from ((look, np.vstack(points)) for look, points in found.items())
-
-
-class _Places:
-    """Points in words; less than a millionth of the axes is zero."""
-
-    def __init__(self, axes: Axes) -> None:
-        self.small = 1e-6 * np.abs([np.ptp(axes.get_xlim()), np.ptp(axes.get_ylim())])
-
-    def __call__(self, points: np.ndarray) -> str:
-        known = points[np.isfinite(points).all(axis=1)]
-        if not len(known):
-            return "nothing"
-        rows = [known.min(axis=0), known.max(axis=0), known[0], known.mean(axis=0)]
-        shown = [*known] if len(known) < 3 else rows
-        zeroed = [np.where(np.abs(row) < self.small, 0.0, row) for row in shown]
-        return " ".join([str(len(known)), *(f"({x:.4g} {y:.4g})" for x, y in zeroed)])
+        shades = [] if isinstance(shape, QuadMesh) else np.unique(colours, axis=0)
+        yield " ".join([type(shape).__name__, *(to_hex(shade) for shade in shades)])
+    yield from (f"patch {to_hex(patch.get_facecolor())}" for patch in axes.patches)
+    yield from (f"'{text.get_text()}' {to_hex(text.get_color())}" for text in axes.texts)
