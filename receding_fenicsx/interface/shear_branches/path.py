@@ -141,6 +141,8 @@ class BranchedPath:
             problem = replace(whole, start=leg.end, s_start=s, force_scale=leg.force_scale)
             trial, end, error = self._piece(now, problem, target)
             at, wrong = self._first_passed(now, problem, (trial, end), error)
+            # said where no other branch leads on
+            ended = error if isinstance(error, NoEquilibrium) and at == end else None
             error = None if wrong else error
             if at > s + END_TOLERANCE or (error is None and not wrong):
                 if error is None and at >= target - END_TOLERANCE:
@@ -148,7 +150,7 @@ class BranchedPath:
                 elif error is None:
                     trial, at, error = self._piece(now, problem, at)
                 self._add(leg, trial, (s, at))
-                s, tried, lost = at, Tried(self.cones), None
+                s, tried, lost = at, Tried(self.cones), ended
             if error is None and (not wrong or s >= target):
                 continue
             if error is not None:
@@ -161,7 +163,7 @@ class BranchedPath:
                     f"(x = {self.system.x[node]:.6g}) opens under the shear force of its "
                     "cohesion, which it loses at once; reduce [contact] cohesion or the load range"
                 )
-            lost = lost or error
+            lost = lost or error or ended
             new = tried.following(now, wrong)
             if new is None:
                 lost = lost or self._no_branch(wrong[0][1], load)
@@ -249,7 +251,7 @@ class BranchedPath:
                 at = np.where(below[j], s[i] + before / (before - after) * (s[j] - s[i]), np.inf)
             first = float(at.min())
             wrong = [(int(k), int(n)) for k, n in np.argwhere(at <= first + END_TOLERANCE)]
-        elif isinstance(error, NoQuasiStaticContinuation):
+        elif isinstance(error, NoEquilibrium | NoQuasiStaticContinuation):
             tied = (margins[-1, :2] <= slack) & (found.end.state != SEPARATION)
             # a stuck node may leave a shear limit that friction has fallen below
             tied |= now.on_limit & ~self.cones.branches_of(found.end).on_limit
