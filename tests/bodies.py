@@ -24,7 +24,6 @@ CELLS = ("triangle", "quadrilateral")
 ELEMENTS = pytest.mark.parametrize(("cell", "degree"), [("triangle", 2), ("quadrilateral", 1)])
 """For what does not depend on the element; an own assembly is compared with all four."""
 
-RADIUS = 2.0
 YOUNG, NU = 2.0, 0.3
 ROUND = rf.Material(YOUNG, NU, "axisymmetric")
 ONCE = rf.HistoryOptions(kind="monotonic")

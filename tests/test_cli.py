@@ -1,5 +1,4 @@
 import errno
-import json
 import platform
 import re
 import subprocess
@@ -18,7 +17,6 @@ import receding_fenicsx as rf
 from receding_fenicsx import RunOptions, StudyOptions, cli, environment
 from receding_fenicsx.errors import InputError, SolveError
 from receding_fenicsx.output.plots.figures import draw_all
-from receding_fenicsx.store.hdf5 import read_system
 from receding_fenicsx.studies import run as study
 
 DEMOS = Path(__file__).parents[1] / "demos"
@@ -28,7 +26,6 @@ SMALL = [
     *("--set", "history.cycles=2"),
     *("--set", "solver.method=events"),
 ]
-MODULE = ("-m", "receding_fenicsx")
 Run = Callable[..., "subprocess.CompletedProcess[str]"]
 root = MPI.COMM_WORLD.rank == 0
 
@@ -126,17 +123,6 @@ def test_every_option_of_a_command_arrives_in_its_call(
     places = [Path(BLOCK), Path("o")] if name == "export" else [Path("o")]
     assert [x for x in known if isinstance(x, Path)] == places
     assert [x for x in known if not isinstance(x, Path)] == call
-
-
-def test_condense_saves_a_system(shared_tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    path = shared_tmp_path / "system.h5"
-    assert cli.main(["condense", BLOCK, *SMALL, "--out", str(path)]) == 0
-    assert ("41 contact nodes of the half body" in capsys.readouterr().out) == root
-    MPI.COMM_WORLD.Barrier()
-    assert read_system(path).n == 41
-    MPI.COMM_WORLD.Barrier()
-    assert cli.main(["condense", BLOCK, *SMALL, "--out", str(path)]) == 2
-    assert cli.main(["condense", BLOCK, *SMALL, "--out", str(path), "--overwrite"]) == 0
 
 
 def test_run_prints_a_table_and_no_progress_into_a_file(
@@ -265,20 +251,6 @@ def test_systems_are_exchanged_without_mpi(
 
 
 # -- as a program of its own, on one rank and more -----------------------------------------------
-
-
-def test_run_on_two_ranks_gives_the_answer_of_one(mpirun: Run, tmp_path: Path) -> None:
-    command = ["run", BLOCK, *SMALL, "--pictures", "none", "--out"]
-    assert cli.main([*command, str(tmp_path / "1")]) == 0
-    done = mpirun(2, *MODULE, *command, tmp_path / "2")
-    assert done.returncode == 0, done.stderr
-    assert done.stdout.count("contact nodes") == 1
-    one, two = (json.loads((tmp_path / n / "summary.json").read_text()) for n in "12")
-    assert two["ranks"] == 2
-    assert two["dissipation_per_cycle"] == pytest.approx(one["dissipation_per_cycle"], rel=1e-9)
-    for a, b in zip(one["turning_points"], two["turning_points"], strict=True):
-        assert a["zones"] == b["zones"]
-        assert a["p_max"] == pytest.approx(b["p_max"], rel=1e-9)
 
 
 FAILS_ALONE = """

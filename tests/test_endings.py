@@ -8,8 +8,6 @@ import shutil
 import string
 import subprocess
 import sys
-from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 
 from mpi4py import MPI
@@ -17,8 +15,6 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 from matplotlib.mathtext import MathTextParser
-from models import block_system
-from small import cyclic
 
 import receding_fenicsx as rf
 from receding_fenicsx.cli import main
@@ -26,7 +22,6 @@ from receding_fenicsx.output.plots.labels import load_symbol, peak, shown_name
 from receding_fenicsx.studies import run as study
 
 comm = MPI.COMM_WORLD
-Run = Callable[..., "subprocess.CompletedProcess[str]"]
 
 SCENE = """
 [mesh]
@@ -100,13 +95,6 @@ def test_forms_that_cannot_be_compiled_or_kept_are_told_in_one_line(
     )
     (told,) = (x for x in done.stderr.splitlines() if not x.startswith("/bin/sh"))
     assert done.returncode == code and re.search(f"error: .*{words}", told), told
-
-
-@pytest.mark.parametrize("factor", [1e-100, 1e100])
-def test_system_whose_energies_leave_the_range_of_the_numbers_is_refused(factor: float) -> None:
-    system = block_system(8, 2)
-    with pytest.raises(rf.InputError, match=r"energies of about .* beyond the range"):
-        rf.evolve(replace(system, r_star=factor * system.r_star), cyclic(1))
 
 
 def test_marks_of_utf_8_at_the_start_of_files_are_passed_over(shared_tmp_path: Path) -> None:

@@ -99,22 +99,6 @@ def test_run_leaves_all_files_and_returns_their_record(finished: Finished) -> No
         assert heard == []
 
 
-def test_initial_slip_is_taken_over() -> None:
-    """A slip that all nodes share and no stiffness resists leaves the tractions as they were.
-
-    The whole block is free to move along the plane, so v + c with the same reference is the same.
-    """
-    scene = small("history.kind=monotonic", "solver.symmetry=none")
-    moved = replace(scene, history=replace(scene.history, initial_slip=0.125))
-    a, b = study.run(scene, comm=comm), study.run(moved, comm=comm)
-    if a is not None and b is not None:
-        scale = np.abs(a.turning_points.P).max()
-        np.testing.assert_allclose(b.turning_points.P, a.turning_points.P, atol=1e-9 * scale)
-        centre = len(a.x) // 2
-        shift = b.turning_points.v[0, centre] - a.turning_points.v[0, centre]
-        np.testing.assert_allclose(shift, 0.125, rtol=1e-6)
-
-
 def test_instants_are_found_by_the_names_of_legs(finished: Finished) -> None:
     scene, (out, record, _) = small(), finished
     if record is not None:

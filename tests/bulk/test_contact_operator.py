@@ -20,7 +20,6 @@ from receding_fenicsx.timing import Timer
 
 pytestmark = pytest.mark.one_rank  # small bodies are condensed by one rank
 
-comm = MPI.COMM_WORLD
 Array = NDArray[np.float64]
 
 

@@ -3,15 +3,12 @@
 from dataclasses import replace
 from pathlib import Path
 
-from mpi4py import MPI
-
 import numpy as np
 import pytest
 from bodies import played
 
 import receding_fenicsx as rf
 
-comm = MPI.COMM_WORLD
 ONCE = rf.HistoryOptions(kind="monotonic")
 STRIP = (rf.Load("p", "b1.top", (-1.0, 1.0), pressure=1.0),)
 
@@ -91,20 +88,6 @@ def test_a_stack_that_nothing_holds_carries_balanced_loads(symmetry: str) -> Non
 # -- refusals ------------------------------------------------------------------------------------
 
 
-def pair_scene(**parts: object) -> rf.Scene:
-    """A block of 4 by 1 on one of 8 by 2 that stands on a support."""
-    scene = rf.Scene(
-        body=rf.Body("upper", width=4.0, position=(0.0, 2.0)),
-        others=(rf.Body("lower", width=8.0, height=2.0),),
-        mesh=rf.MeshOptions(contact_elements=12, degree=1),
-        contacts=(rf.Contact("upper.bottom", against="lower.top"),),
-        loads=(rf.Load("p0", "upper.top", (-1.0, 1.0), pressure=1.0),),
-        supports=(rf.Support("xy", edge="lower.bottom"),),
-        history=ONCE,
-    )
-    return replace(scene, **parts)  # type: ignore[arg-type]
-
-
 @pytest.mark.parametrize("symmetry", ["auto", "none", "axis"])
 @pytest.mark.parametrize("friction", [0.0, 0.35])
 def test_mirrored_bodies_and_loads_are_one_body_on_a_frictionless_plane(
@@ -140,7 +123,7 @@ def test_mirrored_bodies_and_loads_are_one_body_on_a_frictionless_plane(
 @pytest.mark.parametrize("young", [1e-9, 1e-18])
 def test_ratio_of_moduli_that_costs_too_many_figures_is_said(young: float) -> None:
     with pytest.raises(rf.SolveError, match="moduli closer together"):
-        played(pair_scene(materials=(rf.Material(young, 0.2, name="lower"),)))
+        played(layers(young=(young, 1.0)))
 
 
 def test_two_surfaces_of_one_file_balance_the_pull_on_their_oblique_pads() -> None:

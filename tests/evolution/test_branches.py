@@ -81,11 +81,9 @@ def test_rules_take_the_continuation_they_name() -> None:
 
 def test_load_steps_and_unknown_rules_are_refused() -> None:
     system, history = two_nodes()
-    for options, text in (
-        (rf.SolverOptions(branch="least dissipation", method="gauss-seidel"), "load steps find"),
-    ):
-        with pytest.raises(rf.InputError, match=re.escape(text)):
-            rf.evolve(system, history, options)
+    steps = rf.SolverOptions(branch="least dissipation", method="gauss-seidel")
+    with pytest.raises(rf.InputError, match="load steps find"):
+        rf.evolve(system, history, steps)
     with pytest.raises(rf.InputError, match="follows all branches"):
         rf.branches(system, history, solver=rf.SolverOptions(method="gauss-seidel"))
     loop = history.path[[1, 2, 1]]

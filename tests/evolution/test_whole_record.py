@@ -19,8 +19,6 @@ from receding_fenicsx.interface.system import ProbeMatrix, eliminate_tangential
 
 pytestmark = pytest.mark.one_rank
 
-"""State of the mirror image of a node."""
-
 
 def dressed(number: int) -> Problem | None:
     """Return a random problem with all that a contact may carry; None for a nearly singular one.

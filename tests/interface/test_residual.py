@@ -5,7 +5,7 @@ import pytest
 from small import small_system
 
 from receding_fenicsx.interface.law import State
-from receding_fenicsx.interface.residual import largest_force, law_residual, residual_at_rest
+from receding_fenicsx.interface.residual import law_residual, residual_at_rest
 from receding_fenicsx.interface.system import ContactState
 
 K_T, K_N, F = 2.0, 5.0, 0.5
@@ -56,10 +56,3 @@ def test_pulled_node_has_no_friction_limit() -> None:
     pulled, u = np.array([0.1, -0.25]), np.array([0.0, -0.125])
     found = law_residual(SYSTEM, pulled, u, np.zeros(1), stiffness)
     assert found == pytest.approx([0.1, 0.25], abs=1e-15)
-
-
-def test_force_scale_of_an_open_contact_is_that_of_the_held_reactions() -> None:
-    none = np.zeros(2)
-    assert largest_force(SYSTEM, np.array([-3.0]), none, 0.0) == pytest.approx(0.03)
-    assert largest_force(SYSTEM, np.array([3.0]), np.array([-2.0, 1.0]), 0.5) == 2.0
-    assert largest_force(SYSTEM, np.array([3.0]), none, 7.0) == 7.0

@@ -92,19 +92,6 @@ def curve(axes: Axes, n: int) -> np.ndarray:
     return np.array(lines[n].get_data(), dtype=float).T
 
 
-@pytest.mark.parametrize("kind", ["table", "harmonic"])
-def test_areas_of_all_loops_are_the_dissipation(kind: str) -> None:
-    found = fretting(kind)
-    last = len(found.cycles.dissipation)
-    axes = rf.figures.hysteresis(found, last).axes
-    # stress times area and force times length, both for unit thickness
-    work = 0.0
-    for left in axes[::2]:
-        x, y = curve(left, 0).T
-        work += float(np.sum(0.5 * (y[1:] + y[:-1]) * np.diff(x)))
-    assert work == pytest.approx(found.cycles.dissipation[-1], rel=0.01)
-
-
 def check_curves(axes: Axes, *known: tuple[np.ndarray, np.ndarray]) -> None:
     """Assert that the curves of axes, without guides and dots, are these in this order."""
     lines = [line for line in axes.lines if len(line.get_xdata()) > 2]  # type: ignore[arg-type]

@@ -22,7 +22,7 @@ from receding_fenicsx.arrays import Array
 from receding_fenicsx.errors import RecedingError
 from receding_fenicsx.output.plots import style
 from receding_fenicsx.output.snapshots.draw import snapshots
-from receding_fenicsx.output.snapshots.page import QUANTITIES, colours_of, fringe_value
+from receding_fenicsx.output.snapshots.page import QUANTITIES, colours_of
 from receding_fenicsx.output.snapshots.render import Pixels, render
 from receding_fenicsx.output.snapshots.view import load_arrows
 from receding_fenicsx.pictures import picture_body
@@ -152,13 +152,6 @@ def test_loads_on_a_cylinder_are_drawn_on_both_sides_of_its_axis(load: Load) -> 
     assert reach == pytest.approx(2.0 if load.platen else 1.0, abs=0.3)
     assert length[:, 1] == pytest.approx(length[0, 1]) and length[0, 1] < 0.0
     assert np.all(np.diff(length[:, 0]) > 0.0) != load.platen
-
-
-@pytest.mark.parametrize(
-    ("largest", "expected"), [(1.0, 0.1), (1.99, 0.1), (2.0, 0.2), (7e6, 5e5), (0.0, 1.0)]
-)
-def test_value_of_a_fringe_is_round_and_leaves_ten(largest: float, expected: float) -> None:
-    assert fringe_value(largest) == pytest.approx(expected)
 
 
 def test_colours_of_a_signed_stress_are_pale_at_zero_only() -> None:

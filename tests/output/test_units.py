@@ -20,7 +20,6 @@ from matplotlib.text import Text
 import receding_fenicsx as rf
 from receding_fenicsx.output.plots.labels import (
     Scales,
-    describe_factor,
     kind_of,
     length_of,
     three_digits,
@@ -245,15 +244,6 @@ def test_tractions_are_divided_by_the_one_pressure_of_a_scene(
     other = replace(record, scene_toml=rf.to_toml(replace(record.scene, loads=loads)))
     axes = rf.figures.tractions(other, other.at(1, "minimum")).axes[1]
     assert ("/" in axes.get_ylabel()) == divided
-
-
-@pytest.mark.parametrize(
-    ("part", "words"),
-    [(0.0, "0"), (1.0, "q^"), (-1.0, "-q^"), (2 / 3, r"\frac{2}{3}\,q^"), (0.3, r"0.3\,q^")],
-)
-def test_load_factors_are_described_by_parts_of_the_largest(part: float, words: str) -> None:
-    assert describe_factor("q", part).startswith(f"$q = {words}")
-    assert describe_factor("bulk", 0.25) == "bulk at $0.25$ of its largest"
 
 
 def test_numbers_in_titles_have_three_digits_and_no_letter_e() -> None:

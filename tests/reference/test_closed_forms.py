@@ -1,7 +1,5 @@
 """Closed forms and values by themselves: forces from tractions, limits, quadratures."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from numpy.polynomial import polynomial
@@ -191,18 +189,3 @@ def test_constant_normal_force_gives_the_loop_of_cattaneo_and_mindlin(part: floa
     if part == 0.1:
         half = CattaneoMindlin(HERTZ, F, 0.5 * largest).dissipation()
         assert known / half == pytest.approx(8.0, rel=0.05)
-
-
-def test_dissipation_scales_with_force_and_modulus() -> None:
-    P, Q = 2.0 + np.cos(ANGLE), 0.3 * np.sin(ANGLE)
-    once = cycle_dissipation(HERTZ, F, P, Q)
-    assert cycle_dissipation(HERTZ, F, 3.0 * P, 3.0 * Q) == pytest.approx(9.0 * once, rel=1e-9)
-    assert cycle_dissipation(replace(HERTZ, modulus=0.5 * HERTZ.modulus), F, P, Q) == pytest.approx(
-        2.0 * once
-    )
-
-
-def test_opposite_phases_dissipate_the_same() -> None:
-    P = 2.0 + np.cos(ANGLE)
-    turned = [cycle_dissipation(HERTZ, F, P, 0.3 * np.cos(ANGLE - a)) for a in (0.7, 0.7 + np.pi)]
-    assert turned[0] == pytest.approx(turned[1], rel=1e-12)

@@ -22,7 +22,6 @@ from test_workers import wait_for_end_of
 
 import receding_fenicsx as rf
 from receding_fenicsx import cli
-from receding_fenicsx.store.workspace import Case
 from receding_fenicsx.studies import runner
 from receding_fenicsx.studies.sweep import read_over
 
@@ -360,21 +359,3 @@ def test_the_command_prints_a_short_table_and_says_where_the_rest_is(
         assert len(shown) <= 30
         assert shown[-3:] == ["... 5 more rows", "25 cases", f"written to {out / 'sweep.csv'}"]
         assert json.loads((out / "sweep.json").read_text())["over"]["history.minimum"][1] == 0.125
-
-
-@pytest.mark.one_rank
-@pytest.mark.parametrize("shares", [True, False])
-def test_failed_cases_are_tried_again_where_others_depend_on_them(
-    shares: bool, tmp_path: Path
-) -> None:
-    calls = []
-
-    def fail() -> dict[str, Any]:
-        calls.append(1)
-        raise rf.SolveError("fails")
-
-    kind = runner.Kind("trial", "trial.json", shares=shares)
-    study = runner.Study(None, lambda cases: cases.outcomes([Case("one")], fail))
-    for resume in (False, True):
-        runner.run_study(kind, lambda: study, tmp_path, None, rf.StudyOptions(resume=resume))
-    assert len(calls) == (1 if shares else 2)

@@ -3,17 +3,12 @@
 from dataclasses import replace
 from pathlib import Path
 
-from mpi4py import MPI
-
 import numpy as np
 import pytest
 from bodies import block, played
 
 import receding_fenicsx as rf
 from receding_fenicsx.bulk.mesh.raw_mesh import RawMesh, curve_of
-
-comm = MPI.COMM_WORLD
-
 
 WALLS = (rf.Contact(span=(-1.5, 1.5)), rf.Contact("left"), rf.Contact("right", friction=0.1))
 """The block between two walls, on a plane that ends before them."""

@@ -2,11 +2,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from models import block_system
-from small import cyclic, small_system, table
+from small import small_system, table
 
 import receding_fenicsx as rf
-from receding_fenicsx.evolution.evolve import evolve
 from receding_fenicsx.interface.law import Friction
 from receding_fenicsx.interface.measures.steady import (
     CycleEnd,
@@ -14,8 +12,6 @@ from receding_fenicsx.interface.measures.steady import (
     fit_power_law,
     limit_of_decay,
 )
-
-SMALL = block_system(40, 20)
 
 
 def test_a_power_law_is_fitted_to_three_non_zero_values_at_least() -> None:
@@ -180,15 +176,3 @@ def test_a_body_walks_without_dissipation_where_a_direction_has_no_friction(
     record = rf.evolve(body, history, until=until)
     assert record.steady.kind == "ratchetting"
     assert record.cycles.slip_increment[-1] == pytest.approx([backward - 1.0] * 2, rel=1e-12)
-
-
-def test_the_block_reaches_cyclic_slip_and_its_limit_is_foreseen() -> None:
-    record = evolve(SMALL, cyclic(150))
-    D = record.cycles.dissipation
-    assert record.steady.kind == "cyclic slip"
-    n = record.steady.cycle
-    assert np.all(record.steady.change[n - 2 : n] < 1e-8)
-    assert record.steady.change[n - 3] >= 1e-8
-    name, _, limit = limit_of_decay(D[:40])
-    assert name == "rate"
-    assert abs(limit - D[-1]) < 0.2 * abs(D[39] - D[-1])
