@@ -1,5 +1,6 @@
 """Condensed systems of one or two nodes for models worked out on paper, and histories for them."""
 
+import dataclasses
 import re
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -16,6 +17,19 @@ def named_loads(error: BaseException, *names: str) -> list[float]:
     """Return the load factors that an error names; of each name the first."""
     said = [re.search(rf"(?<!\w){re.escape(name)} = ([-+.\de]+)", str(error)) for name in names]
     return [float(found[1]) for found in said if found is not None]
+
+
+def assert_same_bits(a: object, b: object, place: str = "") -> None:
+    """Fail unless two records, systems or parts of them are the same in every bit."""
+    if dataclasses.is_dataclass(a):
+        for field in dataclasses.fields(a):
+            one, other = (getattr(each, field.name) for each in (a, b))
+            assert_same_bits(one, other, f"{place}.{field.name}")
+    elif isinstance(a, np.ndarray):
+        assert isinstance(b, np.ndarray) and a.dtype == b.dtype and a.shape == b.shape, place
+        assert a.tobytes() == b.tobytes(), place
+    else:
+        assert type(a) is type(b) and (a == b or (a != a and b != b)), place  # NaN
 
 
 def small_system(

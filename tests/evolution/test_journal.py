@@ -1,4 +1,3 @@
-import dataclasses
 import re
 from contextlib import suppress
 from dataclasses import replace
@@ -7,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from models import block_system
-from small import cyclic, small_system, table
+from small import assert_same_bits, cyclic, small_system, table
 
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.evolution import journal as journal_module
@@ -33,18 +32,6 @@ def every_checkpoint_is_written(monkeypatch: pytest.MonkeyPatch) -> None:
 
 class Killed(BaseException):
     """Stands for what ends a process between two instructions."""
-
-
-def equal(a: object, b: object, place: str = "record") -> None:
-    """Fail unless two records are the same in every bit."""
-    if dataclasses.is_dataclass(a):
-        for field in dataclasses.fields(a):
-            equal(getattr(a, field.name), getattr(b, field.name), f"{place}.{field.name}")
-    elif isinstance(a, np.ndarray):
-        assert isinstance(b, np.ndarray) and a.dtype == b.dtype and a.shape == b.shape, place
-        assert a.tobytes() == b.tobytes(), place
-    else:
-        assert a == b or (a != a and b != b), place  # NaN
 
 
 def play(
@@ -101,7 +88,7 @@ def test_run_gone_on_with_has_samples_of_the_cycles_that_are_asked_for_then(
         one, other = getattr(record.samples, name), getattr(undisturbed.samples, name)
         assert np.abs(one - other).max() <= 1e-11 * np.abs(other).max(), name
     # asking for them leaves no trace in the path
-    equal(record.cycles, play(BLOCK, cyclic(14), solver, journal=Journal(5)).cycles)
+    assert_same_bits(record.cycles, play(BLOCK, cyclic(14), solver, journal=Journal(5)).cycles)
 
 
 JUMPER = small_system([[2.0, 1.5], [1.5, 2.0]], {"a": [1.0, 1.0], "b": [0.0, -1.0]}, 2.0)
@@ -135,7 +122,7 @@ def test_run_gone_on_with_is_the_undisturbed_one_in_every_bit(
     undisturbed = play(system, history, solver, journal=Journal(every))
     journal = interrupted(tmp_path / "journal", killed, history, system, solver, every)
     assert len(journal.cycles) == every * (killed // every) + 1
-    equal(play(system, history, solver, journal=journal), undisturbed)
+    assert_same_bits(play(system, history, solver, journal=journal), undisturbed)
     # of these the totals and doubts are not those of an unjudged beginning
     unique = undisturbed.uniqueness
     assert unique is not None and undisturbed.jumps == (system is JUMPER)

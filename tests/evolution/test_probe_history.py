@@ -38,28 +38,16 @@ def solved() -> tuple[rf.ContactSystem, rf.Record] | None:
     return None if system is None else (system, rf.evolve(system, small()))
 
 
-def test_histories_on_a_system_and_files_keep_the_probes(tmp_path: Path) -> None:
+def test_a_probe_that_is_not_in_the_record_is_refused(tmp_path: Path) -> None:
     found = solved()
     if found is None:
         return
-    system, record = found
-    history = rf.history_from_scene(small())
-    again = rf.evolve(system, history, small().solver, small().output)
-    # a scene's checkpoints renew the solver: other round-off
-    a, b = (r.probe("deep") for r in (again, record))
-    corners = [probe.stress[probe.kind == "turning point"] for probe in (a, b)]
-    assert np.abs(corners[0] - corners[1]).max() < 1e-12
-    rf.write_record(tmp_path / "r.h5", record)
-    read = rf.read_record(tmp_path / "r.h5")
-    for name in ("deep", "edge"):
-        a, b = record.probe(name), read.probe(name)
-        assert all(np.array_equal(getattr(a, key), getattr(b, key)) for key in vars(a))
-    rf.write_record(tmp_path / "r.h5", replace(record, probes=None), overwrite=True)
-    assert rf.read_record(tmp_path / "r.h5").probes is None
-    with pytest.raises(rf.InputError, match="has no probes; add a table"):
-        rf.read_record(tmp_path / "r.h5").probe("deep")
+    record = found[1]
     with pytest.raises(rf.InputError, match="'dep': is not in the record; did you mean 'deep'"):
         record.probe("dep")
+    rf.write_record(tmp_path / "r.h5", replace(record, probes=None))
+    with pytest.raises(rf.InputError, match="has no probes; add a table"):
+        rf.read_record(tmp_path / "r.h5").probe("deep")
 
 
 def test_table_and_file_have_a_row_for_each_instant_and_point(tmp_path: Path) -> None:

@@ -8,7 +8,7 @@ import h5py
 import numpy as np
 import pytest
 from models import block_system, pushed_block
-from small import small_system, table
+from small import assert_same_bits, small_system, table
 
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.evolution.evolve import evolve
@@ -47,21 +47,6 @@ def record() -> Record:
     return evolved()
 
 
-def differences(a: object, b: object, path: str = "") -> list[str]:
-    """Names of the fields in which two nested dataclasses are not bitwise equal."""
-    if dataclasses.is_dataclass(a):
-        return [
-            name
-            for f in dataclasses.fields(a)
-            for name in differences(getattr(a, f.name), getattr(b, f.name), f"{path}/{f.name}")
-        ]
-    if isinstance(a, np.ndarray) and isinstance(b, np.ndarray):
-        same = a.dtype == b.dtype and a.shape == b.shape and a.tobytes() == b.tobytes()
-    else:
-        same = type(a) is type(b) and a == b
-    return [] if same else [path]
-
-
 # -- record.h5 -----------------------------------------------------------------------------------
 
 
@@ -74,7 +59,7 @@ def test_record_reads_back_bitwise(record: Record, tmp_path: Path) -> None:
     long = dataclasses.replace(record, scene_toml=f"{record.scene_toml}# {100_000 * 'x'}\n")
     for one in (record, short, forked, long):
         write_record(tmp_path / "record.h5", one, overwrite=True)
-        assert differences(one, read_record(tmp_path / "record.h5")) == []
+        assert_same_bits(one, read_record(tmp_path / "record.h5"))
         assert os.listdir(tmp_path) == ["record.h5"]
 
 

@@ -142,11 +142,8 @@ def test_a_block_of_own_elements_is_condensed(write: Writer, tmp_path: Path) -> 
     assert system.weight.sum() == COLUMNS
 
 
-HISTORY = np.array([[1.0, 0.0], [1.0, 1.0], [1.0, -1.0], [1.0, 1.0]])
-
-
 @pytest.mark.parametrize("form", ["market", "abaqus", "lower case", "calculix"])
-def test_an_imported_system_has_the_path_of_the_arrays_bit_by_bit(
+def test_an_imported_system_holds_the_arrays_bit_by_bit(
     form: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     block = Block()
@@ -174,27 +171,21 @@ def test_an_imported_system_has_the_path_of_the_arrays_bit_by_bit(
         f"{n} contact nodes, 3 rigid motion(s), P (pressed by 0.06), Q (" in capsys.readouterr().out
     )
     imported = rf.read_system(tmp_path / "system.h5")
-    assert np.array_equal(imported.K, K)
-    by_hand = rf.ContactSystem(
-        x=block.points[:, 0] - COLUMNS / 2,
-        points=block.points,
-        weight=np.array([0.5, *[1.0] * (n - 2), 0.5]),
-        K=K,
-        r_star=np.array(list(r_star.values())),
-        load_names=("P", "Q"),
-        f=np.full(n, 0.32),
-        g0=np.zeros(n),
-        held=np.zeros(2 * n, dtype=bool),
-        rigid=imported.rigid,
-        load_compliance=np.zeros((2, 2)),
-        load_sign=-np.ones(2),
-    )
-    history = rf.History(("P", "Q"), np.vstack([[0.0, 0.0], HISTORY[:2]]), HISTORY[1:], 3)
-    a, b = (rf.evolve(system, history) for system in (imported, by_hand))
-    assert len(a.events.cycle) > 10 and a.cycles.dissipation[-1] > 0.0
-    for table in ("turning_points", "events", "cycles"):
-        for key, value in vars(getattr(a, table)).items():
-            assert np.array_equal(value, getattr(getattr(b, table), key)), (table, key)
+    by_hand = {
+        "x": block.points[:, 0] - COLUMNS / 2,
+        "points": block.points,
+        "weight": [0.5, *[1.0] * (n - 2), 0.5],
+        "K": K,
+        "r_star": list(r_star.values()),
+        "load_names": ("P", "Q"),
+        "f": np.full(n, 0.32),
+        "g0": np.zeros(n),
+        "held": np.zeros(2 * n),
+        "load_compliance": np.zeros((2, 2)),
+        "load_sign": -np.ones(2),
+    }
+    for name, known in by_hand.items():
+        assert np.array_equal(getattr(imported, name), known), name
 
 
 def test_supports_hold_and_interior_nodes_can_be_fixed(tmp_path: Path) -> None:
