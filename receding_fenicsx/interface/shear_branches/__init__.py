@@ -19,7 +19,8 @@ with the weight $m$ of the node; an open node has $Q = 0$.
    rates decide in the new branches. Where no rates lead on there, the branches of other nodes are
    changed instead (`path`: `Tried`).
 3. **Bonds.** Cohesion acts while a node touches. A node that opens under shear loses a force at
-   once: no quasi-static path leads on, the contact jumps.
+   once: no quasi-static path leads on, the contact jumps. Of a few nodes that touch without a
+   force all sets of bonds are tried.
 4. **Load steps.** A step is solved in the branches that limit $Q$ at its end; one in which a bond
    forms or breaks is followed exactly.
 """

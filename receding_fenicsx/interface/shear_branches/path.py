@@ -150,6 +150,13 @@ class BranchedPath:
                     at = target
                 elif error is None:
                     trial, at, error = self._piece(now, problem, at)
+                    # round-off may let nodes land at its end: they do so with their bonds
+                    lands = self.cones.cohesive & ~now.bonded & (trial.end.state != SEPARATION)
+                    if lands.any():
+                        state = np.where(lands, np.int8(SEPARATION), trial.end.state)
+                        trial.end = replace(trial.end, state=state)
+                        rest = [e for e in trial.events if not lands[e[1]] or e[3] == SEPARATION]
+                        trial.events = Changes.of(rest)
                 self._add(leg, trial, (s, at))
                 s, tried, lost = at, Tried(self.cones), ended
             if error is None and (not wrong or s >= target):
