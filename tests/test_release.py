@@ -77,12 +77,7 @@ def commands(workflow: Any) -> Iterator[str]:
 def test_workflows_run_scripts_and_extras_of_the_project(path: Path) -> None:
     workflow = loaded(path)
     assert workflow["name"] == path.stem and True in workflow  # YAML 1.1 takes "on" for true
-    check_commands(commands(workflow))
-
-
-def check_commands(lines: Iterator[str] | list[str]) -> None:
-    """Scripts that are called, and extras that are installed, have to be there."""
-    for line in lines:
+    for line in commands(workflow):
         for script in re.findall(r"(?:bash|python3?) ([\w./]+)", line):
             assert (ROOT / script).is_file(), line
         for extras in re.findall(r"\.\[([\w,]+)\]", line):

@@ -1,6 +1,5 @@
 """The condensed body: against an own assembly, between ranks, after a turn, with faults."""
 
-import errno
 from pathlib import Path
 from typing import Any
 
@@ -12,9 +11,9 @@ from bodies import block, built, condense
 from models import block_system
 from numpy.typing import NDArray
 
-from receding_fenicsx.bulk import _dolfinx, schur
+from receding_fenicsx.bulk import schur
 from receding_fenicsx.bulk.schur import norm
-from receding_fenicsx.errors import InputError, SolveError
+from receding_fenicsx.errors import SolveError
 from receding_fenicsx.interface.system import ContactSystem
 from receding_fenicsx.scene.model import Scene
 
@@ -77,21 +76,6 @@ def test_lost_rigid_motions_would_be_noticed(monkeypatch: pytest.MonkeyPatch) ->
     monkeypatch.setattr(schur, "factorise", spoilt)
     with pytest.raises(SolveError, match="resists a rigid motion by"):
         system_of(block())
-
-
-@pytest.mark.one_rank
-@pytest.mark.parametrize(
-    ("code", "kind", "words"),
-    [
-        (errno.EACCES, InputError, "f: compiled forms cannot be kept there .no.; set XDG_CACHE_H"),
-        (errno.ENOSPC, OSError, "no: 'f'"),
-    ],
-)
-def test_a_cache_that_cannot_be_written_is_named_and_a_full_disk_is_one(
-    code: int, kind: type[Exception], words: str
-) -> None:
-    with pytest.raises(kind, match=words), _dolfinx._quiet():
-        raise OSError(code, "no", "f")
 
 
 @pytest.mark.one_rank

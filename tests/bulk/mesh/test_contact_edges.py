@@ -1,7 +1,6 @@
 """Several contact edges in one system, oblique ones among them."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -16,17 +15,12 @@ DIRECTIONS = {"bottom": (0.0, 1.0), "left": (1.0, 0.0), "right": (-1.0, 0.0)}
 """n of each edge."""
 
 
-def box(load: rf.Load | None = None) -> rf.Scene:
-    history = rf.HistoryOptions(cycles=3, minimum=0.2)
-    return block("triangle", 1, 24, load=load, contacts=WALLS, history=history)
-
-
 @pytest.mark.parametrize("friction", [0.0, 0.3])
 def test_forces_of_three_edges_balance_the_load(friction: float) -> None:
     contacts = tuple(replace(contact, friction=friction) for contact in WALLS)
     side = rf.Load("side", "top", traction=(0.2, -0.5))
     table = rf.HistoryOptions("table", columns=("side",), rows=((1.0,), (0.3,)))
-    record = played(replace(box(load=side), contacts=contacts, history=table))
+    record = played(block("triangle", 1, 24, load=side, contacts=contacts, history=table))
     total = np.zeros((2, 2))
     for name, part in record.by_edge().items():
         n = np.array(DIRECTIONS[name])
@@ -37,22 +31,6 @@ def test_forces_of_three_edges_balance_the_load(friction: float) -> None:
         total += states.Q.sum(axis=1)[:, None] * t + states.P.sum(axis=1)[:, None] * n
     assert total == pytest.approx(np.outer([1.0, 0.3], [-0.8, 2.0]), abs=1e-10)
     assert record.energy_error_max < 1e-10 and record.residual_max < 1e-11
-
-
-@pytest.mark.one_rank
-def test_summaries_and_figures_know_the_edges(tmp_path: Path) -> None:
-    record = played(box())
-    summary = rf.summarise(record)
-    rows = summary["turning_points"]
-    assert [row["edge"] for row in rows[:3]] == ["bottom", "left", "right"]
-    assert len(rows) == 3 * len(record.turning_points.s)
-    assert rows[1]["zones"][0][1] == pytest.approx(-0.5) and rows[1]["zones"][-1][2] == 0.5
-    assert "left" in rf.run_table(summary)
-    with pytest.raises(rf.InputError, match="several contact edges; ask one of them"):
-        record.at(cycle=1)
-    made = rf.figures.plot_all(record, tmp_path / "figures", ("svg",), everything=False)
-    folders = {file.parent.name for file in made}
-    assert folders == {"figures", "bottom", "left", "right"} and len(made) == len(set(made))
 
 
 def test_normals_of_an_arc_of_unequal_facets_are_those_of_its_circle() -> None:
