@@ -53,6 +53,9 @@ def test_a_motion_that_nothing_determines_leaves_branches_that_are_not_found(
     tree = rf.branches(body, table(body, [[0, 0], loads]))
     assert tree.complete == complete and ("may be more" in str(tree)) != complete
     assert all(rf.given(b.record.uniqueness).certified == complete for b in tree)
+    # what another first loading proves later does not prove this one
+    record = rf.evolve(body, table(body, [[0, 0], loads, [0, 0], [1, 0.4]]))
+    assert rf.given(record.uniqueness).first_loading_proved == complete
 
 
 def test_an_error_names_the_first_choices_before_it() -> None:

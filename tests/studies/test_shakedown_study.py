@@ -14,8 +14,9 @@ from small import small_system
 
 import receding_fenicsx as rf
 from receding_fenicsx import cli
+from receding_fenicsx.interface.shakedown.margins import load_range, prepared, with_bound
 from receding_fenicsx.output.report.run import limit_rows
-from receding_fenicsx.studies.shakedown.study import diagram_figure
+from receding_fenicsx.studies.shakedown.study import diagram_figure, limits_at
 from receding_fenicsx.studies.starts import starts_summary, steady_states_figure
 
 SCENE = rf.to_toml(
@@ -126,7 +127,9 @@ def test_the_safe_slip_of_half_a_body_is_written_for_both_halves(tmp_path: Path)
 
 
 def test_text_and_diagram_show_the_limits_at_the_mean_of_the_scene() -> None:
-    found = rf.shakedown(rf.from_toml(SCENE, ["shakedown.mean={press=1.0, shear=0.1}"]))
+    # the diagram is over the first load that varies
+    changes = ["mean={press=1.0, shear=0.1}", "range=[{press=0.0, shear=1.0}, {shear=-1.0}]"]
+    found = rf.shakedown(rf.from_toml(SCENE, [f"shakedown.{change}" for change in changes]))
     if found is None:
         return
     limits, diagram = found.limits, found.diagram
@@ -138,6 +141,18 @@ def test_text_and_diagram_show_the_limits_at_the_mean_of_the_scene() -> None:
     assert own == [limits.lower, limits.upper]
     assert f"second mesh   {lower:.6g} and {upper:.6g} with {nodes} nodes" in str(found)
     check_figures([("diagram", diagram_figure(diagram))], REPORTS / "shakedown.txt")
+
+
+@pytest.mark.one_rank
+def test_a_bound_of_slips_raises_the_lower_limits_of_a_diagram_and_keeps_the_upper_ones() -> None:
+    system = two_nodes()
+    margins = prepared(system, load_range(system, {"mean": 1.0}, TO_AND_FRO))[0]
+    free, bounded = (
+        np.array(limits_at(with_bound(margins, bound), 1, [0.0, 0.05])["limits"]).T
+        for bound in (None, 0.03)
+    )
+    assert np.all(bounded[0] > free[0])
+    assert bounded[1] == pytest.approx(free[1], rel=1e-9)
 
 
 # -- many starts ----------------------------------------------------------------------------------
