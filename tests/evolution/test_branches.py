@@ -34,6 +34,8 @@ def test_branches_are_numbered_by_their_choices_from_the_first_on() -> None:
     three = node_of_three_solutions()
     tree = rf.branches(three, table(three, [[0.0], [1.0]]))
     assert [b.taken for b in tree] == [(1,), (2,), (3,)] and "3 branches (all)" in str(tree)
+    lost = tree[2].record.dissipation_first_loading
+    assert lost > 0.0 and f"dissipation {lost:.6g};" in str(tree).splitlines()[3]
     # all is unloaded before the last leg, on which node 0 has the same two answers
     assert [branch.taken for branch in rf.branches(*two_nodes())] == [(1,), (2, 1), (2, 2)]
 

@@ -325,7 +325,11 @@ def test_a_worn_contact_has_the_record_and_the_fatigue_of_a_run() -> None:
     for name, row in known.items():
         assert found[0]["parameters"][name]["max"] == pytest.approx(row["max"], rel=1e-6), name
     assert len(found) == min(11, len(study.rows))
-    check_figures(figures(study, found).items(), REPORTS / "wear.txt")
+    drawn = figures(study, found)
+    check_figures(drawn.items(), REPORTS / "wear.txt")
+    # worn depth points downwards
+    for line, row in zip(drawn["profiles.png"].axes[1].lines, study.shown(5), strict=True):
+        assert np.array_equal(line.get_ydata(), -study.depth[row])
     # wear moves the worst point from the edge of the contact to that of the stick zone
     places = [abs(one["parameters"]["swt"]["x"]) for one in found]
     assert places[0] > 0.95 * A and places[-1] < study.stick_half_width[-1] + 0.1
