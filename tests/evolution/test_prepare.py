@@ -18,9 +18,13 @@ root = comm.rank == 0
 
 
 @pytest.mark.one_rank
-def test_reuse_needs_neither_dolfinx_nor_petsc_nor_gmsh(tmp_path: Path) -> None:
+def test_reuse_needs_neither_dolfinx_nor_petsc_nor_gmsh(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     system = tmp_path / "system.h5"
-    assert cli.main(["condense", BLOCK, *SMALL, "--out", str(system)]) == 0
+    command = ["condense", BLOCK, *SMALL, "--out", str(system)]
+    assert [cli.main(command), cli.main(command)] == [0, 2]  # nothing is replaced unasked
+    assert "25 contact nodes of the half body" in capsys.readouterr().out
     arguments = ["run", BLOCK, *SMALL, "--system", str(system), "--pictures", "none"]
     code = (
         "import sys\n"
