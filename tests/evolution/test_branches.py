@@ -84,11 +84,8 @@ def test_rules_take_the_continuation_they_name() -> None:
     assert states[9] == states[3]
 
 
-def test_load_steps_and_unknown_rules_are_refused() -> None:
+def test_branches_of_load_steps_and_of_limits_are_refused() -> None:
     system, history = two_nodes()
-    steps = rf.SolverOptions(branch="least dissipation", method="gauss-seidel")
-    with pytest.raises(rf.InputError, match="load steps find"):
-        rf.evolve(system, history, steps)
     with pytest.raises(rf.InputError, match="follows all branches"):
         rf.branches(system, history, solver=rf.SolverOptions(method="gauss-seidel"))
     loop = history.path[[1, 2, 1]]

@@ -4,8 +4,6 @@ import subprocess
 import sys
 from pathlib import Path
 
-from mpi4py import MPI
-
 import pytest
 
 from receding_fenicsx import cli, environment
@@ -13,8 +11,6 @@ from receding_fenicsx.store.run_folder import read_summary
 
 BLOCK = str(Path(__file__).parents[2] / "demos" / "block.toml")
 SMALL = ["--set", "mesh.contact_elements=24", "--set", "history.cycles=2"]
-comm = MPI.COMM_WORLD
-root = comm.rank == 0
 
 
 @pytest.mark.one_rank

@@ -110,26 +110,6 @@ def test_leaves_of_a_spring_touch_at_both_ends_as_beams_do(method: str) -> None:
     assert P.sum() == pytest.approx(F, rel=1e-7)
 
 
-def test_friction_inside_the_stick_zone_of_a_round_punch_does_not_matter() -> None:
-    """Friction 0.6 on r < 0.5 and 0.2 beyond: all as with 0.2 alone, Spence's stick radius 0.6983.
-
-    Friction enters the law only where a limit is reached. With f = 0.2 all of r < 0.6983 sticks
-    below its limit at every load, so a higher limit there changes nothing.
-    """
-    changes = ["mesh.contact_elements=80", "mesh.growth=1.3", "history.rows=[[1.0]]"]
-    scene = TESTS.parent / "demos" / "punch_axisymmetric.toml"
-    constant, mapped = (
-        rf.given(rf.run(rf.read_scene(scene, [*changes, f"contact.friction={f}"])))
-        for f in ("0.2", "where(x < 0.5, 0.6, 0.2)")
-    )
-    known = closed_forms.PUNCH_STICK["axisymmetric"][0.3, 0.2]
-    found = rf.summarise(mapped)["turning_points"][0]["stick_half_width_estimate"]["value"]
-    assert found == pytest.approx(known, rel=0.015)
-    for name in ("p", "q", "v", "w"):
-        values = [getattr(record.turning_points, name) for record in (constant, mapped)]
-        np.testing.assert_allclose(values[1], values[0], atol=1e-13)
-
-
 # -- stress below a pressed cylinder, at probes, against Hertz and McEwen --------------------------
 
 POISSON, RADIUS, MODULUS = 0.3, 10.0, 1.0 / (1.0 - 0.3**2)
