@@ -7,6 +7,7 @@ Quantities are kept in one vector y = [v, gap, A, B] with the margins A and B of
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from math import sqrt
 from typing import Any
@@ -113,20 +114,18 @@ class Segments:
             SingularExchange: a motion of the body is left without stiffness.
         """
         # the pivot of a body that turns about one node may be all round-off
-        if self.free_motions(state).shape[1]:
-            return self._pinned(state)
-        try:
-            if self._tableau is None:
-                self._tableau = Tableau(self.system, state)
-            elif renew:
-                self._tableau.build(state)
-            else:
-                self._tableau.move_to(state)
-        except SingularExchange:
-            # it may stand half-way
-            self._tableau = None
-            return self._pinned(state)
-        return self._tableau
+        if not self.free_motions(state).shape[1]:
+            with suppress(SingularExchange):
+                if self._tableau is None:
+                    self._tableau = Tableau(self.system, state)
+                elif renew:
+                    self._tableau.build(state)
+                else:
+                    self._tableau.move_to(state)
+                return self._tableau
+        # it may stand half-way
+        self._tableau = None
+        return self._pinned(state)
 
     def tableau_at_hand(self, state: States) -> Tableau:
         """Return the tableau in whatever states it is, made for the given ones if there is none."""
