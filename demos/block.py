@@ -47,8 +47,14 @@ def main() -> None:
 
     # 1. First loading, then cycles between p0 and p0/3 until the state is steady
     scene = rf.read_scene(HERE / "block.toml")
-    rf.run(scene, folder, rf.RunOptions(overwrite=True, all_pictures=True))
+    rf.run(scene, folder, rf.RunOptions(overwrite=True, all_pictures=True, progress=show))
     rf.on_root(MPI.COMM_WORLD, lambda: compare(scene, folder))
+
+
+def show(stage: str) -> None:
+    """Print the stages of the run, but not every cycle and picture."""
+    if ":" not in stage:
+        print(f"  {stage} ...", flush=True)
 
 
 def compare(scene: rf.Scene, folder: Path) -> None:

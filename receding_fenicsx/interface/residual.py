@@ -113,5 +113,6 @@ def relative_residual(
 
 def residual_at_rest(system: ContactSystem, end: ContactState, force_scale: float) -> float:
     """Return the relative residual at one instant; a slipping node must be at its limit."""
+    # a slip that leaves nothing but the limit
     beyond = 1e200 * SLIP_SIGN[end.state]
     return relative_residual(system, end, beyond, system.local_stiffness, force_scale)
