@@ -35,8 +35,7 @@ are no load steps. The method, from top to bottom:
 4. **Consistent states** (`kernel.turned`, `consistency`: `ConsistentStates.decide`). At the start
    of a leg and after an event, nodes on a limit may go either way. Nodes whose rates violate a
    condition change state, all at first, then the worst one; if a set of states returns, the linear
-   complementarity problem of the rates decides (`interface.lcp`). Along rigid motions that
-   the states leave free the body drifts as little as the conditions allow (`free_motions`).
+   complementarity problem of the rates decides (`interface.lcp`).
 5. **Next event** (`kernel.looked`). A quantity $y_j \ge 0$ that falls reaches zero
    after
    $$\Delta s_j = -y_j / \dot y_j .$$
@@ -63,7 +62,7 @@ are no load steps. The method, from top to bottom:
 9. **First loading** (`rest.load_from_rest`). From rest without gaps all grows in
     proportion to the load: one static problem, with the slip counted from the start
     (`static.solve_static`: Newton's method on sets of states, Gauss-Seidel, linear
-    complementarity, Newton's method from several starts), dissipation $-\tfrac12 Q \cdot \Delta v$.
+    complementarity), dissipation $-\tfrac12 Q \cdot \Delta v$.
 10. **Complete unloading** (`rest`). Where all loads vanish on a free body without gaps, $P = Q
     = 0$ and $K u = 0$: all nodes reach all limits together. The leg stops at a remaining load of
     $10^{-9}$, its end is set to the rigid sliding reached, and the next leg is a first loading.

@@ -20,23 +20,10 @@ import scipy.optimize
 from numpy.typing import NDArray
 
 from receding_fenicsx.arrays import Array
-from receding_fenicsx.interface.exact.segments import Segment, Segments, States
+from receding_fenicsx.interface.exact.segments import Segments, States
 from receding_fenicsx.interface.law import SLIP_SIGN, State
 from receding_fenicsx.interface.system import ContactState, ContactSystem, has_rigid
 from receding_fenicsx.interface.tolerances import RIGID_TOLERANCE
-
-
-def drifting(
-    segments: Segments,
-    segment: Segment,
-    state: States,
-    direction: Array,
-    touching: NDArray[np.intp],
-) -> Segment:
-    """Return rates with the least drift that keeps touching nodes from penetrating."""
-    q = segment.q.copy()
-    q[: 2 * len(state)] = drifted(segments, q[: 2 * len(state)], state, touching)
-    return segments.segment(state, q, direction)
 
 
 def drifted(segments: Segments, change: Array, state: States, touching: NDArray[np.intp]) -> Array:
