@@ -45,7 +45,6 @@ from receding_fenicsx.interface.exact.kernel_data import (
     ROUNDS,
     SAMPLES,
     STOPS,
-    STUCK,
     TIES,
     Contact,
     Memory,
@@ -585,7 +584,7 @@ def follow(contact: Contact, matrix: Matrix, memory: Memory, way: Way, path: Pat
         if on_limits(y, way.on_limit) != memory.resting[entry] + 1:
             tied(contact, way, path, i)
         count[FIRST], count[HIT], count[ROUNDS], count[GIVEN] = count[EVENTS], label, 0, 0
-        count[STUCK] = count[CHOSEN] = count[ASKED] = 0
+        count[CHOSEN] = count[ASKED] = 0
         y[label] = 0.0
         if path.place[3] > way.accepted and reach(y, contact.weight) < 0.1 * path.place[4]:
             # the round-off of far larger displacements before is none here

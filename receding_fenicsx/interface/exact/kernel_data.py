@@ -108,12 +108,12 @@ class Path(NamedTuple):
     sample_state: NDArray[np.int8]
 
 
-COUNTS = range(14)
+COUNTS = range(13)
 EVENTS, FIRST, TIES, STOPS, SAMPLES, ROUNDS, HERE, BEGUN, ENTRY, GIVEN, HIT = COUNTS[:11]
-STUCK, CHOSEN, ASKED = COUNTS[11:]
+CHOSEN, ASKED = COUNTS[11:]
 """Places in ``Path.counts``: numbers of events, of those before the present instant, of ties,
 stops, samples, of rounds of changes at the present instant, of events without progress; whether
 the ties at the start are noted; the present entry of the memory; one more than an entry that is
 given for this instant alone, 0 for none; the quantity that has reached its limit last, -1 for none;
-and whether, at the present instant, a node that has closed is taken to stick, a choice has been
-made, the end of unloading has been asked for."""
+and whether, at the present instant, a choice has been made, the end of unloading has been asked
+for."""

@@ -29,7 +29,6 @@ from receding_fenicsx.interface.exact.rest import (
     keeps_limits,
 )
 from receding_fenicsx.interface.exact.segments import EPSILON, Segment, Segments, States, ties_at
-from receding_fenicsx.interface.law import SEPARATION, STICK
 from receding_fenicsx.interface.residual import limit_excuse, reachable, residual_at_rest
 from receding_fenicsx.interface.system import Changes, ContactState, Leg, reactions
 from receding_fenicsx.interface.tolerances import ACCEPTED_RESIDUAL, ROUND_OFFS, UNLOADING_ROUND_OFF
@@ -100,8 +99,6 @@ class Walk:
                     self.loop.ask(way, self.path)
             except SingularExchange:
                 request = kernel.UNDECIDED
-                if self._sticks_instead():
-                    continue
             if request == kernel.DONE:
                 return
             if request == kernel.ROOM:
@@ -150,18 +147,6 @@ class Walk:
                 tie[1:],
             )
             count[kernel_data.TIES] += 1
-
-    def _sticks_instead(self) -> bool:
-        """Let the node that has closed stick, once, where its slip leaves a motion free."""
-        before, count = self._before(), self.path.counts
-        i = int(count[kernel_data.HIT]) % self.system.n
-        if count[kernel_data.HIT] < 0 or before[i] != SEPARATION or count[kernel_data.STUCK]:
-            return False
-        count[kernel_data.STUCK], count[kernel_data.ROUNDS] = 1, 0
-        state = before.copy()
-        state[i] = STICK
-        self._set(before, state)
-        return True
 
     def _decided(self, way: kernel_data.Way) -> None:
         """Decide the states at the present point."""
