@@ -15,7 +15,7 @@ from receding_fenicsx.interface.tolerances import SIMULTANEOUS
 
 def asking(monkeypatch: pytest.MonkeyPatch) -> None:
     """Let the loop ask for all rates from now on, as it does where motions are left free."""
-    monkeypatch.setattr(Segments, "is_special", True)
+    monkeypatch.setattr(Segments, "is_loose", True)
 
 
 def play(path: EventPath, loads: Sequence[Sequence[float]], samples: int = 0) -> list[Leg]:

@@ -258,9 +258,9 @@ class Loop:
         segments, begun = self.segments, False
         while True:
             matrix = NO_MATRIX
-            if not segments.is_special:
+            if not segments.is_loose:
                 matrix = segments.tableau_at_hand(path.state).matrix
-            if segments.is_special:  # rates are not those of the tableau as they are
+            if segments.is_loose:  # rates are not those of the tableau as they are
                 way = way._replace(asks_rates=True)
             if not begun:
                 matrix.counts[2], begun = 0, True
@@ -279,7 +279,7 @@ class Loop:
             SingularExchange: a motion of the body is left without stiffness.
         """
         segments, state = self.segments, path.state.copy()
-        if not segments.is_special and np.any(
+        if not segments.is_loose and np.any(
             segments.tableau_at_hand(state).state == kernel.HALF_WAY
         ):
             segments.tableau(state, renew=True)

@@ -183,7 +183,7 @@ class EventPath:
     def _walk(self, problem: LegProblem) -> Leg:
         """Follow one leg from event to event."""
         walk, (a, b), resolved = self.walk(problem), problem.ends, self._low_friction_node is None
-        if (b - a).tobytes() in self._directions and not self.segments.is_special:
+        if (b - a).tobytes() in self._directions and not self.segments.is_loose:
             walk.loop.leave_out(problem.start.state, self._changed, self._opened)
         short = stops_short(self.segments, b)
         try:

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.interface.exact.balance import BalanceCheck
 from receding_fenicsx.interface.exact.pivot_matrix import SINGULAR_ON_SPRINGS, SingularExchange
-from receding_fenicsx.interface.exact.tableau import A, B, Tableau
+from receding_fenicsx.interface.exact.tableau import Tableau
 from receding_fenicsx.interface.law import (
     BACKWARD,
     FORWARD,
@@ -92,9 +92,6 @@ class Segments:
         scale = np.where(self.frictional, np.minimum(1.0, f / 0.1), 1.0)
         self.limit = ON_LIMIT / self.weight
         self.limit[2 * n :] *= np.tile(scale, 2)
-        self._margin_scale = scale
-        # there the rate of A + B of slipping nodes is computed from that of P
-        self._tiny_friction = np.flatnonzero(self.frictional & (f < 1e-3))
         self.friction = system.friction
         self.shares = [np.where(self.frictional, part, 0.0) for part in system.friction.shares]
         self.balance = BalanceCheck(system, self.frictional, self.smooth)
@@ -198,11 +195,9 @@ class Segments:
         return tableau is not None and np.count_nonzero(tableau.state != state) <= 16
 
     def segment(self, state: States, q: Array, direction: Array) -> Segment:
-        """Return the segment with rates (4N,) along a leg; those of low friction are corrected."""
+        """Return the segment with rates (4N,) along a leg."""
         forces = q * self.weight
         n, threshold = len(state), -RATE_TOLERANCE * sqrt(forces.dot(forces))
-        if len(self._tiny_friction):
-            self._margins_from_pressure(state, q, direction, forces)
         # what falls and is not a displacement is bounded: an output A, B or gap of its state
         forces[:n] *= SLIP_SIGN.take(state, mode="clip")  # in less time than with a check
         below = (forces < threshold).nonzero()[0]
@@ -232,7 +227,7 @@ class Segments:
             if left >= imbalance:
                 break
             q, imbalance = better, left
-        if imbalance > accepted and tableau.matrix.counts[1] and not self.is_special:
+        if imbalance > accepted and tableau.matrix.counts[1] and not self.is_loose:
             # pivots on soft springs may leave round-off that refining does not reduce
             self.refinements = 2 * len(state)
             return self._rates(state, direction)
@@ -249,27 +244,8 @@ class Segments:
 
     @property
     def is_loose(self) -> bool:
-        """Whether some states have left a rigid motion free, whose rates are not unique."""
+        """Whether some states have left a rigid motion free: rates may not be the tableau's."""
         return self._last_pinned is not None
-
-    @property
-    def is_special(self) -> bool:
-        """Whether rates may not be those of the tableau as they are: motions free, low friction."""
-        return self.is_loose or bool(len(self._tiny_friction))
-
-    def _margins_from_pressure(
-        self, state: States, q: Array, direction: Array, forces: Array
-    ) -> None:
-        """Compute the rates A + B of slipping nodes with tiny friction from their pressure.
-
-        As outputs of the tableau they carry round-off of the size of P, 1/f times their own size.
-        """
-        n, system = self.system.n, self.system
-        for slipping, kind in ((FORWARD, B), (BACKWARD, A)):
-            i = self._tiny_friction[state[self._tiny_friction] == slipping]
-            P = direction @ system.r_star[:, n + i] + system.K[n + i] @ q[: 2 * n]
-            q[kind * n + i] = self.friction[i].opening(P)
-            forces[kind * n + i] = q[kind * n + i] / self._margin_scale[i]
 
     def values(self, state: ContactState) -> Array:
         """Return y = [v, gap, A, B]; quantities that the states fix get their exact value."""

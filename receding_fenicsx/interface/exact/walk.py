@@ -262,7 +262,7 @@ class Walk:
     def _correction(self, state: ContactState, wrong: Array) -> Array:
         """Return the change (2N,) of displacements that brings forces which vanish back to zero."""
         segments, none = self.segments, np.zeros_like(state.u)
-        if not segments.is_special and not segments.is_near(state.state):
+        if not segments.is_loose and not segments.is_near(state.state):
             with suppress(SingularExchange):
                 return self.loop.sets.correction(state.state, wrong)
         with suppress(SingularExchange):
