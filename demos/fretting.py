@@ -42,7 +42,7 @@ def known(phase: float, steps: int = 2000) -> float:
     return rf.reference.fretting.cycle_dissipation(HERTZ, 0.5, 1.0 + 0.3 * np.cos(angle), Q)
 
 
-def rows(phases: tuple[int, ...] = PHASES, *changes: str) -> list[tuple[float, ...]]:
+def rows(phases: tuple[int, ...], *changes: str) -> list[tuple[float, ...]]:
     """Return phase, corners, error estimate, dissipation here and known, on rank 0."""
     scenes = [
         rf.read_scene(HERE / "fretting.toml", [f"history.harmonic.Q.phase={phase}", *changes])
@@ -82,7 +82,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description="Fretting under harmonic loads.")
     parser.add_argument("--out", default="results/fretting", help="folder of the figure")
     out = Path(parser.parse_args().out)
-    table = rows()
+    table = rows(PHASES)
     if not table:
         return
     print("phase  corners  polygon's error   dissipation     reference     error")

@@ -26,6 +26,7 @@ import numpy as np
 import receding_fenicsx as rf
 
 BLOCK = Path(__file__).with_name("block.toml")
+PLAIN_CYCLES = 2000
 PAPER = (0.35, 0.3, 1.0 / 3.0)
 """Friction, Poisson's ratio and minimum load of the paper."""
 KINDS = {"cyclic slip": "#e69f00", "shakedown": "#c3cad3", "ratchetting": "#cc79a7"}
@@ -47,7 +48,7 @@ def compare(nodes: int, f: float, poisson: float, minimum: float) -> None:
     if system is None:  # only rank 0 has it
         return
     record = rf.evolve(system, scene)
-    all_cycles = replace(scene.history, cycles=2000, until=None)
+    all_cycles = replace(scene.history, cycles=PLAIN_CYCLES, until=None)
     plain = rf.evolve(system, replace(scene, history=all_cycles))
     D, E = record.cycles.dissipation, plain.cycles.dissipation
     v, w = (r.turning_points.v[-1] for r in (record, plain))

@@ -29,6 +29,8 @@ import receding_fenicsx as rf
 HERE = Path(__file__).parent
 PUBLISHED = {1000: (0.378, 0.22), 5000: (1.131, 0.35), 10000: (1.815, 0.43), 18000: (2.713, 0.52)}
 """Depth in um and width of the scar in mm over the cycles, by McColl, Ding and Leen."""
+MESHES = (80, 160, 320)
+"""Contact elements of the cylinders in partial slip."""
 
 
 def published_scar(study: rf.WearStudy) -> float:
@@ -101,7 +103,7 @@ def main() -> None:
     parser.add_argument("--out", default="results/wear", help="folder of the figure")
     out = Path(parser.parse_args().out)
     scar = rf.wear(rf.read_scene(HERE / "wear.toml"))
-    slips = [partial_slip(elements) for elements in (80, 160, 320)]
+    slips = [partial_slip(elements) for elements in MESHES]
     if scar is None:  # on the other ranks
         return
     worst = published_scar(scar)

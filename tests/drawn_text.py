@@ -17,6 +17,7 @@ from matplotlib.colors import to_hex, to_rgba_array
 from matplotlib.figure import Figure
 from matplotlib.legend import Legend
 from matplotlib.text import Text
+from numpy.typing import ArrayLike
 
 from receding_fenicsx.output.plots import style
 
@@ -99,6 +100,25 @@ def check_figures(drawn: Iterable[tuple[str, Figure]], known: Path) -> None:
         check_texts(figure, name)
         found += told(figure, name)
     check_words(found, known)
+
+
+def check_curves(axes: Axes, *known: tuple[ArrayLike, ArrayLike]) -> None:
+    """Assert that the lines of axes are these (x, y), in the order in which they are drawn."""
+    assert len(axes.lines) == len(known), [line.get_label() for line in axes.lines]
+    for line, both in zip(axes.lines, known, strict=True):
+        for drawn, values in zip(line.get_data(), both, strict=True):
+            size = float(np.nanmax(np.abs(np.asarray(values, dtype=float)), initial=0.0))
+            wide = np.broadcast_to(values, np.shape(drawn))
+            here: Any = np.asarray(drawn)
+            assert np.allclose(here, wide, 1e-9, 1e-9 * size, equal_nan=True), line.get_label()
+
+
+def check_area(area: Any, x: ArrayLike, low: ArrayLike, high: ArrayLike) -> None:
+    """Assert that an area lies between two curves over x."""
+    corners = np.concatenate([path.vertices for path in area.get_paths()])
+    for place, *ends in zip(np.asarray(x), np.asarray(low), np.asarray(high), strict=True):
+        y = corners[np.isclose(corners[:, 0], place), 1]
+        np.testing.assert_allclose([y.min(), y.max()], ends, rtol=1e-9)
 
 
 def told(figure: Figure, name: str) -> list[str]:

@@ -1,4 +1,5 @@
 import errno
+import logging
 import platform
 import re
 import subprocess
@@ -18,6 +19,7 @@ from receding_fenicsx import RunOptions, StudyOptions, cli, environment
 from receding_fenicsx.errors import InputError, SolveError
 from receding_fenicsx.output.plots.figures import draw_all
 from receding_fenicsx.studies import run as study
+from receding_fenicsx.terminal import progress
 
 DEMOS = Path(__file__).parents[1] / "demos"
 BLOCK = str(DEMOS / "block.toml")
@@ -331,3 +333,10 @@ def test_import_and_help_wait_for_no_library_and_set_threads_before_them() -> No
         timeout=300,
     )
     assert done.stdout.splitlines()[-3:] == ["set()", "1 3", "set()"]
+
+
+@pytest.mark.one_rank
+def test_v_shows_the_log_and_v_twice_every_change_of_state() -> None:
+    for verbose, level in enumerate(("WARNING", "INFO", "DEBUG", "DEBUG")):
+        with progress(verbose):
+            assert logging.getLevelName(logging.getLogger("receding_fenicsx").level) == level

@@ -130,6 +130,13 @@ def test_of_a_cycle_of_many_legs_few_turning_points_are_drawn() -> None:
     chosen = [(found.cycle, found.leg) for found in default_instants(scene, system, record)]
     legs = [0, 6, 12, 17, 23, 29]
     assert chosen == [(0, 0), *((1, leg) for leg in legs), *((2, leg) for leg in legs)]
+    # the body is drawn where its loads are largest, wherever the cycle ends
+    ends = ((0.5,), (1.0,), (0.7,))
+    table = replace(table, rows=((0.7,),), cycle_rows=ends, cycles=2)
+    scene = replace(scene, history=table)
+    record = rf.evolve(system, scene)
+    (found,) = default_instants(scene, system, record, everything=False)
+    assert (found.cycle, found.leg, found.load[0]) == (2, 1, 1.0)
 
 
 def test_small_bodies_are_condensed_in_the_same_bits_on_any_number_of_ranks() -> None:
@@ -195,6 +202,7 @@ def test_a_run_from_a_saved_system_keeps_its_own_gap_and_friction(shared_tmp_pat
     saved, out = shared_tmp_path / "saved.h5", shared_tmp_path / "run"
     system = study.condense(small(), comm, whole=True)
     scene = small("contact.initial_gap=0.001*x**2", "contact.friction=0.2")
+    scene = replace(scene, probes=(rf.Probe("below", point=(0.0, 0.25)),))
     mpi.on_root(comm, lambda: rf.write_system(saved, rf.given(system)))
     options = study.RunOptions(pictures=False, system_file=saved)
     record = study.run(scene, out, options, comm)
@@ -203,6 +211,8 @@ def test_a_run_from_a_saved_system_keeps_its_own_gap_and_friction(shared_tmp_pat
         x = np.abs(kept.x)
         assert kept.g0 == pytest.approx(0.001 * x**2) and np.all(kept.f == 0.2)
         assert record.g0[-len(x) :] == pytest.approx(kept.g0)
+        # the saved one had no probes: they are kept for a run that goes on
+        assert kept.probes is not None and record.probe("below").stress.any()
 
 
 @pytest.mark.one_rank

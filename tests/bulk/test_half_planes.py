@@ -1,6 +1,5 @@
 """Scenes with half-planes, against closed forms and against meshed bodies."""
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -126,39 +125,6 @@ def test_block_on_a_half_plane(degree: int) -> None:
         abs(record.cycles.dissipation[-1] / SHEARED.dissipation() - 1.0)
         < {1: 1e-2, 2: 5e-3}[degree]
     )
-
-
-@pytest.mark.parametrize("way", [1.0, -1.0])
-def test_rolling_creeps_as_carter_says(way: float) -> None:
-    """Half of the contact sticks, in front; the body creeps by f (a - a') / R of the way."""
-    a, half = HERTZ.a, 0.5 * HERTZ.a
-    scene = rf.from_toml(PAIR, ["mesh.contact_elements=120"])
-    upper, lower = (replace(body, width=6.0 * a) for body in scene.bodies)
-    P, Q = scene.loads
-    shear = replace(Q, force=(way * 0.5 * 0.75, 0.0))  # f P (1 - (a' / a)^2)
-    gap = f"(x + {way * 1.5 * a})**2 / 200"
-    rolling = rf.Load("s", "upper.bottom", gap=f"{-way / 100.0} * x")
-    scene = replace(
-        scene,
-        body=upper,
-        others=(lower,),
-        contacts=(replace(scene.contacts[0], initial_gap=gap),),
-        loads=(P, shear, rolling),
-        history=rf.HistoryOptions(
-            kind="table",
-            columns=("P", "Q", "s"),
-            rows=((1.0, 0.0, 0.0), (1.0, 1.0, 0.0), (1.0, 1.0, 2.8 * a), (1.0, 1.0, 3.0 * a)),
-        ),
-    )
-    record = played(scene)
-    assert record.energy_error_max < 1e-10
-    table = record.turning_points
-    # per unit of the force
-    moved = np.diff(table.load_displacement[-2:, 1])[0] / 0.375
-    assert moved == pytest.approx(0.5 * half / 100.0 * 0.2 * a, rel=1e-3)
-    stuck = np.sort(way * record.x[table.state[-1] == rf.State.STICK])
-    spacing = 6.0 * a / 120
-    assert [stuck[0], stuck[-1]] == pytest.approx([1.5 * a, 2.5 * a], abs=1.1 * spacing)
 
 
 PUNCH_STICK = closed_forms.PUNCH_STICK["plane strain"]

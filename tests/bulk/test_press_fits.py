@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from bodies import played
 from numpy.typing import NDArray
-from small import named_loads
 
 import receding_fenicsx as rf
 from receding_fenicsx.bulk.mesh.meshing import make_meshes
@@ -206,30 +205,6 @@ def pressure(inner: float) -> float:
     """Lame's pressure between a shaft with a bore and a ring of the same material, both long."""
     ring, shaft = (C**2 + B**2) / (C**2 - B**2), (B**2 + inner**2) / (B**2 - inner**2)
     return DEPTH * E / B / (ring + shaft)
-
-
-@pytest.mark.parametrize("inner", [A, 0.0])
-@pytest.mark.parametrize("f", [0.1, 0.01])
-def test_press_out_force_is_friction_times_lames_force(inner: float, f: float) -> None:
-    """It is f p 2 pi R L, with p of no push; Poisson's ratio adds a share in proportion to f."""
-    area, known = np.pi * (B**2 - inner**2), f * pressure(inner) * 2.0 * np.pi * B * L
-    (contact,), (load,) = rectangles().contacts, rectangles().loads
-    contact = replace(contact, friction=f)
-    scene = rectangles(
-        inner,
-        contacts=(contact,),
-        history=rf.HistoryOptions(kind="monotonic", maximum=1.5 * known / area),
-    )
-    with pytest.raises(rf.NoEquilibrium, match="gross sliding") as caught:
-        played(scene)
-    (found,) = named_loads(caught.value, "push")
-    assert found * area == pytest.approx(known, rel=0.1 * f + 1e-3)
-    # pushed by its end face, whose rim is a node of the contact
-    moved = replace(load, pressure=None, displacement=("free", 0.1))
-    record = played(rectangles(inner, contacts=(contact,), loads=(moved,)))
-    table = record.turning_points
-    assert np.unique(table.state[-1]).tolist() == [rf.State.FORWARD_SLIP]
-    assert table.load_displacement[-1, 0] == pytest.approx(0.1 * known, rel=0.1 * f + 1e-3)
 
 
 def test_pictures_show_a_fit_once_and_a_plane_on_both_sides_of_the_axis(

@@ -46,27 +46,6 @@ def layers(
 # -- against one body, closed forms and integral equations -----------------------------------------
 
 
-@pytest.mark.one_rank
-@pytest.mark.parametrize(("ratio", "height"), [(1.0, 1.0), (4.0, 1.0), (0.5, 2.0)])
-def test_double_receding_contact_is_that_of_the_integral_equations(
-    ratio: float, height: float
-) -> None:
-    scene = layers(
-        (height, 1.0),
-        friction=0.0,
-        young=(1.0 / ratio, 1.0),
-        mesh=rf.MeshOptions(contact_elements=192, cell="quadrilateral", growth=1.15),
-        loads=(rf.Load("p", "b1.top", (-0.5, 0.5), pressure=1.0),),
-        history=ONCE,
-    )
-    wide = [replace(body, width=8.0) for body in scene.bodies]
-    record = played(replace(scene, body=wide[0], others=(wide[1],)))
-    upper, lower = rf.reference.layer.double_half_widths(0.5, ratio, height)
-    for name, known in (("b1.bottom", upper), ("b0.bottom", lower)):
-        found = rf.half_width_estimates(record.by_edge()[name], -1)["contact_half_width_estimate"]
-        assert found["value"] == pytest.approx(known, rel=4e-3)
-
-
 # -- against itself ------------------------------------------------------------------------------
 
 

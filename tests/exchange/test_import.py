@@ -317,6 +317,7 @@ def test_exported_matrices_can_be_imported_again(
     laws: dict[str, Any] = {
         "f_backward": np.full(first.n, 0.1),
         "g0": np.linspace(0.5, 1.0, first.n),
+        "held": np.arange(2 * first.n) == 1,  # v of the second node
     }
     rf.write_system(tmp_path / "system.h5", replace(first, **laws))
     out = tmp_path / "matrices"
@@ -328,8 +329,8 @@ def test_exported_matrices_can_be_imported_again(
     table = np.loadtxt(out / "nodes.csv", delimiter=",", skiprows=1)
     names = (out / "nodes.csv").read_text().splitlines()[0]
     assert names.lstrip("# ") == "x,px,py,weight,f_forward,f_backward,gap,held_v,held_w"
-    columns = [first.x, first.points, first.weight, first.f, *laws.values()]
-    assert np.array_equal(table, np.column_stack([*columns, *first.held.reshape(2, -1)]))
+    columns = [first.x, first.points, first.weight, first.f, laws["f_backward"], laws["g0"]]
+    assert np.array_equal(table, np.column_stack([*columns, *laws["held"].reshape(2, -1)]))
     rows = [f"{i},{x!r},{y!r}" for i, (x, y) in enumerate(table[:, 1:3].tolist(), 1)]
     (out / "points.csv").write_text("\n".join(rows))
     r_star = io.mmread(out / "r_star.mtx")

@@ -12,7 +12,7 @@ from mpi4py import MPI
 import models
 import numpy as np
 import pytest
-from drawn_text import REPORTS, check_figures, check_words, names_of_colours
+from drawn_text import REPORTS, check_curves, check_figures, check_words, names_of_colours
 from matplotlib.collections import PolyCollection
 from matplotlib.colors import to_hex, to_rgb, to_rgba_array
 from matplotlib.figure import Figure
@@ -373,7 +373,13 @@ def around(legs: int, cycles: int = 2) -> rf.Record:
 
 @pytest.mark.parametrize("legs", [7, 45])
 def test_a_cycle_of_many_legs_is_one_map_with_the_loads_beside_it(legs: int) -> None:
-    check_figures(rf.figures.draw_all(around(legs)), REPORTS / f"legs_{legs}.txt")
+    record = around(legs)
+    drawn = dict(rf.figures.draw_all(record))
+    check_figures(drawn.items(), REPORTS / f"legs_{legs}.txt")
+    table = record.turning_points
+    loads = table.load[-legs - 1 :] / np.abs(table.load).max(axis=0)
+    lines = ((load, np.arange(legs + 1.0)) for load in loads.T)
+    check_curves(drawn["zones_last_cycle"].axes[-1], *lines, ([0.0, 0.0], [0.0, 1.0]))
 
 
 def test_zones_of_several_cycles_fill_one_page() -> None:

@@ -5,12 +5,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 from demo_runs import demo
-from scipy.optimize import brentq
 
 import receding_fenicsx as rf
 from receding_fenicsx.measures.ends import half_width_estimates
 from receding_fenicsx.reference import closed_forms
-from receding_fenicsx.reference.layer import contact_half_width
 
 TESTS = Path(__file__).parents[1]
 
@@ -50,46 +48,6 @@ def test_interval_of_the_half_width_holds_the_known_one_and_shrinks_with_the_ele
         assert off < (0.4 if degree == 1 else 0.2) * spacing
         lengths.append(high - low)
     assert lengths[-1] < 0.6 * lengths[0]
-
-
-@pytest.mark.parametrize("load", [0.05, 0.5])
-def test_two_blocks_pull_at_filons_zero_if_unseparated_and_lift_off_sooner(load: float) -> None:
-    blocks = demo("two_blocks")
-    scene = blocks["pressed"](load, "mesh.contact_elements=480")
-    zero, width = blocks["both"](rf.given(rf.condense(scene)), scene)
-    exact = brentq(lambda x: float(closed_forms.bilateral_pressure(x, load)), 1.0, 2.0)
-    assert zero == pytest.approx(exact, rel=1e-4)
-    # 40 elements on h: node spacing is 1.5 % of the half width
-    assert width == pytest.approx(contact_half_width(load), rel=2e-3)
-
-
-@pytest.mark.parametrize("kinematics", closed_forms.PUNCH_STICK)
-def test_punch_sticks_on_the_known_width_when_truncation_is_extrapolated(kinematics: str) -> None:
-    punch = demo("punch")
-    for nu, f in ((0.0, 0.5), (0.3, 0.2)):
-        known = closed_forms.PUNCH_STICK[kinematics][nu, f]
-        near, far = (punch["solve"](kinematics, nu, f, radius) for radius in (10.0, 20.0))
-        found = punch["limit"](kinematics, punch["stick"](near, nu), punch["stick"](far, nu))
-        assert found == pytest.approx(known, rel=5e-3)
-
-
-@pytest.mark.parametrize(
-    ("alpha", "nu"), [(0.5, (0.3, 0.3)), (0.5, (0.0, 0.45)), (-0.5, (0.3, 0.3))]
-)
-def test_layer_on_a_half_plane_touches_over_a_width_that_alpha_decides(
-    alpha: float, nu: tuple[float, float]
-) -> None:
-    layer = demo("layer")
-    known = contact_half_width(0.5, (1.0 - alpha) / (1.0 + alpha))
-    assert layer["half_width"](layer["solve"](alpha, 20.0, nu)) == pytest.approx(known, rel=2e-3)
-
-
-def test_fretting_in_and_out_of_phase_dissipates_what_the_memory_of_the_contact_says() -> None:
-    fretting = demo("fretting")
-    rows = fretting["rows"]((0, 90), "mesh.contact_elements=60", "history.tolerance=0.01")
-    for phase, corners, error, D, known in rows:
-        assert D == pytest.approx(known, rel=0.01), phase
-        assert (corners, error) == (2, 0.0) if phase == 0 else corners >= 32 and error <= 0.01
 
 
 @pytest.mark.parametrize("method", ["events", "gauss-seidel"])

@@ -1,5 +1,8 @@
 """Histories of scenes: paths and loops, harmonic ones as polygons, names of legs, instants."""
 
+from dataclasses import replace
+from pathlib import Path
+
 import numpy as np
 import pytest
 from small import small_system
@@ -206,3 +209,14 @@ def test_instants_spread_over_a_cycle_go_evenly_and_meet_every_turning_point() -
     assert np.all(np.diff(evenly_spaced(table, 0, 5)[2]) > 0.0)
     resting = History(("P", "Q"), path[[0, 0, 1]], loop, 3)
     assert evenly_spaced(resting, 0, 5)[2] == pytest.approx([0.0, 0.0, 1 / 3, 2 / 3, 1.0])
+
+
+def test_parts_are_fitted_before_they_are_bolted_and_loaded() -> None:
+    path = Path(__file__).parents[2] / "demos" / "bolted_joint.toml"
+    scene = rf.read_scene(path, ["contact.interference=0.01"])
+    bolts = tuple(replace(bolt, name=name) for bolt, name in zip(scene.bolts, "ab", strict=True))
+    scene = replace(scene, bolts=bolts)
+    history = history_from_scene(scene)
+    begins = [np.flatnonzero(column)[0] for column in history.path.T if column.any()]
+    order = [history.load_names[k] for k in np.argsort(begins, kind="stable")]
+    assert order[:3] == ["interference", "a", "b"] and sorted(begins)[:3] == [1, 2, 3]

@@ -126,6 +126,9 @@ def test_run_is_gone_on_with_only_where_no_key_but_the_free_ones_differs(tmp_pat
         steady = {"reached": True}
         summary = {"title": "", "turning_points": [], "dissipation_per_cycle": [1.0, 1.0]}
         write_summary(folder / "summary.json", {**summary, "steady": steady})
+    for cycles, done in ((1, True), (2, True), (3, False)):
+        plain = replace(FULL.history, cycles=cycles, until=None)
+        assert is_finished(out, replace(FULL, history=plain)) == done, cycles
     for key, other in variants(FULL):
         seen.add(key)
         if key in FREE:

@@ -82,6 +82,14 @@ def test_a_curved_gap_of_fewer_points_than_nodes_is_warned_of() -> None:
     assert not found(51, "0.1 * abs(x)") and not found(5)
 
 
+def test_elements_that_do_not_lock_are_not_warned_of() -> None:
+    soft = ["material.poisson=0.49", "mesh.degree=1"]
+    assert scene_warnings(from_toml(BLOCK, soft))
+    for changes in ([*soft, 'material.kinematics="plane stress"'], [*soft, "mesh.degree=2"]):
+        assert not scene_warnings(from_toml(BLOCK, changes))
+    assert not scene_warnings(from_toml(BLOCK, ["material.poisson=0.4", "mesh.degree=1"]))
+
+
 PYTHON = {name: getattr(math, name) for name in "pi sqrt sin cos exp log tanh".split()}
 PYTHON |= {"where": lambda test, yes, no: yes if test else no, "min": min, "max": max, "abs": abs}
 
@@ -92,6 +100,7 @@ PYTHON |= {"where": lambda test, yes, no: yes if test else no, "min": min, "max"
         *("2", "-x**2/3 + pi", "x*y - (x - 1)*+2", "min(x, 0.5, y) + max(x, -0.25)"),
         *("abs(x) + sqrt(abs(x))", "sin(x) + cos(y)*tanh(x)", "exp(-x) + log(2 + x)"),
         *("where(x > 0, 1, 2)", "(-0.5 <= x < 0.5) + (x == 1)", "2*(x != y)", "  1e-3 "),
+        *("where(x, 1, 2)", "(x >= 0.25) + 2*(x > -0.5) + 4*(x <= 0.25)"),
     ],
 )
 def test_expression_has_pythons_value(text: str) -> None:

@@ -4,12 +4,13 @@ import csv
 import json
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 from mpi4py import MPI
 
 import numpy as np
 import pytest
-from drawn_text import REPORTS, check_figures
+from drawn_text import REPORTS, check_curves, check_figures
 from scipy.stats import linregress
 from small import small_system
 
@@ -148,25 +149,30 @@ def test_the_figure_draws_damping_ratio_and_frequency_of_a_mode_else_d_and_stiff
                 for d, each in zip(found, k, strict=True)
             ),
         )
-        for found in (D, 1.1 * D)
+        for found in (D, D * [1.1, 1.0, 1.3])
     ]
     curve = rf.JointCurve(drive, tables, backbone)
     figure = joint_figure(curve)
     check_figures([("joint curve", figure)], REPORTS / f"joint_{drive[0]}.txt")
     assert "at 1.5" in repr(curve)
     left, right = figure.axes
-    points = left.lines[0].get_ydata()
     # a mass-normalised mode: omega^2 = alpha/q and zeta = D / (2 pi omega^2 q^2)
     q, omega = a / k, np.sqrt(k)
     damping = 2.0 * np.pi * omega**2 * q**2
-    unit = damping if drive == "mode:1" else 1.0
-    assert points == pytest.approx(D / unit)
-    assert right.lines[0].get_ydata() == pytest.approx(omega if drive == "mode:1" else k)
+    unit = damping if drive == "mode:1" else np.ones(3)
+    macroslip = [1.5, 1.5], [0.0, 1.0]
+    check_curves(left, (a, D / unit), (a, masing / unit), macroslip)
+    check_curves(right, (a, omega if drive == "mode:1" else k), macroslip)
+    # a bar is the largest change from the coarser mesh of an amplitude and its neighbours
+    bars: Any = left.collections[0]
+    assert np.array(bars.get_segments())[:, :, 1].T == pytest.approx(
+        D / unit * (1.0 + np.outer([-1, 1], [0.1, 0.3, 0.3]))
+    )
     assert curve.masing_defect == pytest.approx([1 / 3, 1 / 9, 1 / 7])
     line = linregress(np.log(a), np.log(D))
     assert curve.exponent == pytest.approx((line.slope, line.stderr))
     if drive == "mode:1":
-        assert points == pytest.approx(curve.zeta) and curve.omega == pytest.approx(omega)
+        assert curve.zeta == pytest.approx(D / damping) and curve.omega == pytest.approx(omega)
 
 
 def test_command_writes_a_curve_and_goes_on_with_it(

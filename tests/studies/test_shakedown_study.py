@@ -2,19 +2,21 @@
 
 import json
 from pathlib import Path
+from typing import Any
 
 from mpi4py import MPI
 
 import numpy as np
 import pytest
 from bodies import block
-from drawn_text import REPORTS, check_figures
+from drawn_text import REPORTS, check_area, check_curves, check_figures
 from shakedown_cases import LOWER, TO_AND_FRO, UPPER, two_nodes
 from small import small_system
 
 import receding_fenicsx as rf
 from receding_fenicsx import cli
 from receding_fenicsx.interface.shakedown.margins import load_range, prepared, with_bound
+from receding_fenicsx.interface.shakedown.opening import Opening
 from receding_fenicsx.output.report.run import limit_rows
 from receding_fenicsx.studies.shakedown.study import diagram_figure, limits_at
 from receding_fenicsx.studies.starts import starts_summary, steady_states_figure
@@ -135,12 +137,23 @@ def test_text_and_diagram_show_the_limits_at_the_mean_of_the_scene() -> None:
     limits, diagram = found.limits, found.diagram
     assert diagram.given == 0.1 and limits.lower < 0.9 * limits.upper
     assert np.interp(0.1, diagram.mean, diagram.upper) == pytest.approx(limits.upper, rel=0.02)
+    pressed = rf.from_toml(SCENE, ['shakedown.diagram="press"', "mesh.contact_elements=8"])
+    assert rf.given(rf.shakedown(pressed)).diagram.load == "press"
     # a mean of 0.2 has a smaller limit by far
     assert np.interp(0.2, diagram.mean, diagram.upper) < 0.9 * limits.upper
     (_, *own), (nodes, lower, upper) = found.meshes
     assert own == [limits.lower, limits.upper]
     assert f"second mesh   {lower:.6g} and {upper:.6g} with {nodes} nodes" in str(found)
     check_figures([("diagram", diagram_figure(diagram))], REPORTS / "shakedown.txt")
+    none = np.zeros((0, 0), dtype=bool)
+    opening = Opening(1.1 * limits.upper, 4.0, np.zeros(0), none, True, False, 0.0)
+    (axes,) = diagram_figure(diagram, opening).axes
+    x, low, high = diagram.mean, diagram.lower, diagram.upper
+    assert np.all(low < high)
+    given = ([0.1, 0.1], [0.0, 1.0]), ([0.1], [1.1 * limits.upper])
+    check_curves(axes, (x, high), (x, low), *given)
+    for area, below, above in zip(axes.collections, (0.0 * x, low), (low, high), strict=True):
+        check_area(area, x, below, above)
 
 
 @pytest.mark.one_rank
@@ -174,6 +187,14 @@ def test_whether_it_slips_for_ever_depends_on_the_start_between_the_limits_only(
     assert counts[3] == 41
     # below the upper limit the safe start dissipates nothing
     states = found[2]
+    # what starts are called is what they are; random ones go both ways, from small to large
+    one = np.abs(states.slips).max()
+    named = {"rest": [0, 0], "forward": [1, 1], "backward": [-1, -1], "out": [-1, 1], "in": [1, -1]}
+    for name, slip in named.items():
+        assert states.slips[states.names.index(name)].tolist() == (one * np.array(slip)).tolist()
+    random = states.slips[[name.startswith("random") for name in states.names]]
+    assert 0.3 < np.mean(random > 0.0) < 0.7
+    assert np.abs(random[:10]).max() < 0.05 * one < 0.3 * one < np.abs(random[-10:]).max()
     low, high = states.interval
     assert low == 0.0 < high
     assert states.counts.keys() == {"shakedown", "cyclic slip"}
@@ -200,7 +221,14 @@ def test_whether_it_slips_for_ever_depends_on_the_start_between_the_limits_only(
     # a node that stays on its limit does not slip
     slips = np.isin(states.state, (rf.State.FORWARD_SLIP, rf.State.BACKWARD_SLIP)).any(axis=1)
     assert np.array_equal(slips, np.array(states.kind) != "shakedown")
-    check_figures([("starts", steady_states_figure(states))], REPORTS / "starts.txt")
+    figure = steady_states_figure(states)
+    check_figures([("starts", figure)], REPORTS / "starts.txt")
+    order = np.argsort(states.dissipation, kind="stable")
+    kinds, D = np.array(states.kind)[order], states.dissipation[order]
+    of_kinds = [np.flatnonzero(kinds == kind) for kind in dict.fromkeys(kinds)]
+    check_curves(figure.axes[0], *((D[rows], rows) for rows in of_kinds))
+    cells: Any = figure.axes[1].collections[0]
+    assert np.array_equal(cells.get_array(), states.state[order])
 
 
 @pytest.mark.parametrize("seed", range(4))

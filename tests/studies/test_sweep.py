@@ -28,6 +28,7 @@ from receding_fenicsx.studies.sweep import read_over
 BLOCK = str(Path(__file__).parents[2] / "demos" / "block.toml")
 SMALL = ["mesh.contact_elements=10", "history.cycles=2"]
 SETTINGS = [word for change in SMALL for word in ("--set", change)]
+NO_CYCLE: dict[str, Any] = {"cycle": None, "period": None}
 OVER: dict[str, Any] = {"contact.friction": [0.2, 0.6], "history.minimum": [0.0, 0.25, 0.5]}
 comm = MPI.COMM_WORLD
 Run = Callable[..., Any]
@@ -67,11 +68,16 @@ def test_rows_hold_the_numbers_of_single_runs() -> None:
         assert (D[0] == D[-1]) == (minimum == 0.0) and row["cycles"] == len(D)
         assert row["dissipation_first_loading"] == summary["dissipation_first_loading"]
         assert (row["steady"], row["events"]) == (summary["steady"]["kind"], summary["events"])
-        assert row["residual_max"] == summary["residual_max"]
+        for key in ("residual_max", "energy_error_max", "sweeps", "jumps"):
+            assert row[key] == getattr(record, key)
+        steady = record.steady if record.steady.reached else replace(record.steady, **NO_CYCLE)
+        assert (row["steady_cycle"], row["steady_period"]) == (steady.cycle, steady.period)
         low, high = summary["turning_points"][-2:]
         for key in ("contact_half_width", "stick_half_width", "p_max"):
             assert row[f"{key}_at_minimum"] == low[key]
             assert row[f"{key}_at_maximum"] == high[key]
+        q = np.abs(record.turning_points.q[-2:]).max(axis=1)
+        assert [row[f"q_abs_max_at_{load}"] for load in ("minimum", "maximum")] == q.tolist()
         assert row["error"] == ""
     if table is not None:
         assert len(table.rows) == 6 and table.failed == ()
