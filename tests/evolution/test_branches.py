@@ -1,16 +1,21 @@
 """All branches of a history: worked examples, and every set of states tried by other code."""
 
 import re
+from collections import Counter
+from contextlib import suppress
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
 from replay import replay
 from small import small_system, table
-from unique_paths import all_ends, different, random_problem
+from unique_paths import all_ends, different, pairs, random_problem
 from ways import TooMany
 
 import receding_fenicsx as rf
+from receding_fenicsx.evolution import branches
+from receding_fenicsx.evolution.evolve import continue_history
 from receding_fenicsx.interface.law import BACKWARD, SEPARATION, STICK
 
 pytestmark = pytest.mark.one_rank
@@ -38,6 +43,23 @@ def test_branches_are_numbered_by_their_choices_from_the_first_on() -> None:
     assert lost > 0.0 and f"dissipation {lost:.6g};" in str(tree).splitlines()[3]
     # all is unloaded before the last leg, on which node 0 has the same two answers
     assert [branch.taken for branch in rf.branches(*two_nodes())] == [(1,), (2, 1), (2, 2)]
+    # all cycles are sampled
+    cycles = table(three, [[0.0], [1.0]], [[1.0], [0.9], [1.0]], 5)
+    sampled = rf.branches(three, cycles, most=1)[0].record.samples
+    assert set(sampled.cycle.tolist()) == {*range(6)}
+
+
+def test_a_doubt_on_any_branch_is_one_of_the_tree(monkeypatch: pytest.MonkeyPatch) -> None:
+    played = list[Any]()
+
+    def doubting(problem: Any, journal: Any) -> rf.Record:
+        played.append(problem)
+        problem.chooser.unsure.add((len(played), 0, 0.5))
+        return continue_history(problem, journal)
+
+    monkeypatch.setattr(branches, "continue_history", doubting)
+    tree = rf.branches(*two_nodes())
+    assert tree.unsure == ((1, 0, 0.5), (2, 0, 0.5), (3, 0, 0.5)) and not tree.complete
 
 
 @pytest.mark.parametrize(
@@ -53,6 +75,7 @@ def test_a_motion_that_nothing_determines_leaves_branches_that_are_not_found(
     parts = {"press": [0.0, 0, 1, 1], "spread": [1.0, -1, 0, 0]}
     body = small_system(K, parts, 0.5, rigid=[[1.0, 1, 0, 0], [0.0, 0, 1, 1]])
     tree = rf.branches(body, table(body, [[0, 0], loads]))
+    assert ((0, 0, 1.0) in tree.unsure) == (loads == [0, 1])  # where it floats
     assert tree.complete == complete and ("may be more" in str(tree)) != complete
     assert all(rf.given(b.record.uniqueness).certified == complete for b in tree)
     # what another first loading proves later does not prove this one
@@ -82,6 +105,43 @@ def test_rules_take_the_continuation_they_name() -> None:
     assert states["least dissipation"] == states["first"] == states[1] == STICK
     assert {states[1], states[2], states[3]} == {STICK, SEPARATION, BACKWARD}
     assert states[9] == states[3]
+
+
+def test_rules_take_what_dissipates_least_and_most_just_beyond_the_choice() -> None:
+    compared, loads = Counter[tuple[int, bool]](), {"a": [0.0, 0, 1, 0], "b": [0.0, 1.3, 0, 1]}
+    # the second node has no force before: the next term decides
+    idle = small_system(np.kron([[1.0, 0.9], [0.9, 1.0]], np.eye(2)), loads, 1.5)
+    problems = *map(random_problem, range(16)), *map(pairs, (12, 24, 38))
+    for system, history in (*problems, (idle, table(idle, [[0, 0], [1, 0], [1, 1]]))):
+        log = rf.branches(system, history, most=1)[0].choices
+        if not log or (first := log[0]).s > 0.99:
+            continue
+        path, s = history.path[: first.leg + 2].copy(), first.s + (1e-3 if first.s else 1.0)
+        path[-1] = (1.0 - s) * path[-2] + s * path[-1] if s < 1.0 else path[-1]
+        found = {}
+        for rule in (*range(1, first.solutions + 1), "least dissipation", "most dissipation"):
+            with suppress(rf.SolveError):
+                record = rf.evolve(system, table(system, path), rf.SolverOptions(branch=rule))
+                if len(record.choices) == 1:  # of several the rules decide each
+                    found[rule] = record.dissipation_first_loading
+        if len(found) < first.solutions + 2:
+            continue
+        least, most = found.pop("least dissipation"), found.pop("most dissipation")
+        assert (least, most) == (min(found.values()), max(found.values())), found
+        compared[first.leg, first.s > 0.0] += least < most
+    assert min(compared[0, False], compared[1, True], compared[1, False]) > 0, compared
+
+
+def test_the_first_continuation_is_the_same_path_whether_others_are_looked_for_or_not() -> None:
+    """One node jumps at s = 4/11 of the second leg, with what is asked for on a jump."""
+    node = small_system([[2.0, 1.5], [1.5, 2.0]], {"a": [1, 1], "b": [0, -1]}, 2.0)
+    history = table(node, [[0, 0], [1, 0], [0.25, 1]])
+    for branch in ("first", 1, "least dissipation"):
+        with pytest.raises(rf.NoQuasiStaticContinuation):
+            rf.evolve(node, history, rf.SolverOptions(branch=branch))
+        record = rf.evolve(node, history, rf.SolverOptions(branch=branch, on_jump="static"))
+        assert record.jumps == 1
+        assert record.released == pytest.approx(32 / 211.75, rel=1e-6)
 
 
 def test_branches_of_load_steps_and_of_limits_are_refused() -> None:
@@ -132,22 +192,3 @@ def test_branches_are_those_that_all_sets_of_states_lead_to() -> None:
         assert failed == {(leg, round(s / PLACE)) for leg, s, _ in expected if s < 1.0}, seed
         several += len(tree) > 1
     assert several >= 8
-
-
-def test_looking_for_branches_changes_no_path_without_any() -> None:
-    # all sets of states of five nodes are tried, those of six by the sides of the cone
-    for seed, n in ((0, 6), (0, 5), (5, 5), (10, 5), (23, 5)):
-        rng = np.random.default_rng(seed)
-        G = rng.standard_normal((2 * n, 3 * n))
-        loads = {"press": [*rng.standard_normal(n), *rng.uniform(1, 2, n)]}
-        loads["shear"] = rng.standard_normal(2 * n).tolist()
-        system = small_system(G @ G.T / (2 * n), loads, 0.2)
-        history = table(system, [[0, 0], [1, 0.3], [1, -0.5], [1, 0.5], [0.7, 0]])
-        plain = rf.evolve(system, history)
-        (branch,) = rf.branches(system, history)
-        assert branch.choices == () and branch.failure == ""
-        # the answer is the one without looking, up to round-off
-        for name in ("v", "w", "Q", "P"):
-            a, b = (getattr(r.turning_points, name) for r in (plain, branch.record))
-            assert np.abs(a - b).max() <= 1e-12 * np.abs(a).max()
-        assert np.array_equal(plain.turning_points.state, branch.record.turning_points.state)

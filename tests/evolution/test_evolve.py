@@ -4,12 +4,19 @@ from typing import Any
 import numpy as np
 import pytest
 from models import block_system
-from small import cyclic, small_system, table
+from small import cyclic, random_system, small_system, table
 
 import receding_fenicsx as rf
-from receding_fenicsx.errors import InputError, NoEquilibrium, SolveError
+from receding_fenicsx.errors import (
+    InputError,
+    NoEquilibrium,
+    NoQuasiStaticContinuation,
+    NotConverged,
+    SolveError,
+)
 from receding_fenicsx.evolution import run_state
 from receding_fenicsx.evolution.evolve import evolve
+from receding_fenicsx.evolution.problem import problem_of_history
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.interface.exact.path import EventPath
 from receding_fenicsx.interface.law import State
@@ -63,6 +70,46 @@ def test_the_usual_cycles_and_the_last_are_sampled() -> None:
         found, known = (getattr(table, name) for table in (record.samples, every))
         known = known[np.isin(every.cycle, kept_cycles(record))]
         assert np.abs(found - known).max() <= 1e-11 * np.abs(known).max(), name
+
+
+def test_a_cycle_is_steady_at_the_tolerance_asked_for_or_at_the_documented_one() -> None:
+    """1e-8, and 1e-10 of a limit, of the largest force, twice running."""
+    small, stops = block_system(12, 6), {}
+    for tolerance in (None, 1e-4, 1e-8, 1e-10):
+        solver = SolverOptions(steady_tolerance=tolerance)
+        steady = evolve(small, cyclic(200), solver, until="steady").steady
+        stops[tolerance] = steady.cycle
+        least = tolerance or 1e-8
+        assert steady.reached and len(steady.change) == steady.cycle
+        assert steady.change[-2:].max() <= least < 100.0 * steady.change[-3]
+    assert stops[None] == stops[1e-8] and stops[1e-4] < stops[1e-8] < stops[1e-10]
+    limited = problem_of_history(small, replace(cyclic(3), until_limit=True)).solver
+    assert limited.steady_tolerance == 1e-10
+
+
+@pytest.mark.parametrize("method", ["events", "gauss-seidel"])
+def test_the_options_of_a_method_reach_it_beside_a_shear_limit_too(method: str) -> None:
+    """The node of `test_jumps` jumps; a limit that it never meets changes nothing."""
+    node = small_system([[2.0, 1.5], [1.5, 2.0]], {"a": [1, 1], "b": [0, -1]}, 2.0)
+    node = replace(node, shear_limit=np.full(1, 100.0))
+    history = table(node, [[0, 0], [1, 0], [0.25, 1]])
+    options = SolverOptions(method=method, steps_per_leg=5)
+    with pytest.raises(NoQuasiStaticContinuation):
+        evolve(node, history, options)
+    record = evolve(node, history, replace(options, on_jump="static"))
+    assert record.jumps == 1 and record.released == pytest.approx(32 / 211.75, rel=1e-6)
+    if method == "gauss-seidel":
+        pair = replace(random_system(3, 3, 0.4), shear_limit=np.full(3, 100.0))
+        path = table(pair, [[0, 0], [1, 0.5]])
+        with pytest.raises(
+            NotConverged, match=r"after 3 sweeps .*: residual \S+ at node \d \(x = \d\), tol"
+        ):
+            evolve(pair, path, replace(options, max_sweeps=3, polish=False))
+        slow = replace(options, polish=False)
+        loose = replace(slow, residual_tolerance=1e-6, change_tolerance=1e-6)
+        every = options, loose, slow, replace(slow, over_relaxation=1.0)
+        sweeps = [evolve(pair, path, some).sweeps for some in every]
+        assert len(set(sweeps)) == 4 and sweeps[0] < sweeps[1] < min(sweeps[2:])
 
 
 @pytest.mark.parametrize("chosen", [(3,), (0, 2), (), (1, 99)])
@@ -175,6 +222,11 @@ def test_an_open_node_has_no_initial_slip(method: str) -> None:
         assert end.w[0, 1] == pytest.approx(-(0.2 + 0.8 * v0) / 4.0, rel=1e-11)
         assert record.dissipation_first_loading == pytest.approx(0.2 * (1.0 - v0), rel=1e-11)
         assert record.residual_max <= 1e-11
+    # nor has one that is held
+    held = replace(system, held=np.array([True, False, False, False]))
+    slip = np.array([1.0, 0.0])
+    record = evolve(held, table(held, [0, 1]), SolverOptions(method=method), initial_slip=slip)
+    assert record.turning_points.v[0, 0] == 0.0
 
 
 @pytest.mark.parametrize("method", METHODS)

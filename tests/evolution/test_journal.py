@@ -122,6 +122,10 @@ def test_run_gone_on_with_is_the_undisturbed_one_in_every_bit(
     undisturbed = play(system, history, solver, journal=Journal(every))
     journal = interrupted(tmp_path / "journal", killed, history, system, solver, every)
     assert len(journal.cycles) == every * (killed // every) + 1
+    # a file that a kill left half written is none
+    (tmp_path / "journal" / ".9.npz.tmp").write_bytes(b"half")
+    journal = JournalFolder(tmp_path / "journal", system, every)
+    assert not list((tmp_path / "journal").glob(".*"))
     assert_same_bits(play(system, history, solver, journal=journal), undisturbed)
     # of these the totals and doubts are not those of an unjudged beginning
     unique = undisturbed.uniqueness

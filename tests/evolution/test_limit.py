@@ -1,6 +1,8 @@
 """Limit of infinitely many cycles against plain playing, closed forms and bad input."""
 
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -59,7 +61,9 @@ def test_a_search_that_fails_goes_on_playing(monkeypatch: pytest.MonkeyPatch) ->
     assert "not reached" in limit_rows(summarise(record))[0][1]
 
 
-def test_load_steps_from_the_exact_limit_repeat_themselves() -> None:
+def test_load_steps_from_the_exact_limit_repeat_themselves(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     small = block_system(16, 8)
     steps = SolverOptions(method="gauss-seidel", steps_per_leg=10)
     record = evolve(small, cyclic(200), steps, until="limit")
@@ -74,7 +78,20 @@ def test_load_steps_from_the_exact_limit_repeat_themselves() -> None:
     assert abs(D - own) < 0.2 * abs(own - path) and abs(own - path) < 0.05 * path
     # the cycle does not drift, under the laws at every step
     assert np.abs(record.cycles.slip_increment[-1]).max() < 1e-10
-    assert record.residual_max < 1e-9
+    assert record.residual_max < 1e-9 and record.limit.unique == -1
+    # the next cycle is played too: where it is another one, that is no limit
+    played = search.LimitSearch._played
+
+    def drifting(self: search.LimitSearch, trial: Any, tail: Any) -> Any:
+        begin, cycle = played(self, trial, tail)
+        end = cycle.corners[-1]
+        away = end._replace(state=replace(end.state, r=2.0 * end.state.r))
+        monkeypatch.setattr(trial, "trace_cycle", lambda number: SimpleNamespace(corners=[away]))
+        return begin, cycle
+
+    monkeypatch.setattr(search.LimitSearch, "_played", drifting)
+    lost = evolve(small, cyclic(8), steps, until="limit").limit
+    assert lost is not None and not lost.reached and "changes its forces" in lost.reason
 
 
 def test_bad_input_is_refused_in_one_line() -> None:

@@ -27,12 +27,6 @@ from receding_fenicsx.interface.system import ContactSystem, frictional_form
 pytestmark = pytest.mark.one_rank
 
 
-def polygon(corners: int, phase: float) -> np.ndarray:
-    """Return corners of a cycle of press and push, out of phase."""
-    angle = 2.0 * np.pi * (np.arange(corners + 1) % corners) / corners
-    return np.stack([1.0 + 0.4 * np.cos(angle), 0.25 * np.sin(angle + phase)], axis=1)
-
-
 def assert_same(limit: rf.Record, plain: rf.Record, walks: bool = False) -> None:
     """Assert that a limit that was searched for is that of plain cycles, up to a rigid walk."""
     assert limit.limit is not None and limit.limit.jumped, limit.limit
@@ -51,20 +45,10 @@ def assert_same(limit: rf.Record, plain: rf.Record, walks: bool = False) -> None
     assert limit.residual_max < 1e-11
 
 
-@pytest.mark.parametrize("phase", [0.0, 0.5, 1.2])
-def test_the_limit_of_loads_out_of_phase_is_that_of_plain_cycles(phase: float) -> None:
-    system, loop = pushed_block(), polygon(6, phase)
-    history = table(system, [np.zeros(2), loop[0]], loop, 400)
-    solver = rf.SolverOptions(steady_tolerance=1e-10)
-    plain = rf.evolve(system, history, solver, until="steady")
-    assert_same(rf.evolve(system, history, until="limit"), plain)
-
-
-@pytest.mark.parametrize("elements", [12, 16])
-def test_the_limit_of_a_wedge_damper_is_that_of_plain_cycles(elements: int) -> None:
+def test_the_limit_of_a_wedge_damper_is_that_of_plain_cycles() -> None:
     # nodes of one face slip both ways at first, and only forward once the other face has settled
     file = Path(__file__).parents[1] / "trials" / "wedge_damper.toml"
-    scene = rf.read_scene(file, [f"mesh.contact_elements={elements}", "history.cycles=800"])
+    scene = rf.read_scene(file, ["mesh.contact_elements=12", "history.cycles=800"])
     system = rf.condense(scene)
     if system is None:
         return

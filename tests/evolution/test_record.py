@@ -81,21 +81,6 @@ def test_record_file_has_the_agreed_layout(record: Record, tmp_path: Path) -> No
         assert list(file.attrs["load_names"]) == ["p0"] and file.attrs["format_version"] == 1
 
 
-def test_no_file_or_folder_is_overwritten_unless_asked(record: Record, tmp_path: Path) -> None:
-    path = tmp_path / "record.h5"
-    path.write_text("precious")
-    for place, words in (
-        (path, "already exists"),
-        (tmp_path / "none" / "record.h5", "folder does not exist"),
-        (tmp_path, "is a folder"),
-    ):
-        with pytest.raises(InputError, match=words):
-            write_record(place, record)
-    assert path.read_text() == "precious"
-    write_record(path, record, overwrite=True)
-    assert read_record(path).method == "events"
-
-
 # -- condensed systems ---------------------------------------------------------------------------
 
 
@@ -174,6 +159,22 @@ def test_a_file_of_another_version_of_the_program_is_refused(tmp_path: Path) -> 
         pass
     with pytest.raises(InputError, match=r"file\.h5: is of another version of this program"):
         read_record(tmp_path / "file.h5")
+
+
+def test_dissipation_counts_where_it_is_beyond_both_round_offs(record: Record) -> None:
+    """1e-13 of all pressure times the largest slip; what residuals may feign at all nodes."""
+    table, n = record.turning_points, len(record.x)
+    table = dataclasses.replace(table, v=np.where(table.cycle[:, None] == 0, 0.0, table.v))
+    slip = 1e-13 * table.P.sum(axis=1).max() * np.abs(table.v[:3]).max()
+    feigned = 2.0 * n * np.abs([table.P, table.Q]).max() * np.abs(table.v).max()
+    for residual in (0.0, 0.5 * slip / feigned, 1e-9):
+        for factor in (0.99, 1.01):
+            D = factor * max(slip, residual * feigned) * np.ones(1)
+            cycles = dataclasses.replace(record.cycles, dissipation=D)
+            other = dataclasses.replace(
+                record, turning_points=table, cycles=cycles, residual_max=residual
+            )
+            assert other.dissipates == (factor > 1.0)
 
 
 # -- summary.json --------------------------------------------------------------------------------

@@ -29,6 +29,7 @@ CHANGES = {
     "solver": ["solver.method=gauss-seidel", "solver.steps_per_leg=6"],
     "output": ["output.samples_per_leg=5", "output.cycles=[1]"],
     "initial slip": ["history.initial_slip=0.02*x"],
+    "checkpoints": ["history.cycles=5", "output.checkpoint_cycles=2"],
 }
 
 

@@ -17,7 +17,6 @@ from receding_fenicsx.half_plane.stiffness import (
     compliance,
     condense_far_field,
     plane_material,
-    surface_integrals,
     surface_of,
 )
 
@@ -55,17 +54,28 @@ def pressed(free: tuple[bool, bool, bool] = (True, True, False)) -> FarField:
     return FarField(np.array(free), np.array([[0.0, -1.0, 0.0]]), np.zeros((1, 3)), -np.ones(1))
 
 
-def test_far_elements_have_enough_points(monkeypatch: pytest.MonkeyPatch) -> None:
-    x = graded(60, 0.5)
-    lower = np.arange(59)
-    pairs = np.stack([lower, lower + 1], axis=1)
-    found = surface_integrals(x, pairs)[0]
-    monkeypatch.setattr("receding_fenicsx.half_plane.stiffness.GAUSS_POINTS", 12)
-    more = surface_integrals(x, pairs)[0]
-    assert np.abs(found - more).max() < 1e-12 * np.abs(more).max()
-    # closed integrals of all pairs: they lose digits far away
-    monkeypatch.setattr("receding_fenicsx.half_plane.stiffness.NEAR", 1e9)
-    assert np.abs(found - surface_integrals(x, pairs)[0]).max() < 1e-9 * np.abs(more).max()
+def test_integrals_over_elements_are_sums_of_those_over_their_parts() -> None:
+    """Long elements beside short ones of a tenth; the hats of both surfaces are nested."""
+    lengths = np.array([1, 10, 1, 1, 10, 10, 1, 3, 1, 10])
+    ends, fine = np.append(0, np.cumsum(lengths)), np.arange(lengths.sum() + 1)
+    coarse, parts = (surface(line / fine[-1]) for line in (ends, fine))
+    nested = np.array([np.interp(fine, ends, hat) for hat in np.eye(len(ends))])
+    for name in ("logs", "signs"):
+        known = nested @ getattr(parts, name) @ nested.T
+        assert np.abs(getattr(coarse, name) - known).max() < 1e-8 * np.abs(known).max(), name
+
+
+@pytest.mark.parametrize("order", [1, 2])
+def test_a_surface_does_not_depend_on_the_numbers_of_nodes_and_elements(order: int) -> None:
+    x, n = graded(13), 13
+    number = np.random.default_rng(5).permutation(n)  # of each node from left to right
+    elements = np.stack([number[:-1], number[1:]], axis=1)
+    # an element of order 2 has two of them
+    shuffled = elements.reshape(-1, order, 2)[::-1, ::-1].reshape(-1, 2)
+    found, known = surface_of(x[number.argsort()], shuffled, order), surface(x, order)
+    for name in ("B", "logs", "signs"):
+        mine = getattr(found, name)[np.ix_(number, number)]
+        assert mine == pytest.approx(getattr(known, name), abs=1e-15)
 
 
 @pytest.mark.parametrize("order", [1, 2])
@@ -98,6 +108,11 @@ def test_far_field_follows_from_the_balance_of_forces() -> None:
         r = -A @ (R @ a + turn * load[1])
         assert found.r_star.T @ load == pytest.approx(r, abs=1e-9 * np.abs(A).max())
         assert found.compliance @ load == pytest.approx([F @ a, -turn @ r], rel=1e-9)
+        # with the contact nodes moved too
+        u = RANDOM.standard_normal(len(A))
+        a = a + np.linalg.solve(R.T @ A @ R, R.T @ A @ u)
+        on_u, on_loads = found.motion
+        assert on_u @ u + on_loads @ load == pytest.approx([*a, 0.5 * load[1]], rel=1e-9)
 
 
 def bonded_errors(n: int, plane_stress: bool) -> tuple[float, float]:

@@ -9,7 +9,7 @@ from replay import objections
 from small import named_loads, small_system, table
 
 import receding_fenicsx as rf
-from receding_fenicsx.evolution.problem import problem_of_history
+from receding_fenicsx.evolution.problem import problem_of_history, with_profiles
 from receding_fenicsx.interface.branches.critical_friction import critical_friction
 from receding_fenicsx.interface.gauss_seidel.compliance_form import step_problem
 from receding_fenicsx.measures.ends import half_width_estimates
@@ -66,8 +66,19 @@ def test_shear_lag_with_constant_shear(
     # the law of a node alone is that of all
     limits = record.friction.limits(np.full(n, 0.7))
     assert record.friction[3].limits(np.array(0.7)) == tuple(part[3] for part in limits)
+    half = record.traction_law(2.0).limits(np.full(n, 0.35))
+    assert np.array_equal(2.0 * np.array(half), limits)
+    # nodes that cohesion alone holds stick
+    assert "stick" in [zone for zone, *_ in record.at().zones]
+    labelled = record.to_xarray()
+    for key in ("cohesion", "shear_limit"):
+        told, known = labelled.coords.get(key), getattr(record, key)
+        assert (told is None) == (known is None) and (known is None or np.all(told == known))
     found = rf.evolve(system, replace(history, cycles=8), until="limit").limit
     assert found is not None and found.reached and found.unique == -1
+    # it was played, not searched for
+    assert not found.jumped and np.isnan(found.residual)
+    assert found.cycle == found.cycles_played > 0
     # what wears off does not depend on the pressure, which falls as the gap grows
     pairs = NodePairs(problem_of_history(system, history), np.full(n, 1e-3))
     row = pairs.begin()
@@ -118,6 +129,14 @@ def test_tractions_of_a_block_keep_the_shear_limit_and_zones_end_at_nodes() -> N
     p, shear = rf.recovered_tractions(half, half.at(1))
     assert np.array_equal(p, half.at(1).p) and np.array_equal(shear, half.at(1).q)
     assert not half_width_estimates(half, 0)["stick_half_width_estimate"]["fitted"]
+
+
+def test_a_support_that_carries_a_node_leaves_it_no_limit() -> None:
+    held = np.array([False, False, False, True])
+    system = replace(small_system(np.eye(4), {"a": np.ones(4)}, 0.3), held=held)
+    scene = rf.Scene(contacts=(rf.Contact(friction=0.3, cohesion=0.2),))
+    law = with_profiles(scene, system).law
+    assert law.limits(np.ones(2))[1] == pytest.approx([0.5, 0.0])
 
 
 def test_what_knows_cones_only_refuses_in_one_line() -> None:

@@ -12,6 +12,7 @@ from drawn_text import REPORTS, check_curves, check_words, told
 from scipy.optimize import brentq, minimize
 
 import receding_fenicsx as rf
+from receding_fenicsx.evolution.record_data import Limit
 from receding_fenicsx.measures.fatigue import averaged, fatigue_summary, life, smallest_sphere
 from receding_fenicsx.mpi import given
 
@@ -216,6 +217,39 @@ def test_figures_and_numbers_of_a_crack_are_what_is_known(record_with_a_crack: r
     lines = ((crack.depth, values) for values in [*known, crack.threshold])
     check_curves(drawn["crack_crack"].axes[0], *lines, *guides)
     assert 0.0 < crack.arrest < crack.depth[-1]
+
+
+def test_parameters_of_a_cycle_depend_on_it_and_on_its_start_alone(
+    record_with_a_crack: rf.Record,
+) -> None:
+    record, last = record_with_a_crack, len(record_with_a_crack.cycles.dissipation)
+    jumped = replace(record, limit=Limit(True, last, last, 0.0, 1, "", True))
+    for known, kept in ((record, 1), (jumped, 0)):
+        probes, points = given(known.probes), known.turning_points
+        early, rows = np.flatnonzero(probes.cycle < last), np.flatnonzero(points.cycle < last)
+        for keep in (kept, 0):
+            stress, v = probes.stress.copy(), points.v.copy()
+            stress[early[: len(early) - keep]], v[rows[: len(rows) - keep]] = 100.0, 1.0
+            spoilt = replace(points, v=v), replace(probes, stress=stress)
+            found = rf.fatigue(replace(known, turning_points=spoilt[0], probes=spoilt[1]))["edge"]
+            for name, parameter in rf.fatigue(known)["edge"].items():
+                same = np.array_equal(found[name].value, parameter.value)
+                assert same == (keep == kept), name
+
+
+def test_a_node_slips_that_touches_at_one_instant_of_the_cycle(
+    record_with_a_crack: rf.Record,
+) -> None:
+    record = record_with_a_crack
+    known, samples, points = (
+        rf.fatigue(record)["edge"]["ruiz_f1"].value,
+        *(replace(part, P=0.0 * part.P) for part in (record.samples, record.turning_points)),
+    )
+    away = replace(record, samples=samples, turning_points=points)
+    assert not rf.fatigue(away)["edge"]["ruiz_f1"].value.any()
+    samples.P[-2] = record.samples.P[-2]
+    found = rf.fatigue(away)["edge"]["ruiz_f1"].value
+    assert found.any() and np.array_equal(found[found > 0.0], known[found > 0.0])
 
 
 def test_edge_cracks_have_the_tabulated_stress_intensities() -> None:

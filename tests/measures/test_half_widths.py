@@ -19,7 +19,13 @@ from receding_fenicsx.measures.ends import contact_betas, half_width_estimates
 from receding_fenicsx.measures.limit_nodes import limit_nodes, shown_states
 from receding_fenicsx.mpi import given
 from receding_fenicsx.output.report.summary import SECTIONS, report_html, summarise
-from receding_fenicsx.scene.model import Contact, HistoryOptions, Load, SolverOptions
+from receding_fenicsx.scene.model import (
+    Contact,
+    HistoryOptions,
+    Load,
+    OutputOptions,
+    SolverOptions,
+)
 from receding_fenicsx.scene.toml_file import to_toml
 from receding_fenicsx.store.run_folder import write_summary
 from receding_fenicsx.studies import run as study
@@ -90,7 +96,7 @@ def test_a_contact_without_force_has_no_half_width(method: str) -> None:
 
 
 def test_slip_of_a_settled_cycle_that_is_negligible_is_shown_as_stick() -> None:
-    record = evolve(block_system(24, 6), cyclic(60))
+    record = evolve(block_system(24, 6), cyclic(60), output=OutputOptions(cycles="all"))
     assert record.steady.kind == "cyclic slip"
     last, samples = len(record.cycles.dissipation), record.samples
     rows = samples.cycle == last
@@ -102,6 +108,13 @@ def test_slip_of_a_settled_cycle_that_is_negligible_is_shown_as_stick() -> None:
     assert np.array_equal(shown_states(record, 0, state), state)
     shown = shown_states(record, last, state)
     assert np.all(shown[still] == 1) and np.all(shown[large] == 3)
+    for reached, first, settled in ((True, 5, 5), (True, 1, 2), (False, -1, last)):
+        steady = replace(record.steady, reached=reached, cycle=first)
+        other = replace(record, steady=steady)
+        for cycle in (settled - 1, settled):
+            if cycle in samples.cycle:
+                turned = not np.array_equal(shown_states(other, cycle, state), state)
+                assert turned == (cycle == settled), (steady, cycle)
     # of these a dashed line shows where they reach their limit
     check_figures([("zones", rf.figures.zone_maps(record, last))], REPORTS / "settled.txt")
     found = limit_nodes(record, last)

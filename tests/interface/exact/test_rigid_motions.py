@@ -11,7 +11,6 @@ from small import small_system, table
 
 from receding_fenicsx.errors import NoEquilibrium
 from receding_fenicsx.evolution.evolve import evolve
-from receding_fenicsx.interface.exact.free_motions import _least
 from receding_fenicsx.interface.system import ContactSystem
 from receding_fenicsx.scene.model import OutputOptions, SolverOptions
 
@@ -89,13 +88,6 @@ def test_a_body_that_slides_is_not_held_by_round_off_of_its_stiffness() -> None:
     system = small_system(K, {"push": [-1.0, 1.0]}, 0.1656920328, 0.0, [[-1.0, 0.0]])
     with pytest.raises(NoEquilibrium, match="no equilibrium was found"):
         evolve(system, table(system, [[0.0], [1.0]]))
-
-
-def test_the_least_drift_is_the_nearest_one_that_keeps_all_bounds() -> None:
-    rows = np.array([[1.0, 0.0], [1.0, 1.0]])
-    for bounds, nearest in (([1.0, 3.0], [1.5, 1.5]), ([2.0, 3.0], [2.0, 1.0]), ([-1, -1], [0, 0])):
-        assert _least(rows, np.array(bounds)) == pytest.approx(nearest, abs=1e-14)
-    assert _least(np.array([[1.0], [-1.0]]), np.array([1.0, 0.0])) is None
 
 
 def test_a_stiffness_that_is_round_off_carries_no_load() -> None:

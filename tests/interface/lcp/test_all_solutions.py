@@ -8,7 +8,7 @@ from equations import Body
 from small import small_system
 from ways import rates
 
-from receding_fenicsx.interface.law import BACKWARD, FORWARD, SEPARATION, STICK
+from receding_fenicsx.interface.law import BACKWARD, STICK
 from receding_fenicsx.interface.lcp import all_solutions as module
 from receding_fenicsx.interface.lcp.all_solutions import all_solutions
 from receding_fenicsx.interface.lcp.contact import Undecided, choices
@@ -69,30 +69,3 @@ def test_it_finds_what_all_sets_of_states_of_another_code_find(
         counts.append(len(expected))
     # several, one and none occur
     assert {0, 1, 2} <= set(counts)
-
-
-def test_many_slipping_nodes_with_little_friction_have_one_solution_without_trying_all() -> None:
-    rng = np.random.default_rng(3)
-    G = rng.standard_normal((60, 90))
-    system = small_system(G @ G.T / 60, {"a": rng.standard_normal(60)}, 0.05)
-    n, touching = np.arange(30), np.array([4, 17])
-    rest = np.setdiff1d(n, touching)
-    undecided = Undecided(rest[:15], rest[15:], touching, NONE)
-    found = all_solutions(system, system.r_star[0], undecided, NONE)
-    assert found.complete and len(found.states) == 1
-    state, K, r = found.states[0], system.K, system.r_star[0]
-    # the law of rates, written out
-    rows, right = [], []
-    for i in range(30):
-        sign = {FORWARD: 1.0, BACKWARD: -1.0}.get(int(state[i]), 0.0)
-        stick, open_ = state[i] == STICK, state[i] == SEPARATION
-        rows += [np.eye(60)[i] if stick else K[i] + sign * 0.05 * K[30 + i] * (not open_)]
-        right += [0.0 if stick else -r[i] - sign * 0.05 * r[30 + i] * (not open_)]
-        rows += [K[30 + i] if open_ else np.eye(60)[30 + i]]
-        right += [-r[30 + i] if open_ else 0.0]
-    u = np.linalg.solve(np.array(rows), np.array(right))
-    Q, P = (r + K @ u).reshape(2, 30)
-    A, B, v = Q + 0.05 * P, 0.05 * P - Q, u[:30]
-    assert A[undecided.forward].min() > -1e-12 and v[undecided.forward].min() > -1e-12
-    assert B[undecided.backward].min() > -1e-12 and v[undecided.backward].max() < 1e-12
-    assert min(A[touching].min(), B[touching].min(), u[30 + touching].min()) > -1e-12

@@ -1,11 +1,10 @@
 """Tractions between nodes, from forces that shape functions give exactly."""
 
 import numpy as np
-import pytest
 from nodal import nodal_forces, with_middles
 
 from receding_fenicsx.arrays import Array
-from receding_fenicsx.interface.measures.tractions import cell_means, midside_nodes, traction_at
+from receding_fenicsx.interface.measures.tractions import midside_nodes, traction_at
 
 
 def laid_out(degree: int, elements: int) -> tuple[Array, Array, Array]:
@@ -27,18 +26,6 @@ def test_midside_nodes_are_seen_in_the_weights() -> None:
         around = weight * x
         assert list(midside_nodes(x, around, x))[1:] == list(range(3, 2 * elements, 2))
         assert list(midside_nodes(x[1:], around[1:], x[1:])) == list(range(2, 2 * elements - 1, 2))
-
-
-@pytest.mark.parametrize(("degree", "order"), [(1, 1.8), (2, 2.8)])
-def test_means_over_cells_converge(degree: int, order: float) -> None:
-    errors = []
-    for elements in (20, 40, 80):
-        x, weight, force = laid_out(degree, elements)
-        left, right, mean = cell_means(x, weight, force, midside_nodes(x, weight))
-        exact = (np.sin(2.0 * right) - np.sin(2.0 * left)) / (2.0 * (right - left))
-        errors.append(np.abs(mean - exact)[1:-1].max())
-    assert np.log2(errors[0] / errors[2]) / 2.0 > order
-    assert errors[-1] < 1e-3
 
 
 def test_tractions_between_nodes_are_closer_than_the_lumped_ones() -> None:

@@ -1,13 +1,11 @@
-"""Load ranges round which nodes open and close without slip: all sets tried, and exact cycles."""
+"""Load ranges round which nodes open and close without slip, against exact cycles."""
 
 from __future__ import annotations
 
-import itertools
 from dataclasses import replace
 
 import numpy as np
 import pytest
-import scipy.optimize
 from shakedown_cases import Case, coupled_case
 
 import receding_fenicsx as rf
@@ -23,79 +21,7 @@ def rocked(seed: int, n: int, corners: int = 2) -> Case:
     return coupled_case(rng, n, corners, mean, change, (0.4, 0.9))
 
 
-def all_sets(case: Case, intervals: int, top: float) -> float:
-    """Return the largest range of two corners by a linear program for each sequence of sets.
-
-    Unscaled unknowns lambda, and u and the place of each point; no binaries, no bounds of numbers.
-    """
-    system, loads = case[0], load_range(*case)
-    n, K, f = system.n, system.K, system.f
-    mean, ends = loads.mean @ system.r_star, loads.vertices @ system.r_star
-    width, points = 2 * n + 1, intervals + 1
-    size = 1 + points * width
-
-    def at(p: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return rows of u, r and tau of a point."""
-        unit = np.eye(size)
-        own = unit[1 + p * width : 1 + (p + 1) * width]
-        return (
-            own[:-1],
-            K @ own[:-1] + np.outer(ends[0], unit[0]) + np.outer(ends[1] - ends[0], own[-1]),
-            own[-1],
-        )
-
-    laws, constants, equal = [], [], []
-    rows = [at(p) for p in range(points)]
-    for u, r, _ in rows:
-        for i in range(n):
-            for sign in (1.0, -1.0):
-                laws.append(sign * r[i] + f[i] * r[n + i])
-                constants.append(sign * mean[i] + f[i] * mean[n + i])
-            laws.append(u[n + i])
-            constants.append(0.0)
-    for (*_, a), (*_, b) in itertools.pairwise(rows):
-        laws.append(b - a)
-        constants.append(0.0)
-    unit = np.eye(size)
-    equal = [(rows[0][2], 0.0), (rows[-1][2] - unit[0], 0.0)]
-    best = -np.inf
-    for sets in itertools.product(itertools.product((0, 1), repeat=n), repeat=intervals):
-        own = list(equal)
-        for k, closed in enumerate(sets):
-            (u, r, _), (u2, r2, _) = rows[k : k + 2]
-            for i in range(n):
-                if closed[i]:
-                    own += [(u[n + i], 0.0), (u2[n + i], 0.0), (u2[i] - u[i], 0.0)]
-                else:
-                    own += [(r[j], -mean[j]) for j in (i, n + i)]
-                    own += [(r2[j], -mean[j]) for j in (i, n + i)]
-        found = scipy.optimize.linprog(
-            -unit[0],
-            -np.array(laws),
-            np.array(constants),
-            np.array([row for row, _ in own]),
-            np.array([value for _, value in own]),
-            bounds=[(0.0, top)] + [(None, None)] * (size - 1),
-        )
-        if found.status == 0:
-            best = max(best, -found.fun)
-    return float(best)
-
-
-@pytest.mark.parametrize("seed", [10, 13, 26, 27])
-def test_program_finds_the_best_of_all_sets_of_two_nodes(seed: int) -> None:
-    case = rocked(seed, 2)
-    limits = rf.shakedown_limits(*case)
-    assert limits.opens
-    top = 4.0 * limits.upper
-    found = largest_opening(case[0], load_range(*case), np.ones(2, dtype=bool), top)
-    assert found.best
-    assert found.residual < 1e-10
-    assert 1.05 * limits.upper < found.value < top
-    assert found.value == pytest.approx(all_sets(case, 3, top), rel=1e-6)
-
-
-@pytest.mark.parametrize(("seed", "n"), [(14, 3), (28, 3), (6, 4)])
+@pytest.mark.parametrize(("seed", "n"), [(10, 2), (27, 2), (14, 3), (28, 3), (6, 4)])
 def test_exact_cycles_end_without_slip_up_to_the_range_found_and_not_above(
     seed: int, n: int
 ) -> None:
