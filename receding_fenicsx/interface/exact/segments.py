@@ -217,7 +217,7 @@ class Segments:
             self.refinements = 0
         q = tableau.rates(direction)
         imbalance = self.balance.error(q, direction)
-        accepted = self._accepted(q * self.weight, imbalance)
+        accepted = self._accepted(q * self.weight)
         for _ in range(3):
             if imbalance <= accepted:
                 break
@@ -233,14 +233,11 @@ class Segments:
             return self._rates(state, direction)
         return q
 
-    def _accepted(self, forces: Array, imbalance: float) -> float:
-        """Return the imbalance that rates may have, given as forces; a part of it if they do."""
+    def _accepted(self, forces: Array) -> float:
+        """Return the imbalance that rates may have, given as forces."""
         unrefinable = UNREFINABLE_ROUND_OFFS * EPSILON * sqrt(forces.dot(forces))
-        if imbalance <= unrefinable:
-            return unrefinable
         forces = forces[2 * self.system.n :]
-        # the norm of the forces alone: 1e-12 of it need no refinement
-        return max(unrefinable, 1e-12 * sqrt(forces.dot(forces)))
+        return max(unrefinable, RATE_TOLERANCE * sqrt(forces.dot(forces)))
 
     @property
     def is_loose(self) -> bool:

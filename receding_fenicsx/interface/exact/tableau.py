@@ -232,17 +232,10 @@ class Tableau:
 
     def refined(self, rates: Array, direction: Array) -> Array:
         """Return rates after one step of iterative refinement, reactions evaluated afresh."""
-        n, system, state = self.system.n, self.system, self.state
-        dr = direction @ system.r_star + system.K @ rates[: 2 * n]
-        change = self.correction(dr)[: 4 * n].reshape(4, n)
-        slopes = margin_slopes(system.friction, (self.frictional, self.smooth), state)
-        margins = margins_at(slopes, dr) + change[A:]
-        # at a slipping node the sum of both is the change of A + B
-        forward, backward = state == FORWARD, state == BACKWARD
-        margins[0, backward] += change[B, backward]
-        margins[1, forward] += change[A, forward]
-        margins[0, forward] = margins[1, backward] = margins[:, state == SEPARATION] = 0.0
-        return np.concatenate([rates[: 2 * n] + change[:A].ravel(), *margins])
+        n, system, force = self.system.n, self.system, direction @ self.system.r_star
+        u = rates[: 2 * n] + self.correction(force + system.K @ rates[: 2 * n])[: 2 * n]
+        slopes = margin_slopes(system.friction, (self.frictional, self.smooth), self.state)
+        return np.concatenate([u, *margins_at(slopes, force + system.K @ u)])
 
     def correction(self, r: Array) -> Array:
         """Return the change of every quantity that brings every input back to zero.
