@@ -1,12 +1,8 @@
-"""Motions that the loads do not determine: rigid ones that the states of the contact leave free.
+"""Rolling: rigid motions along which an unloaded body comes to rest.
 
-**Drift.** How far a body drifts along them is bounded by the contact law: it must not penetrate its
-ground, nor turn a slip round. Of all drifts that keep the law the least is taken.
-
-**Rolling.** A crowned body with gaps that is pressed beside the nodes which touch first rolls, as a
-rigid body and without forces, until it rests below the load. With the rigid motions R c that leave
-the contact nodes where they are tangentially and the rate of the loads d it minimises their
-potential:
+A crowned body with gaps that is pressed beside the nodes which touch first rolls, as a rigid body
+and without forces, until it rests below the load. With the rigid motions R c that leave the contact
+nodes where they are tangentially and the rate of the loads d it minimises their potential:
 
     min_c  (sum_k d_k r*_k) . R c   so that   g0 + w + (R c)_n >= 0,
 
@@ -20,45 +16,9 @@ import scipy.optimize
 from numpy.typing import NDArray
 
 from receding_fenicsx.arrays import Array
-from receding_fenicsx.interface.exact.segments import Segments, States
-from receding_fenicsx.interface.law import SLIP_SIGN, State
+from receding_fenicsx.interface.law import State
 from receding_fenicsx.interface.system import ContactState, ContactSystem, has_rigid
 from receding_fenicsx.interface.tolerances import RIGID_TOLERANCE
-
-
-def drifted(segments: Segments, change: Array, state: States, touching: NDArray[np.intp]) -> Array:
-    """Add the least drift with which slips keep their directions and gaps do not fall.
-
-    ``change`` (2N,) are displacements or their rates; they are returned as they are where no drift
-    will do.
-    """
-    motion = segments.free_motions(state)
-    slipping = np.flatnonzero(segments.frictional & (SLIP_SIGN[state] != 0.0))
-    rows = np.concatenate([slipping, len(state) + touching])
-    if motion.shape[1] == 0 or len(rows) == 0:
-        return change
-    sign = np.concatenate([SLIP_SIGN[state[slipping]], np.ones(len(touching))])
-    drift = _least(sign[:, None] * motion[rows], -sign * change[rows])
-    return change if drift is None else change + motion @ drift
-
-
-def _least(rows: Array, bounds: Array) -> Array | None:
-    """Minimise |c| with rows c >= bounds; None where no c satisfies it.
-
-    Least distance programming by non-negative least squares (C. L. Lawson and R. J. Hanson,
-    Solving least squares problems, 1974, chapter 23).
-    """
-    size = float(np.abs(bounds).max())
-    if size == 0.0:
-        return np.zeros(rows.shape[1])
-    system = np.vstack([rows.T, bounds / size])
-    multipliers, distance = scipy.optimize.nnls(system, np.append(np.zeros(rows.shape[1]), 1.0))
-    if distance <= RIGID_TOLERANCE:
-        return None
-    left = system @ multipliers
-    c: Array = size * left[:-1] / (1.0 - left[-1])
-    return c
-
 
 GAP_TOLERANCE = 1e-10
 """Gap, over the largest one, up to which a node touches."""

@@ -7,7 +7,6 @@ from numpy.typing import NDArray
 
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.errors import NotConverged
-from receding_fenicsx.interface.exact.free_motions import drifted
 from receding_fenicsx.interface.exact.pivot_matrix import SingularExchange
 from receding_fenicsx.interface.exact.segments import Segments, States
 from receding_fenicsx.interface.gauss_seidel.sweeps import (
@@ -158,15 +157,12 @@ def end_in_states(
     """
     system, n = segments.system, segments.system.n
     state = np.where(state == 0, STICK, state).astype(np.int8)
-    u0 = touching_start(segments, start)
+    u = touching_start(segments, start)
     try:
         tableau = segments.tableau(state)
     except SingularExchange:
         return None
-    u = u0.copy()
     for _ in range(3):
         u = u + tableau.correction(reactions(system, load, u))[: 2 * n]
-    open_ = np.flatnonzero((state == SEPARATION) & ~system.held[n:])
-    u = u0 + drifted(segments, u - u0, state, open_)
     end = ContactState(u, reactions(system, load, u), state)
     return _accepted(system, start, load, end)
