@@ -18,7 +18,6 @@ from receding_fenicsx.interface.exact.rest import (
     carries_nothing,
     is_at_rest,
     is_closed,
-    keeps_limits,
     load_from_rest,
     stops_short,
     zero_crossing,
@@ -27,7 +26,7 @@ from receding_fenicsx.interface.exact.segments import Segments, ties_at
 from receding_fenicsx.interface.law import SEPARATION
 from receding_fenicsx.interface.residual import largest_force
 from receding_fenicsx.interface.system import Changes, ContactState, ContactSystem, Leg, reactions
-from receding_fenicsx.interface.tolerances import JUMP_STEP, REMAINING_LOAD, UNLOADING_ROUND_OFF
+from receding_fenicsx.interface.tolerances import JUMP_STEP, REMAINING_LOAD
 
 if TYPE_CHECKING:
     from receding_fenicsx.interface.exact.loop import Loop
@@ -188,18 +187,8 @@ class EventPath:
         short = stops_short(self.segments, b)
         try:
             walk.run(1.0 - REMAINING_LOAD if short else 1.0)
-        except (NoQuasiStaticContinuation, NoEquilibrium) as error:
-            place = walk.s
-            if ends_with_leg(walk, error):
-                walk.path.place[0] = 1.0
-                leg = walk.stop_here()
-                y = self.segments.values(leg.end)
-                if np.any(b) or keeps_limits(self.segments, problem.start.u, y, leg.force_scale):
-                    leg.samples += [(s, leg.end) for s in problem.samples[len(leg.samples) :]]
-                    return leg
-                # springs far softer than the body move it there
-                walk.path.place[0] = place
-            if self.on_jump != "static" or not resolved or isinstance(error, NoEquilibrium):
+        except NoQuasiStaticContinuation:
+            if self.on_jump != "static" or not resolved:
                 raise
             return self._jump(walk, problem)
         leg = walk.finish(at_rest=short)
@@ -240,16 +229,6 @@ class EventPath:
         """Return the place on a leg where equilibrium ends, infinite where it does not."""
         limit = self.limit(*ends)
         return np.inf if limit is None else limit.s
-
-
-def ends_with_leg(walk: Walk, error: SolveError) -> bool:
-    """Return whether a path ends so near the end of its leg that the next leg has to decide.
-
-    There only round-off says that no way leads on, or that no pressure is left.
-    """
-    at_end = 1e-11 if np.any(walk.problem.ends[1]) else UNLOADING_ROUND_OFF
-    lifts = isinstance(error, NoEquilibrium) and carries_nothing(walk.here(), walk.force_scale)
-    return walk.s >= 1.0 - at_end and (lifts or isinstance(error, NoQuasiStaticContinuation))
 
 
 def _low_friction_node(segments: Segments) -> int | None:

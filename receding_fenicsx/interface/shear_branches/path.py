@@ -18,7 +18,7 @@ from receding_fenicsx.interface.exact.jumps import (
     no_state_beyond,
 )
 from receding_fenicsx.interface.exact.legs import LegProblem, evenly_spaced, unchanged
-from receding_fenicsx.interface.exact.path import EventPath, ends_with_leg
+from receding_fenicsx.interface.exact.path import EventPath
 from receding_fenicsx.interface.exact.rest import carries_nothing, zero_crossing
 from receding_fenicsx.interface.gauss_seidel.sweeps import GaussSeidelOptions
 from receding_fenicsx.interface.law import SEPARATION
@@ -228,10 +228,7 @@ class BranchedPath:
                 walk.run(target)
             except SolveError as lost:
                 error = lost
-            stops = error is not None
-            if error is not None and ends_with_leg(walk, error):
-                walk.path.place[0], error = 1.0, None
-            end, found = walk.s, walk.stop_here() if stops else walk.finish()
+            end, found = walk.s, walk.stop_here() if error else walk.finish()
         found.events = Changes.joined(turned, found.events)
         found = self._outer(found, problem, force, end)
         found.samples = [(at, one) for at, one in found.samples if at in problem.samples]
