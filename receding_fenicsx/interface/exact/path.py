@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from contextlib import suppress
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -13,7 +12,6 @@ from receding_fenicsx.interface.equilibrium import Limit, furthest, is_balanced
 from receding_fenicsx.interface.exact.free_motions import at_rest
 from receding_fenicsx.interface.exact.jumps import add_jump, check_jumps, find_jump, no_state_beyond
 from receding_fenicsx.interface.exact.legs import Chooser, LegProblem, evenly_spaced, unchanged
-from receding_fenicsx.interface.exact.pivot_matrix import SingularExchange
 from receding_fenicsx.interface.exact.rest import (
     carries_nothing,
     is_at_rest,
@@ -25,7 +23,7 @@ from receding_fenicsx.interface.exact.rest import (
 from receding_fenicsx.interface.exact.segments import Segments, ties_at
 from receding_fenicsx.interface.law import SEPARATION
 from receding_fenicsx.interface.residual import largest_force
-from receding_fenicsx.interface.system import Changes, ContactState, ContactSystem, Leg, reactions
+from receding_fenicsx.interface.system import Changes, ContactState, ContactSystem, Leg
 from receding_fenicsx.interface.tolerances import JUMP_STEP, REMAINING_LOAD
 
 if TYPE_CHECKING:
@@ -109,7 +107,7 @@ class EventPath:
         if not np.any(a) and carries_nothing(start, problem.force_scale):
             if is_at_rest(self.system, a) and is_closed(self.segments, start, problem.force_scale):
                 return self._from_rest(problem)
-            resting = self._resting(start, problem.ends)
+            resting = at_rest(self.system, start, b)
             leg = self._pressed_leg(problem.piece(resting, (a, b), problem.force_scale, (0.0, 1.0)))
             turned = Changes.between(0.0, start.state, resting.state)
             leg.events = Changes.joined(turned, leg.events)
@@ -129,17 +127,6 @@ class EventPath:
         """Follow a leg from rest, or jump to its end, by one static problem."""
         load = problem.ends[1]
         return load_from_rest(self.segments, problem, self.limit(np.zeros_like(load), load))
-
-    def _resting(self, start: ContactState, ends: tuple[Array, Array]) -> ContactState:
-        """Return where an unloaded body with gaps comes to rest under the load of a leg."""
-        resting = at_rest(self.system, start, ends[1])
-        if resting is not start:
-            with suppress(SingularExchange):
-                # K R is zero up to the round-off of the condensation only
-                r = reactions(self.system, ends[0], resting.u)
-                correction = self.segments.tableau(resting.state).correction(r)
-                resting.u += correction[: 2 * self.system.n]
-        return resting
 
     def _pressed_leg(self, problem: LegProblem) -> Leg:
         """Follow a leg on which forces act from its start; explain why one ends early."""
