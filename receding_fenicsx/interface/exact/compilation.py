@@ -6,7 +6,6 @@ Machine code is kept beside the sources, in the folder ``NUMBA_CACHE_DIR`` or in
 from __future__ import annotations
 
 import logging
-import time
 from functools import cache
 
 import numpy as np
@@ -49,13 +48,8 @@ def loop_of(segments: Segments) -> Loop:
     return Loop(segments)
 
 
-def warm_up() -> float:
-    """Compile the loop, or load it from where its machine code is kept.
-
-    Returns:
-        Seconds that it took.
-    """
-    clock = time.perf_counter()
+def warm_up() -> None:
+    """Compile the loop, or load it from where its machine code is kept."""
     # a node on springs sticks, pressed on the plane, and is sheared
     system = ContactSystem(
         x=np.zeros(1),
@@ -73,4 +67,3 @@ def warm_up() -> float:
     state = np.full(1, STICK, dtype=np.int8)
     start = ContactState(np.zeros(2), reactions(system, pressed, np.zeros(2)), state)
     Walk(Loop(Segments(system)), LegProblem(start, (pressed, np.ones(2)), 1.0)).run(1.0)
-    return time.perf_counter() - clock
