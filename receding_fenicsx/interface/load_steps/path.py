@@ -191,9 +191,6 @@ class GaussSeidelPath:
             # from rest all grows in proportion to the load: one static problem
             with suppress(SolveError):
                 return self.exact.static_leg(leg.end, part, scale), s_to
-        if step is not None and unloaded and isinstance(error, NoEquilibrium):
-            # a free body that touches nowhere yet falls on the plane
-            return step, s_to
         if is_smallest:
             if step is None:
                 with suppress(NotConverged):
