@@ -27,10 +27,9 @@ r"""Uniqueness of a path: one solution of every rate problem, or several.
    $$\varphi = 1 / \lambda_\mathrm{max}(-\mathrm{sym}(C K_{nt}), K_{tt}),$$
    the smallest over the sets of states. Sets whose margin is larger than ``LARGE_MARGIN`` are
    measured at the ends of legs only, where slip zones are largest.
-6. **Doubt** (`UniquenessWatch._doubt`). Where a set is not definite: all principal minors, for few
-   slipping nodes; then all solutions for the load rate, by `interface.lcp.all_solutions`. The
-   instant is certified if it has exactly one. Where a free body carries no contact force under
-   some load, nothing determines its place: not certified.
+6. **Doubt** (`UniquenessWatch._doubt`). Where a set is not definite: all solutions for the load
+   rate, by `interface.lcp.all_solutions`. The instant is certified if it has exactly one. Where a
+   free body carries no contact force under some load, nothing determines its place: not certified.
 7. **Static problems** (`watch.solutions_from_rest`). From rest without gaps, and after an initial
    slip, all nodes are on all limits. All sets of states of few nodes are tried; for more nodes
    other solutions are looked for, and not excluded.

@@ -27,7 +27,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import combinations
 
 import numpy as np
 import scipy.linalg as sla
@@ -37,7 +36,6 @@ from receding_fenicsx.arrays import Array
 from receding_fenicsx.interface.law import BACKWARD, FORWARD, SEPARATION
 from receding_fenicsx.interface.lcp.contact import Undecided
 from receding_fenicsx.interface.system import ContactSystem, pinned_stiffness
-from receding_fenicsx.interface.tolerances import SAME_MARGIN
 from receding_fenicsx.interface.uniqueness.instants import Sides, States, bits_of, mask_of, nodes_of
 
 SINGULAR = 1e-11
@@ -136,23 +134,6 @@ class Certificate:
             return np.inf, ()
         large = np.abs(mode[:, 0])
         return float(1.0 / size[0]), tuple(slips[large >= 0.5 * large.max()].tolist())
-
-    def is_p_matrix(self, state: States) -> bool:
-        """Return whether all principal minors of the rate problem are positive, for few nodes."""
-        m = len(self.slipping(state))
-        if m > 12:  # too many principal minors
-            return False
-        try:
-            K_tt, X = self.matrices(state)
-        except np.linalg.LinAlgError:
-            return False
-        scale = 1.0 / np.sqrt(np.diagonal(K_tt))
-        M = scale[:, None] * (K_tt + X) * scale
-        for size in range(1, m + 1):
-            chosen = np.array(list(combinations(range(m), size)))
-            if np.linalg.det(M[chosen[:, :, None], chosen[:, None, :]]).min() <= SAME_MARGIN:
-                return False
-        return True
 
 
 def cholesky(matrix: Array) -> Array:

@@ -276,8 +276,6 @@ class UniquenessWatch:
         """Count the solutions of an instant whose matrices are not all definite."""
         judge, states = self.certificate, np.zeros((0, 0), dtype=np.int8)
         system, state = judge.system, sides.states(judge.system.n)
-        if not sides.touching and judge.is_p_matrix(state):
-            return
         if self._left:
             self._left -= 1
             free = judge.free(mask_of(sides.open, system.n))

@@ -86,8 +86,6 @@ def test_a_certified_instant_has_one_solution_for_every_load_rate() -> None:
         if all(judge.margin(one.states(system.n))[0] > 1.0 + 1e-9 for one in sets):
             assert found == {1}, seed
             tally["certified"] += 1
-        elif not instant.touching and judge.is_p_matrix(instant.states(system.n)):
-            assert found == {1}, seed
         else:
             tally["one" if found == {1} else "others"] += 1
     # the certificate fails for some, and some of these have several solutions or none
