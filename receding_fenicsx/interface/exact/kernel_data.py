@@ -19,8 +19,8 @@ class Contact(NamedTuple):
         share_A, share_B: (N,) factors a, b of Q = a A - b B.
         sums_of_y, sums_of_load: (sums, 4N) and (sums, n_loads) of the balance check.
         r_star: (n_loads, 2N) held reactions of unit loads.
-        exchanges: (2, 5, 5, 4) kinds (output, input, output, input) to exchange, -1 for none, of
-            smooth and frictional nodes, by the old and the new state.
+        exchanges: (3, 5, 5, 4) kinds (output, input, output, input) to exchange, -1 for none, of
+            smooth and frictional nodes and the others, by the old and the new state.
         marks: (N, 5) random number of each state of each node.
         rate_tolerance: rate over the norm of all rates below which it counts as zero.
         imbalances: imbalance of rates that is accepted, over the norms of all rates and of forces.

@@ -20,7 +20,7 @@ from receding_fenicsx.interface.exact.segments import (
     States,
     keep,
 )
-from receding_fenicsx.interface.exact.tableau import EXCHANGES, SMOOTH_EXCHANGES
+from receding_fenicsx.interface.exact.tableau import KINDS
 from receding_fenicsx.interface.law import SEPARATION, STICK
 from receding_fenicsx.interface.system import ContactState
 from receding_fenicsx.interface.tolerances import ACCEPTED_RESIDUAL, RATE_TOLERANCE
@@ -115,11 +115,6 @@ class Loop:
         """Prepare for the contact of ``segments``, whose tableau is shared."""
         self.segments, self.system = segments, segments.system
         system, n = segments.system, segments.system.n
-        exchanges = np.full((2, 5, 5, 4), -1)
-        for table, smooth_or_not in ((SMOOTH_EXCHANGES, 0), (EXCHANGES, 1)):
-            for (old, new), pairs in table.items():
-                kinds = [kind for pair in pairs for kind in pair]
-                exchanges[smooth_or_not, old, new, : len(kinds)] = kinds
         random = np.random.default_rng(0)
         self._random = random
         self.contact = kernel_data.Contact(
@@ -131,7 +126,7 @@ class Loop:
             sums_of_y=np.array(segments.balance.on_y.T, order="C"),
             sums_of_load=np.array(segments.balance.on_load.T, order="C"),
             r_star=np.array(system.r_star, order="C"),
-            exchanges=exchanges,
+            exchanges=KINDS,
             marks=random.integers(0, 2**63, (n, 5), dtype=np.uint64),
             rate_tolerance=RATE_TOLERANCE,
             imbalances=(UNREFINABLE_ROUND_OFFS * EPSILON, RATE_TOLERANCE),

@@ -84,20 +84,11 @@ def exchange(matrix: Matrix, outputs: Ints, inputs: Ints) -> bool:
     return True
 
 
-def of_loads(matrix: Matrix, loads: Array) -> Array:
-    """Return the outputs (m,) from loads (n_loads,)."""
-    k, pending = len(matrix.column_label), matrix.counts[0]
-    out: Array = matrix.T[:, k:].dot(loads)
-    if pending:
-        out += matrix.U[:pending].T.dot(matrix.V[:pending, k:].dot(loads))
-    return out
-
-
-def response(matrix: Matrix, inputs: Ints, change: Array) -> Array:
-    """Return the change (m,) of the outputs when the labelled inputs change."""
-    k, x = matrix.counts[0], np.zeros(matrix.T.shape[1])
-    x[matrix.column_of[inputs]] = change
-    return matrix.T @ x + matrix.U[:k].T @ (matrix.V[:k] @ x)
+def outputs_of(matrix: Matrix, x: Array) -> Array:
+    """Return the outputs (m,) of inputs and loads x (k + n_loads,)."""
+    k = matrix.counts[0]
+    outputs: Array = matrix.T @ x + matrix.U[:k].T @ (matrix.V[:k] @ x)
+    return outputs
 
 
 def apply_pending(matrix: Matrix) -> None:

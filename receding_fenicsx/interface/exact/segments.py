@@ -217,7 +217,8 @@ class Segments:
             self.refinements = 0
         q = tableau.rates(direction)
         imbalance = self.balance.error(q, direction)
-        accepted = self._accepted(q * self.weight)
+        size, of_forces = (np.linalg.norm((q * self.weight)[k:]) for k in (0, 2 * len(state)))
+        accepted = max(UNREFINABLE_ROUND_OFFS * EPSILON * size, RATE_TOLERANCE * of_forces)
         for _ in range(3):
             if imbalance <= accepted:
                 break
@@ -228,12 +229,6 @@ class Segments:
                 break
             q, imbalance = better, left
         return q
-
-    def _accepted(self, forces: Array) -> float:
-        """Return the imbalance that rates may have, given as forces."""
-        unrefinable = UNREFINABLE_ROUND_OFFS * EPSILON * sqrt(forces.dot(forces))
-        forces = forces[2 * self.system.n :]
-        return max(unrefinable, RATE_TOLERANCE * sqrt(forces.dot(forces)))
 
     @property
     def is_loose(self) -> bool:

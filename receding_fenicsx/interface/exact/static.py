@@ -74,7 +74,8 @@ def states_by_newton(
     seen: set[bytes] = set()
     last, before, oscillates = state, state, False
     while len(seen) < 30 and state.tobytes() not in seen:
-        comes_back = len(seen) > 1 and 2 * differing(state, before) < differing(state, last)
+        changed = [np.count_nonzero(state != other) for other in (before, last)]
+        comes_back = len(seen) > 1 and 2 * changed[0] < changed[1]
         if comes_back and oscillates:
             return None
         oscillates = comes_back
@@ -90,11 +91,6 @@ def states_by_newton(
             state[frictionless & (state != SEPARATION)] = STICK
             return _accepted(system, start, load, ContactState(u, r, state))
     return None
-
-
-def differing(one: States, other: States) -> int:
-    """Return how many nodes have different states."""
-    return int(np.count_nonzero(one != other))
 
 
 def _accepted(

@@ -20,7 +20,6 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg.blas import dscal
 
 from receding_fenicsx.arrays import Array, Ints
 from receding_fenicsx.interface.exact import pivot_matrix
@@ -54,29 +53,27 @@ EXCHANGES: dict[tuple[int, int], tuple[tuple[int, int], ...]] = {
 }
 """(output, input) pairs to exchange for each change of state of a frictional node."""
 
-SMOOTH_EXCHANGES = {(STICK, SEPARATION): ((A, W),), (SEPARATION, STICK): ((W, A),)}
+SMOOTH_EXCHANGES: dict[tuple[int, int], tuple[tuple[int, int], ...]] = {
+    (STICK, SEPARATION): ((A, W),),
+    (SEPARATION, STICK): ((W, A),),
+}
 """The same for a node without friction or held tangentially."""
 
 MAX_PENDING = 32
 """Rank-one updates that are collected before they are applied."""
 
 
-def exchanges(
-    frictional: NDArray[np.bool_],
-    nodes: NDArray[np.intp],
-    old: NDArray[np.int8],
-    new: NDArray[np.int8],
-) -> tuple[list[int], list[int]]:
-    """Return the labels of outputs and inputs to exchange where nodes change their states."""
-    n = len(old)
-    outputs: list[int] = []
-    inputs: list[int] = []
-    for i in nodes.tolist():
-        table = EXCHANGES if frictional[i] else SMOOTH_EXCHANGES
-        for out, into in table.get((int(old[i]), int(new[i])), ()):
-            outputs.append(out * n + i)
-            inputs.append(into * n + i)
-    return outputs, inputs
+def _kinds() -> Ints:
+    """Return kinds (output, input, output, input) by the law, the old and the new state."""
+    kinds = np.full((3, 5, 5, 4), -1)
+    for law, table in enumerate((SMOOTH_EXCHANGES, EXCHANGES)):
+        for (old, new), pairs in table.items():
+            kinds[law, old, new, : 2 * len(pairs)] = np.ravel(pairs)
+    return kinds
+
+
+KINDS = _kinds()
+"""Kinds to exchange, -1 for none, of smooth nodes, frictional ones, and those without a limit."""
 
 
 class Tableau:
@@ -111,8 +108,7 @@ class Tableau:
         self.frictional = loose & normal & system.friction.present
         self.smooth = normal & ~self.frictional
         self.free_v = loose & ~self.frictional
-        self._limited = self.frictional | self.smooth
-        self._some_unlimited = not self._limited.all()
+        self._law = np.where(self.frictional, 1, np.where(self.smooth, 0, 2))
         # pivots are compared with 1: displacements are multiplied by a typical stiffness, a power
         # of two, so that the unit of the stiffness changes no digit
         diagonal = np.abs(np.diagonal(system.K))
@@ -148,11 +144,10 @@ class Tableau:
         """
         n = len(state)
         stuck = np.full(n, STICK, dtype=np.int8)
-        outputs, inputs = exchanges(self.frictional, self._different(stuck, state), stuck, state)
+        outputs, inputs = self._exchanges(stuck, state)
         # Q = 0 of a frictionless node is an input for good
         Z = np.flatnonzero(self.free_v)
-        outputs += (REACTION * n + Z).tolist()
-        inputs += (V * n + Z).tolist()
+        outputs, inputs = np.append(outputs, REACTION * n + Z), np.append(inputs, V * n + Z)
         if np.isin(inputs, self._left_out).any():
             self._left_out = self._left_out[:0]
         T, row_label, column_label = self._all_stuck
@@ -176,7 +171,7 @@ class Tableau:
             singular=self._singular,
             oldest=10 * m,  # then round-off has gathered
         )
-        if outputs and not pivot_matrix.exchange(self.matrix, np.array(outputs), np.array(inputs)):
+        if len(outputs) and not pivot_matrix.exchange(self.matrix, outputs, inputs):
             raise SingularExchange
         self.matrix.counts[1] = 0
 
@@ -199,12 +194,12 @@ class Tableau:
         self._left_out = inputs
         self.build(state)
 
-    def _different(self, one: NDArray[np.int8], other: NDArray[np.int8]) -> NDArray[np.intp]:
-        """Return the nodes that are in different states, those without any limit left out."""
-        different = one != other
-        if self._some_unlimited:
-            different &= self._limited
-        return different.nonzero()[0]
+    def _exchanges(self, old: NDArray[np.int8], new: NDArray[np.int8]) -> tuple[Ints, Ints]:
+        """Return the labels of outputs and inputs to exchange where nodes change their states."""
+        node = (old != new).nonzero()[0]
+        kinds = KINDS[self._law[node], old[node], new[node]]
+        pairs = (kinds * len(old) + node[:, None])[kinds >= 0].reshape(-1, 2)
+        return pairs[:, 0], pairs[:, 1]
 
     def move_to(self, state: NDArray[np.int8]) -> None:
         """Exchange what differs between the present and the wanted states.
@@ -212,11 +207,10 @@ class Tableau:
         Raises:
             SingularExchange: a motion of the body is left without stiffness.
         """
-        changing = self._different(state, self.state)
-        outputs, inputs = exchanges(self.frictional, changing, self.state, state)
+        outputs, inputs = self._exchanges(self.state, state)
         matrix = self.matrix
         if matrix.counts[1] > matrix.oldest or (
-            outputs and not pivot_matrix.exchange(matrix, np.array(outputs), np.array(inputs))
+            len(outputs) and not pivot_matrix.exchange(matrix, outputs, inputs)
         ):
             self.build(state)
         else:
@@ -224,10 +218,11 @@ class Tableau:
 
     def rates(self, direction: Array) -> Array:
         """Return the rates of v, gap, A and B along a leg."""
-        n = len(self.state)
-        rates = np.zeros(4 * n)
-        rates[self.matrix.row_label] = pivot_matrix.of_loads(self.matrix, direction)
-        dscal(1.0 / self._unit, rates, n=2 * n)  # a power of two
+        matrix, n = self.matrix, len(self.state)
+        rates, x = np.zeros(4 * n), np.zeros(matrix.T.shape[1])
+        x[len(matrix.column_label) :] = direction
+        rates[matrix.row_label] = pivot_matrix.outputs_of(matrix, x)
+        rates[: 2 * n] /= self._unit
         return rates
 
     def refined(self, rates: Array, direction: Array) -> Array:
@@ -257,8 +252,8 @@ class Tableau:
             [kind * n + i for kind, i in zip((A, B, A, REACTION), nodes, strict=True)]
         )
         change = [-quantity[i] for quantity, i in zip(quantities, nodes, strict=True)]
-        out = np.zeros(5 * n)
-        out[labels] = np.concatenate(change)
-        out[self.matrix.row_label] = pivot_matrix.response(self.matrix, labels, out[labels])
+        out, x = np.zeros(5 * n), np.zeros(self.matrix.T.shape[1])
+        out[labels] = x[self.matrix.column_of[labels]] = np.concatenate(change)
+        out[self.matrix.row_label] = pivot_matrix.outputs_of(self.matrix, x)
         out[: 2 * n] /= self._unit
         return out
