@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.errors import SolveError
+from receding_fenicsx.interface.equilibrium import Limit
 from receding_fenicsx.interface.exact.free_motions import middle
 from receding_fenicsx.interface.exact.jumps import explain
 from receding_fenicsx.interface.exact.legs import PathPoint
@@ -31,8 +32,8 @@ from receding_fenicsx.interface.lcp.contact import EXHAUSTED, Undecided, solve_s
 SIMULTANEOUS_ROUNDS = 3
 """Rounds in which all violating nodes change state together; afterwards only the worst does."""
 
-EquilibriumEnd = Callable[[tuple[Array, Array]], float]
-"""Place on the leg between two load factors beyond which there is no equilibrium."""
+FindLimit = Callable[[Array, Array], Limit | None]
+"""Where equilibrium ends on the leg between two load factors, None where it does not."""
 
 
 class ConsistentStates:
@@ -43,7 +44,7 @@ class ConsistentStates:
         segments: Segments,
         point: PathPoint,
         on_limit: Array,
-        equilibrium_ends: EquilibriumEnd,
+        find_limit: FindLimit,
     ) -> None:
         """Prepare for one point.
 
@@ -51,11 +52,10 @@ class ConsistentStates:
             segments: rates in known sets of states.
             point: present point of the path; its states and quantities on limits are changed.
             on_limit: (4N,) distance from a limit up to which a node is on it.
-            equilibrium_ends: place on the leg beyond which there is no equilibrium; looked for only
-                where rates alone do not decide.
+            find_limit: called only where rates alone do not decide.
         """
         self.segments, self.point, self.on_limit = segments, point, on_limit
-        self.equilibrium_ends = equilibrium_ends
+        self.find_limit = find_limit
         a, b = point.problem.ends
         self.direction = b - a
 
@@ -85,7 +85,8 @@ class ConsistentStates:
         """
         segments, point = self.segments, self.point
         # within round-off of the place where equilibrium ends
-        if point.s >= self.equilibrium_ends(point.problem.ends) - 1e-9:
+        limit = self.find_limit(*point.problem.ends)
+        if limit is not None and point.s >= limit.s - 1e-9:
             raise self.error(before)
         segment, exhausted = self._pivoted(before)
         if segment is None and self._balance(before):

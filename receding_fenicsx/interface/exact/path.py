@@ -164,7 +164,7 @@ class EventPath:
         from receding_fenicsx.interface.exact.walk import Walk
 
         self._loop = loop = self._loop or loop_of(self.segments)
-        return Walk(loop, problem, self._equilibrium_ends)
+        return Walk(loop, problem, self.limit)
 
     def _walk(self, problem: LegProblem) -> Leg:
         """Follow one leg from event to event."""
@@ -211,11 +211,6 @@ class EventPath:
         if key not in self._limits:
             self._limits[key] = furthest(self.system, a, b)
         return self._limits[key]
-
-    def _equilibrium_ends(self, ends: tuple[Array, Array]) -> float:
-        """Return the place on a leg where equilibrium ends, infinite where it does not."""
-        limit = self.limit(*ends)
-        return np.inf if limit is None else limit.s
 
 
 def _low_friction_node(segments: Segments) -> int | None:

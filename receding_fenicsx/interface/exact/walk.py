@@ -17,7 +17,7 @@ from receding_fenicsx.arrays import Array
 from receding_fenicsx.errors import SolveError
 from receding_fenicsx.interface.exact import kernel, kernel_data
 from receding_fenicsx.interface.exact.balance import summed
-from receding_fenicsx.interface.exact.consistency import ConsistentStates, EquilibriumEnd
+from receding_fenicsx.interface.exact.consistency import ConsistentStates, FindLimit
 from receding_fenicsx.interface.exact.jumps import lost_by_loose_motion
 from receding_fenicsx.interface.exact.legs import LegProblem, PathPoint
 from receding_fenicsx.interface.exact.loop import Loop
@@ -47,7 +47,7 @@ class Walk:
         self,
         loop: Loop,
         problem: LegProblem,
-        equilibrium_ends: EquilibriumEnd = lambda ends: np.inf,
+        find_limit: FindLimit = lambda a, b: None,
         traced: bool = False,
     ) -> None:
         """Start at the beginning of a leg.
@@ -55,14 +55,14 @@ class Walk:
         Args:
             loop: the compiled loop of the contact.
             problem: the leg; its force scale includes the held reactions at both ends.
-            equilibrium_ends: place on the leg beyond which there is no equilibrium.
+            find_limit: where equilibrium ends on a leg.
             traced: keep all stops of the path.
         """
         self.loop, self.segments, self.system = loop, loop.segments, loop.system
         self.problem, self.force_scale = problem, problem.force_scale
         self.path = loop.path(problem, traced)
         self.residual, self._excess = 0.0, False
-        self._equilibrium_ends = equilibrium_ends
+        self._find_limit = find_limit
 
     @property
     def s(self) -> float:
@@ -126,7 +126,7 @@ class Walk:
     def _states_at(self, state: States, way: kernel_data.Way) -> ConsistentStates:
         """Return the search for consistent states at the present point, in given states."""
         point = replace(self.point, state=state.copy())
-        return ConsistentStates(self.segments, point, way.on_limit, self._equilibrium_ends)
+        return ConsistentStates(self.segments, point, way.on_limit, self._find_limit)
 
     def _set(self, before: States, state: States) -> None:
         """Put states in place of those at the present instant."""
