@@ -6,7 +6,10 @@ either way. Whether a set of states is right is seen from its rates:
 1. All nodes whose rates violate their limit change state, after some rounds only the worst one.
 2. When a set of states returns, linear complementarity decides the nodes on limits.
 3. A free body that balances on its contact is moved to the middle of its play, and 2 is repeated.
-4. Otherwise an error says which continuation is missing.
+4. Nodes count as on a limit up to the round-off of their reactions and the residual that is
+   accepted, and 2 is repeated.
+5. Nodes that seem to slip on without resistance stick, if that violates no limit.
+6. Otherwise an error says which continuation is missing.
 """
 
 from __future__ import annotations
@@ -24,10 +27,16 @@ from receding_fenicsx.interface.exact.free_motions import middle
 from receding_fenicsx.interface.exact.jumps import explain
 from receding_fenicsx.interface.exact.legs import PathPoint
 from receding_fenicsx.interface.exact.pivot_matrix import SingularExchange
-from receding_fenicsx.interface.exact.segments import Segment, Segments, States
+from receding_fenicsx.interface.exact.segments import EPSILON, Segment, Segments, States
 from receding_fenicsx.interface.exact.tableau import A, B, V
 from receding_fenicsx.interface.law import BACKWARD, FORWARD, SEPARATION, STICK
 from receding_fenicsx.interface.lcp.contact import EXHAUSTED, Undecided, solve_states
+from receding_fenicsx.interface.tolerances import (
+    ACCEPTED_RESIDUAL,
+    END_TOLERANCE,
+    ON_LIMIT,
+    ROUND_OFFS,
+)
 
 SIMULTANEOUS_ROUNDS = 3
 """Rounds in which all violating nodes change state together; afterwards only the worst does."""
@@ -95,9 +104,42 @@ class ConsistentStates:
                 segment = segments.at(point.state, self.direction)
             if segment is not None and len(self.violations(segment)):
                 segment, exhausted = self._pivoted(before)
+        if segment is None and self._widen_limits(before):
+            point.state[:] = before
+            segment, exhausted = self._pivoted(before)
+        if segment is None:
+            # where round-off alone says that a node slips on without resistance, it may rest
+            point.state[:] = np.where(before == SEPARATION, before, STICK)
+            with suppress(SingularExchange):
+                resting = segments.at(point.state, self.direction)
+                segment = None if len(self.violations(resting)) else resting
         if segment is None:
             raise self.error(before, exhausted=exhausted)
         return segment
+
+    def _widen_limits(self, before: States) -> bool:
+        """Count nodes as on a limit up to larger distances; return whether more of them are.
+
+        Up to the round-off of the reactions, eps |K| |u|, which exceeds ``ON_LIMIT`` where a nearly
+        singular body is displaced far, and up to the residual that is accepted: a body that wedges
+        itself may hold round-off of the loads by a force at a small arm. And up to what is reached
+        within round-off of the place: all forces of a body vanish together where its loads do.
+        """
+        system, segments, y = self.segments.system, self.segments, self.point.y
+        n, u = system.n, np.abs(y[: 2 * system.n] - np.append(np.zeros(system.n), system.g0))
+        Q, P = ROUND_OFFS * EPSILON * (np.abs(system.K) @ u).reshape(2, n)
+        friction, gap = segments.friction, P / segments.weight[n : 2 * n]
+        A = np.where(segments.frictional, Q + friction.forward * P, P)
+        by_round_off = np.concatenate([np.zeros(n), gap, A, Q + friction.backward * P])
+        by_residual = ACCEPTED_RESIDUAL / ON_LIMIT * segments.limit * self.point.problem.force_scale
+        rates = np.zeros_like(y)
+        with suppress(SingularExchange):
+            rates = segments.at(before, self.direction).q
+        by_place = END_TOLERANCE * np.abs(rates)
+        wide = np.maximum.reduce([self.on_limit, by_round_off, by_residual, by_place])
+        more = (y > self.on_limit) & (y <= wide)
+        self.on_limit = wide
+        return bool(np.any(more[n:]))
 
     def _pivoted(self, before: States) -> tuple[Segment | None, bool]:
         """Solve the linear complementarity problem of the rates of nodes on limits.

@@ -103,7 +103,7 @@ class Walk:
             elif request == kernel.BALANCE:
                 self._balanced()
             elif request == kernel.UNDECIDED:
-                self._decided(way)
+                way = self._decided(way)
             elif request == kernel.CHOICE:
                 self._choose(way)
             elif request == kernel.UNLOADING:
@@ -145,14 +145,15 @@ class Walk:
             )
             count[kernel_data.TIES] += 1
 
-    def _decided(self, way: kernel_data.Way) -> None:
-        """Decide the states at the present point."""
+    def _decided(self, way: kernel_data.Way) -> kernel_data.Way:
+        """Decide the states at the present point; return the leg with its limits, maybe wider."""
         before = self._before()
         states = self._states_at(before, way)
         segment = states.decide(before)
         self._give(way, before, states.point.state, segment)
         load = self.problem.load(self.s)
         self.path.imbalance[:] = self.segments.balance.errors(self.path.y, load)
+        return way._replace(on_limit=np.where(way.on_limit < 0.0, -1.0, states.on_limit))
 
     def _give(self, way: kernel_data.Way, before: States, state: States, segment: Segment) -> None:
         """Give states and rates with which to go on from here."""
