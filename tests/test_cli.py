@@ -60,6 +60,7 @@ def test_check_counts_the_contact_nodes_of_the_run(
         assert f"; {len(record.x)} contact nodes," in said
 
 
+@pytest.mark.one_rank
 @pytest.mark.parametrize("name", sorted(path.name for path in DEMOS.glob("*.toml")))
 def test_every_demo_scene_can_be_modelled(name: str) -> None:
     assert cli.main(["check", str(DEMOS / name)]) == 0

@@ -70,6 +70,7 @@ def test_figures_are_drawn_beside_as_here_even_if_that_process_ends(
         assert (tmp_path / "beside" / path.name).read_bytes() == path.read_bytes()
 
 
+@pytest.mark.one_rank
 def test_countdown_tells_the_time_left(monkeypatch: pytest.MonkeyPatch) -> None:
     clock = iter([0.0, 2.0, 6.0])
     heard: list[Any] = []

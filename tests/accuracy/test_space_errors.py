@@ -17,6 +17,8 @@ from receding_fenicsx.studies.accuracy import study as space_errors
 from receding_fenicsx.studies.accuracy.estimate import estimated_error, observed_order
 from receding_fenicsx.studies.accuracy.meshes import to_limit
 
+pytestmark = pytest.mark.one_rank
+
 DEMOS = Path(__file__).parents[2] / "demos"
 
 
@@ -177,6 +179,7 @@ def test_an_error_is_no_less_than_what_the_number_is_known_to_on_its_own_mesh() 
 # -- in a run -------------------------------------------------------------------------------------
 
 
+@pytest.mark.one_rank(False)
 def test_a_run_writes_its_errors(shared_tmp_path: Path) -> None:
     comm = MPI.COMM_WORLD
     record = study.run(
@@ -238,6 +241,7 @@ def test_cycles_played_until_steady_are_left_for_their_limit() -> None:
     assert played.value == pytest.approx(found.value, rel=1e-6)
 
 
+@pytest.mark.one_rank(False)
 def test_a_run_without_an_answer_on_coarser_meshes_says_so() -> None:
     def refuse(_: rf.Scene) -> rf.Record:
         raise rf.NotConverged("too coarse")
@@ -250,6 +254,7 @@ def test_a_run_without_an_answer_on_coarser_meshes_says_so() -> None:
     assert "space errors are not known: on a coarser mesh: too coarse" in printed
 
 
+@pytest.mark.one_rank(False)
 def test_a_search_without_an_answer_on_any_mesh_ends_as_its_last_run(shared_tmp_path: Path) -> None:
     scene = scene_of(16, "history.minimum=-0.5", "accuracy.tolerance=0.1")
     with pytest.raises(rf.NoEquilibrium, match="pull the body off"):

@@ -26,6 +26,7 @@ def at_probe(record: rf.Record) -> dict[str, Array]:
     return dict(zip(("ux", "uy", "sxx", "syy", "szz", "sxy"), values.T, strict=True))
 
 
+@pytest.mark.one_rank
 @pytest.mark.parametrize(("degree", "cell"), ORDERS)
 @pytest.mark.parametrize("kinematics", KINDS)
 def test_bar_between_walls(kinematics: str, degree: int, cell: str) -> None:
@@ -83,6 +84,7 @@ def test_free_expansion_by_a_linear_field(kinematics: str, cell: str) -> None:
 # -- rotation ------------------------------------------------------------------------------------
 
 
+@pytest.mark.one_rank
 @pytest.mark.parametrize("degree", [1, 2])
 def test_rotating_shaft_between_smooth_plates(degree: int) -> None:
     """Long shaft, e_zz given: s_rr = (3 - 2 nu)/(8 (1 - nu)) rho omega^2 (R^2 - r^2)."""

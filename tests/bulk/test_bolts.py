@@ -48,6 +48,7 @@ def with_preloads(scene: rf.Scene, *forces: float) -> rf.Scene:
     return replace(scene, bolts=bolts)
 
 
+@pytest.mark.one_rank
 @pytest.mark.parametrize("preload", [None, 0.15])
 @pytest.mark.parametrize("round_", [False, True])
 @pytest.mark.parametrize(("degree", "k"), [(1, 3.0), (2, 3.0), (2, 1e4), (1, np.inf)])

@@ -67,6 +67,7 @@ def test_a_stack_that_nothing_holds_carries_balanced_loads(symmetry: str) -> Non
 # -- refusals ------------------------------------------------------------------------------------
 
 
+@pytest.mark.one_rank
 @pytest.mark.parametrize("symmetry", ["auto", "none", "axis"])
 @pytest.mark.parametrize("friction", [0.0, 0.35])
 def test_mirrored_bodies_and_loads_are_one_body_on_a_frictionless_plane(
@@ -99,6 +100,7 @@ def test_mirrored_bodies_and_loads_are_one_body_on_a_frictionless_plane(
     assert b.load_displacement == pytest.approx(2.0 * a.load_displacement, rel=1e-10)
 
 
+@pytest.mark.one_rank
 @pytest.mark.parametrize("young", [1e-9, 1e-18])
 def test_ratio_of_moduli_that_costs_too_many_figures_is_said(young: float) -> None:
     with pytest.raises(rf.SolveError, match="moduli closer together"):

@@ -231,6 +231,7 @@ def test_whether_it_slips_for_ever_depends_on_the_start_between_the_limits_only(
     assert np.array_equal(cells.get_array(), states.state[order])
 
 
+@pytest.mark.one_rank
 @pytest.mark.parametrize("seed", range(4))
 def test_dissipation_of_uncoupled_systems_does_not_depend_on_the_start(seed: int) -> None:
     # Barber, Davies & Hills (2011)
@@ -249,6 +250,7 @@ def test_dissipation_of_uncoupled_systems_does_not_depend_on_the_start(seed: int
     assert high == pytest.approx(low, rel=1e-9)
 
 
+@pytest.mark.one_rank
 def test_steady_states_need_cycles() -> None:
     system = two_nodes()
     history = rf.History(system.load_names, np.array([[0.0, 0.0], [1.0, 0.0]]), np.zeros((0, 2)))

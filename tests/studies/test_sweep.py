@@ -307,6 +307,7 @@ def test_a_case_whose_process_dies_is_a_row_and_is_tried_again(
     assert again is not None and again["f"].tolist() == [0.2, 7.0, 0.4]
 
 
+@pytest.mark.one_rank
 @pytest.mark.parametrize(
     ("texts", "values"),
     [
@@ -323,6 +324,7 @@ def test_values_of_the_command_line(texts: list[str], values: list[Any]) -> None
     assert list(map(type, found)) == list(map(type, values))
 
 
+@pytest.mark.one_rank
 @pytest.mark.parametrize(
     ("over", "options", "words"),
     [

@@ -15,6 +15,7 @@ DIRECTIONS = {"bottom": (0.0, 1.0), "left": (1.0, 0.0), "right": (-1.0, 0.0)}
 """n of each edge."""
 
 
+@pytest.mark.one_rank
 @pytest.mark.parametrize("friction", [0.0, 0.3])
 def test_forces_of_three_edges_balance_the_load(friction: float) -> None:
     contacts = tuple(replace(contact, friction=friction) for contact in WALLS)
