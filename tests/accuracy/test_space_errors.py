@@ -4,8 +4,10 @@ from typing import Any
 
 from mpi4py import MPI
 
+import models
 import numpy as np
 import pytest
+from small import cyclic
 
 import receding_fenicsx as rf
 from receding_fenicsx.errors import MeshMisfit
@@ -259,3 +261,10 @@ def test_a_search_without_an_answer_on_any_mesh_ends_as_its_last_run(shared_tmp_
     scene = scene_of(16, "history.minimum=-0.5", "accuracy.tolerance=0.1")
     with pytest.raises(rf.NoEquilibrium, match="pull the body off"):
         study.run(scene, shared_tmp_path / "run", study.RunOptions(pictures=False), MPI.COMM_WORLD)
+
+
+def test_ends_of_zones_are_named_by_their_sides() -> None:
+    found = estimate.headline(rf.evolve(models.block_system(40, 20, half=False), cyclic(1)))
+    for zone in ("contact", "stick"):
+        left, right = (found[f"{zone}_{side}"].value for side in ("left", "right"))
+        assert left == pytest.approx(-right, rel=1e-6) and right > 0.0

@@ -21,8 +21,8 @@ from small import cyclic
 import receding_fenicsx as rf
 from receding_fenicsx.evolution.record_data import Limit, PathUniqueness, Steady
 from receding_fenicsx.interface.branches.choice import Choice
-from receding_fenicsx.output.report.contact import extremes_of, uniqueness_rows
-from receding_fenicsx.output.report.run import loose_warnings
+from receding_fenicsx.output.report.contact import console_table, extremes_of, uniqueness_rows
+from receding_fenicsx.output.report.run import loose_warnings, tell_errors
 from receding_fenicsx.output.report.summary import report_html
 from receding_fenicsx.store.run_folder import write_summary
 
@@ -209,6 +209,14 @@ def test_console_has_ten_lines_of_100_columns_and_warnings_first(full: bool, war
         assert "only symmetric path from its start" in text and "largest residual" in text
 
 
+def test_the_short_table_has_the_last_cycle_then_the_first_loading_and_the_largest_shear() -> None:
+    _, summary = run()
+    points = [{**point, "q_min": -0.75, "q_max": 0.25} for point in summary["turning_points"]]
+    _, *rows = console_table({**summary, "turning_points": points}, 3)
+    assert [row.split()[0] for row in rows] == ["0", "22", "22"]
+    assert all("0.7500" in row for row in rows)
+
+
 def test_all_sections_of_the_page_are_those_of_the_text() -> None:
     summary = crowded()
     text = rf.run_table(summary, everything=True)
@@ -301,6 +309,10 @@ def test_every_key_of_the_summary_is_what_the_record_holds() -> None:
     model = rf.summarise(half)
     assert model["symmetry"] == "mirror" and model["uniqueness"]["symmetric_paths_only"]
     assert (model["nodes"], model["modelled_nodes"], model["modelled_dofs"]) == (25, 13, 25)
+    # a first loading that was not examined has no solutions
+    unsure = dataclasses.replace(UNSURE, first_loading=0)
+    model = rf.summarise(dataclasses.replace(half, uniqueness=unsure))
+    assert model["uniqueness"]["first_loading"] is None
     head, words = uniqueness_rows(model)[0]
     assert head == "only path from its start" and "among mirror-symmetric paths" in words
 
@@ -329,3 +341,11 @@ def test_no_ratio_is_told_of_a_dissipation_that_is_round_off(
     assert ("of cycle 3 over cycle 1" in rf.run_table(summary)) == dissipates
     assert ("dissipation_ratio" in rf.headline(record)) == dissipates
     assert (record.cycles.dissipation[0] > 1e-3) == dissipates
+
+
+def test_the_largest_two_errors_are_told() -> None:
+    numbers = {"stick_left": 0.2, "p_max": 0.1, "D": 0.3}
+    errors = {name: {"value": 1.0, "error": e, "relative": e} for name, e in numbers.items()}
+    assert tell_errors({"errors": errors}).lines == [
+        "largest estimated relative space errors: D 3.0e-01, stick_left 2.0e-01"
+    ]

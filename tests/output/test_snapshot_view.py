@@ -78,6 +78,11 @@ def test_view_is_over_the_height_and_the_pressure_that_acts(symmetry: str) -> No
     assert load.heads - load.tails == pytest.approx(
         np.broadcast_to([0.0, -0.08], load.heads.shape), abs=1e-12
     )
+    # they end 0.02 of it above the deformed edge
+    edge = view.moved[np.isclose(view.points[:, 1], 1.0)]
+    edge = edge[np.argsort(edge[:, 0])]
+    tips = np.interp(load.heads[:, 0], *edge.T) + 0.02
+    assert load.heads[:, 1] == pytest.approx(tips, abs=2e-3)
     # forward is where the record slips forward
     assert np.array_equal(view.strips[0].state, table.state[1])
 
