@@ -16,6 +16,7 @@ from ways import TooMany
 import receding_fenicsx as rf
 from receding_fenicsx.evolution import branches
 from receding_fenicsx.evolution.evolve import continue_history
+from receding_fenicsx.evolution.replay import state_at
 from receding_fenicsx.interface.law import BACKWARD, SEPARATION, STICK
 
 pytestmark = pytest.mark.one_rank
@@ -47,6 +48,17 @@ def test_branches_are_numbered_by_their_choices_from_the_first_on() -> None:
     cycles = table(three, [[0.0], [1.0]], [[1.0], [0.9], [1.0]], 5)
     sampled = rf.branches(three, cycles, most=1)[0].record.samples
     assert set(sampled.cycle.tolist()) == {*range(6)}
+
+
+def test_states_on_a_branch_are_found_again_between_its_turning_points() -> None:
+    system, history = two_nodes()
+    for branch in rf.branches(system, history):
+        record, samples = branch.record, branch.record.samples
+        for row in range(0, len(samples.s), 9):
+            where = int(samples.cycle[row]), int(samples.leg[row]), float(samples.s[row])
+            found = state_at(record, system, history, rf.SolverOptions(), where)
+            assert found.v == pytest.approx(samples.v[row], abs=1e-12), (branch.taken, where)
+            assert np.array_equal(found.state.state, samples.state[row])
 
 
 def test_a_doubt_on_any_branch_is_one_of_the_tree(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -239,6 +239,9 @@ def test_a_landing_after_an_initial_slip_is_refused_by_node(method: str) -> None
     smooth = replace(system, f=np.array([0.4, 0.0]))
     end = evolve(smooth, history, options, initial_slip=np.array([1.0, 0.0])).turning_points
     assert end.P[0, 1] > 0.0
+    held = replace(system, held=np.array([False, True, False, False]))
+    end = evolve(held, history, options, initial_slip=np.array([1.0, 0.0])).turning_points
+    assert end.P[0, 1] > 0.0
 
 
 def test_a_refusal_names_a_motion_that_is_almost_free(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -223,8 +223,10 @@ def test_parameters_of_a_cycle_depend_on_it_and_on_its_start_alone(
     record_with_a_crack: rf.Record,
 ) -> None:
     record, last = record_with_a_crack, len(record_with_a_crack.cycles.dissipation)
-    jumped = replace(record, limit=Limit(True, last, last, 0.0, 1, "", True))
-    for known, kept in ((record, 1), (jumped, 0)):
+    played, jumped = (
+        replace(record, limit=Limit(True, last, last, 0.0, 1, "", jumps)) for jumps in (False, True)
+    )
+    for known, kept in ((record, 1), (played, 1), (jumped, 0)):
         probes, points = given(known.probes), known.turning_points
         early, rows = np.flatnonzero(probes.cycle < last), np.flatnonzero(points.cycle < last)
         for keep in (kept, 0):

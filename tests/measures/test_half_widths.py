@@ -15,7 +15,7 @@ import receding_fenicsx as rf
 from receding_fenicsx.evolution.evolve import evolve
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.interface.measures.zone_ends import dundurs_beta
-from receding_fenicsx.measures.ends import contact_betas, half_width_estimates
+from receding_fenicsx.measures.ends import contact_betas, half_width_estimates, half_widths
 from receding_fenicsx.measures.limit_nodes import limit_nodes, shown_states
 from receding_fenicsx.mpi import given
 from receding_fenicsx.output.report.summary import SECTIONS, report_html, summarise
@@ -89,6 +89,8 @@ def test_a_contact_without_force_has_no_half_width(method: str) -> None:
     solver = SolverOptions(method=method, steps_per_leg=10)
     record = evolve(block_system(16, 4), cyclic(1, minimum=0.0), solver)
     loaded, unloaded, again = summarise(record)["turning_points"]
+    turned = replace(record, f=0.0 * record.f, f_backward=record.f)
+    assert half_widths(turned, 0) == half_widths(record, 0)
     for key in KEYS:
         assert unloaded[key] is unloaded[key.removesuffix("_estimate")] is None
         for point in (loaded, again):

@@ -48,7 +48,7 @@ def test_without_coupling_there_is_no_mode() -> None:
 
 
 def test_factor_is_that_of_all_signs_and_the_search_finds_it() -> None:
-    missed = 0
+    missed, kept = 0, set[bool]()
     for seed in range(18):
         n = 2 + seed % 9
         system = random_system(seed, n)
@@ -68,7 +68,9 @@ def test_factor_is_that_of_all_signs_and_the_search_finds_it() -> None:
         off = Q + found.factor * found.signs * system.f * P
         assert np.abs(off).max() <= 1e-9 * np.abs(found.reactions).max()
         assert np.abs(found.mode).max() == pytest.approx(1.0, rel=1e-12)
-    assert missed == 0
+        kept.add(found.keeps_signs)
+        assert found.keeps_signs == np.all(found.signs * found.mode[:n] >= -1e-9)
+    assert missed == 0 and kept == {True, False}
 
 
 def test_open_nodes_follow_without_reactions_and_frictionless_ones_without_shear() -> None:
@@ -81,6 +83,9 @@ def test_open_nodes_follow_without_reactions_and_frictionless_ones_without_shear
     assert np.abs(np.concatenate([Q[[1, 2, 5]], P[[1, 5]]])).max() <= 1e-9 * size
     assert np.abs(found.mode[6 + np.array([0, 2, 3, 4])]).max() == 0.0
     assert np.flatnonzero(found.signs).tolist() == [0, 3, 4]
+    # of half a model those of the whole contact say the same
+    half = replace(system, half=True, x=1.0 + np.arange(6.0))
+    assert rf.critical_friction(half, [2, 3, 4, 3, 2, 1, *states]).factor == found.factor
 
 
 def test_scales_of_stiffness_and_friction_cancel() -> None:
