@@ -226,5 +226,5 @@ def margin_slopes(
 
 def margins_at(slopes: Array, r: Array) -> Array:
     """Return the margins A and B (2, N) of reactions (2N,), or their rates, from their slopes."""
-    margins: Array = (slopes * r.reshape(2, -1)).sum(axis=1)
-    return margins
+    Q, P = r.reshape(2, -1)
+    return slopes[:, 0] * Q + slopes[:, 1] * P

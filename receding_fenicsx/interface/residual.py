@@ -46,9 +46,9 @@ def reachable(system: ContactSystem, u: Array, force_scale: float) -> float:
 def is_carried_by_round_off(system: ContactSystem, u: Array, force_scale: float) -> bool:
     """Return whether displacements are so large that round-off of K may balance the loads."""
     stiffness = float(system.diagonal.max(initial=0.0))
-    size = max(force_scale, stiffness * float(np.abs(system.g0).max(initial=0.0)))
-    if stiffness * float(np.linalg.norm(u)) <= TOO_FAR * size:
+    if stiffness * float(np.linalg.norm(u)) <= TOO_FAR * force_scale:
         return False
+    size = max(force_scale, stiffness * float(np.abs(system.g0).max(initial=0.0)))
     basis = np.linalg.qr(system.rigid)[0]
     rigid, all_of_it = (np.abs(motion).max(initial=0.0) for motion in (basis @ (basis.T @ u), u))
     return bool(

@@ -44,8 +44,9 @@ class LegProblem:
 
     def load(self, s: float) -> Array:
         """Return the (n_loads,) load factors at s, 0 where both ends cancel but for round-off."""
-        load = (1.0 - s) * self.ends[0] + s * self.ends[1]
-        return np.where(np.abs(load) > 4e-15 * np.abs(self.ends).max(axis=0), load, 0.0)
+        pairs = zip(*(end.tolist() for end in self.ends), strict=True)
+        loads = [(a, b, (1.0 - s) * a + s * b) for a, b in pairs]
+        return np.array([x if abs(x) > 4e-15 * max(abs(a), abs(b)) else 0.0 for a, b, x in loads])
 
     def place(self, s: float) -> float:
         """Return where s lies on the leg of the history."""

@@ -95,7 +95,7 @@ class ActiveSets:
             if size.min() <= 1e-9 * size.max():
                 raise SingularExchange
             keep(self._factors, key, tuple(factor))
-        change[free] = -sla.lu_solve(self._factors[key], forces, check_finite=False)
+        change[free] = sla.lapack.dgetrs(*self._factors[key], -forces)[0]
         return change
 
 
@@ -200,7 +200,7 @@ class Loop:
     def path(self, problem: LegProblem, traced: bool) -> kernel_data.Path:
         """Return a path that stands at the start of a leg."""
         start, n, samples = problem.start, self.system.n, len(problem.samples)
-        a, accepted = problem.ends[0], self._accepted * problem.force_scale
+        load, accepted = problem.load(problem.s_start), self._accepted * problem.force_scale
         if self.last is not None and self.last[0] is start:
             y = self.last[1].copy()  # another walk may begin here too
         else:
@@ -214,8 +214,8 @@ class Loop:
             place=np.array([problem.s_start, problem.s_start, 0.0, accepted, 0.0]),
             counts=counts,
             dissipation=np.zeros(n),
-            work=np.zeros(len(a)),
-            imbalance=self.segments.balance.errors(y, problem.load(problem.s_start)),
+            work=np.zeros(len(load)),
+            imbalance=self.segments.balance.errors(y, load),
             violated=np.zeros(n, dtype=np.int64),
             event_at=np.empty(room),
             event=np.empty((room, 3), dtype=np.int64),

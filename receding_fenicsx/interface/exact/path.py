@@ -99,12 +99,14 @@ class EventPath:
         start, (a, b) = problem.start, problem.ends
         change, r_star = b - a, self.system.r_star
         # held reactions that cancel but for round-off change nothing
-        if np.abs(change @ r_star).max() <= 1e-13 * (np.abs(change) @ np.abs(r_star)).max():
+        if change.tobytes() not in self._directions and (
+            np.abs(change @ r_star).max() <= 1e-13 * (np.abs(change) @ np.abs(r_star)).max()
+        ):
             y, scale = self.segments.values(start), problem.force_scale
             leg = unchanged(problem)
             leg.ties = ties_at(self.segments, 0.0, y, start.state, scale)
             return leg
-        if not np.any(a) and carries_nothing(start, problem.force_scale):
+        if not a.any() and carries_nothing(start, problem.force_scale):
             if is_at_rest(self.system, a) and is_closed(self.segments, start, problem.force_scale):
                 return self._from_rest(problem)
             resting = at_rest(self.system, start, b)

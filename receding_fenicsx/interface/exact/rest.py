@@ -52,7 +52,7 @@ def carries_nothing(state: ContactState, force_scale: float) -> bool:
 
 def is_at_rest(system: ContactSystem, load: Array) -> bool:
     """Return whether all loads vanish on a contact that fits without gaps."""
-    return not np.any(load) and not np.any(system.g0)
+    return not load.any() and not system.g0.any()
 
 
 def is_closed(segments: Segments, state: ContactState, force_scale: float) -> bool:

@@ -87,7 +87,7 @@ class Walk:
 
     def _run(self, s_end: float) -> None:
         way = self.loop.way(self.problem, s_end)
-        if not np.any(self.problem.ends[1]):
+        if not self.problem.ends[1].any():
             way = way._replace(unloading=UNLOADING_EVENTS)
         while True:
             try:
@@ -139,10 +139,8 @@ class Walk:
         path.state[:] = state
         # nodes that were tried in other states are on limits, also those that keep their own
         for tie in ties_at(self.segments, self.s, path.y, before, self.force_scale):
-            path.tie_at[count[kernel_data.TIES]], path.tie[count[kernel_data.TIES]] = (
-                tie[0],
-                tie[1:],
-            )
+            k = count[kernel_data.TIES]
+            path.tie_at[k], path.tie[k] = tie[0], tie[1:]
             count[kernel_data.TIES] += 1
 
     def _decided(self, way: kernel_data.Way) -> kernel_data.Way:
@@ -296,7 +294,7 @@ class Walk:
         load = problem.load(self.s)
         self._check(self.segments.balance.errors(path.y, load))
         reached = self._at(path.y, load)
-        end = self._refined(reached, load, 0 if np.any(load) else UNLOADING_REFINEMENTS)
+        end = self._refined(reached, load, 0 if load.any() else UNLOADING_REFINEMENTS)
         self._note(end)
         leg = self._leg(end)
         if self._excess:
@@ -310,8 +308,7 @@ class Walk:
             leg.end = ContactState(u, np.zeros_like(u), end.state)
             leg.samples += [(s, leg.end) for s in problem.samples[len(leg.samples) :]]
         else:
-            y = path.y if end is reached else self.segments.values(end)
-            self.loop.last = (end, y)
+            self.loop.last = (end, path.y if end is reached else self.segments.values(end))
         return leg
 
     def _note(self, state: ContactState) -> None:

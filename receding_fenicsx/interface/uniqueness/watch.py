@@ -121,7 +121,7 @@ class UniquenessWatch:
             changed = {i for at, i, *_ in leg.events if self._is_finite(at)}
             self.found = self.found.with_doubt((*place, s), tuple(sorted(changed)))
         state, events, ties = start.state, leg.events, leg.ties
-        if self.in_steps or not np.any(a):
+        if self.in_steps or not a.any():
             values = segments.values(start)
             ties = Changes.joined(ties_at(segments, 0.0, values, state, scale), ties)
         crossing = zero_crossing(system, ends)
@@ -134,7 +134,7 @@ class UniquenessWatch:
                 return
             start = ContactState(np.zeros(2 * n), np.zeros(2 * n), state)
         at_rest = static or crossing is not None
-        if not at_rest and not np.any(a):
+        if not at_rest and not a.any():
             gap = segments.values(start)[n : 2 * n]
             near = system.held[n:] | (gap <= segments.limit[n : 2 * n] * scale)
             at_rest = bool(near.all()) and carries_nothing(start, scale)
@@ -151,8 +151,8 @@ class UniquenessWatch:
                     self.found = self.found.with_doubt(at, _differing(states), count)
             state, events, ties = leg.end.state, *[Changes.none()] * 2
         new = self._rates(place, b - a, (state, events, ties))
-        free = bool(np.any(b)) and system.rigid.shape[1] > 0
-        self.floats = free and carries_nothing(leg.end, largest_force(system, b, leg.end.r, scale))
+        free = system.rigid.shape[1] > 0 and bool(b.any())
+        self.floats = free and carries_nothing(leg.end, scale)
         if self.floats:  # nothing says where
             self.found = self.found.with_doubt((*place, 1.0), ())
         if new:
