@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from contextlib import suppress
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 
@@ -149,6 +150,13 @@ class BranchedPath:
                     at = target
                 elif error is None:
                     trial, at, error = self._piece(now, problem, at)
+                    # round-off may let nodes land at its end: they do so with their bonds
+                    lands = self.cones.cohesive & ~now.bonded & (trial.end.state != SEPARATION)
+                    if lands.any():
+                        state = np.where(lands, np.int8(SEPARATION), trial.end.state)
+                        trial.end = replace(trial.end, state=state)
+                        rest = [e for e in trial.events if not lands[e[1]] or e[3] == SEPARATION]
+                        trial.events = Changes.of(rest)
                 self._add(leg, trial, (s, at))
                 s, tried, lost = at, Tried(self.cones), ended
             if error is None and (not wrong or s >= target):
@@ -165,6 +173,10 @@ class BranchedPath:
                 )
             lost = lost or error or ended
             new = tried.following(now, wrong)
+            if new is None:
+                slack = self._slack(leg.end, leg.force_scale)
+                tried.left += self._sets_of_bonds(now, leg.end, slack)
+                new = tried.following(now, [])
             if new is None:
                 lost = lost or self._no_branch(wrong[0][1], load)
                 s = self._jump(leg, whole, (s, target), lost)
@@ -260,6 +272,13 @@ class BranchedPath:
             forms &= events.s <= begin + END_TOLERANCE
             return begin, [(FORMS, node) for node in set(events.node[forms].tolist())]
         return min(first, end), wrong
+
+    def _sets_of_bonds(self, now: Branches, here: ContactState, slack: float) -> list[Branches]:
+        """Return all sets of bonds of the nodes that touch without a force, where they are few."""
+        loose = self.cones.cohesive & (here.state != SEPARATION)
+        nodes = np.flatnonzero(loose & (np.maximum(np.abs(here.Q), np.abs(here.P)) <= slack))
+        kinds = product((FORMS, BREAKS), repeat=len(nodes)) if len(nodes) <= 6 else ()
+        return [self.cones.passed(now, list(zip(some, nodes, strict=True))) for some in kinds]
 
     def _no_branch(self, node: int, load: Array) -> NoQuasiStaticContinuation:
         """Return the error where all branches were tried."""
