@@ -30,17 +30,27 @@ def round_off(system: ContactSystem, u: Array, force_scale: float) -> float:
 
 
 def reachable(system: ContactSystem, u: Array, force_scale: float) -> float:
-    """Return the relative residual that is accepted for round-off, cut off at 1e-6.
+    """Return the relative residual that is accepted for round-off."""
+    return limit_excuse(system, ROUND_OFFS * round_off(system, u, force_scale), [u], force_scale)
 
-    Beyond, that of a body which has moved far, tipping over, would let pass anything. It is counted
-    in the largest force of the contact or an elastic one, K u less its own round-off: soft springs
-    may carry the loads of a body whose contact is open.
+
+def limit_excuse(
+    system: ContactSystem, excused: float, u: list[Array], force_scale: float
+) -> float:
+    """Return a residual that round-off excuses, cut off at 1e-6 of the largest force.
+
+    Beyond, that of a body which has moved far, tipping over, would let pass anything. The largest
+    force is that of the contact or an elastic one, K u less its own round-off: soft springs may
+    carry the loads of a body whose contact is open.
     """
-    excused = ROUND_OFFS * round_off(system, u, force_scale)
     if not excused > 1e-6:
         return excused
-    elastic = float(np.abs(system.K @ u).max()) / force_scale - excused
-    return min(excused, 1e-6 * max(1.0, elastic))
+    elastic = (
+        float(np.abs(system.K @ at).max()) / force_scale
+        - ROUND_OFFS * round_off(system, at, force_scale)
+        for at in u
+    )
+    return min(excused, 1e-6 * max(1.0, *elastic))
 
 
 def is_carried_by_round_off(system: ContactSystem, u: Array, force_scale: float) -> bool:

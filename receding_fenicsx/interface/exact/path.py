@@ -166,7 +166,7 @@ class EventPath:
         from receding_fenicsx.interface.exact.walk import Walk
 
         self._loop = loop = self._loop or loop_of(self.segments)
-        return Walk(loop, problem, self.limit)
+        return Walk(loop, problem, self.limit, self._low_friction_node is None)
 
     def _walk(self, problem: LegProblem) -> Leg:
         """Follow one leg from event to event."""

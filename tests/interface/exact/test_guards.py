@@ -15,8 +15,9 @@ from receding_fenicsx.evolution.evolve import evolve
 from receding_fenicsx.interface.exact.pivot_matrix import SINGULAR_PIVOT, SingularExchange
 from receding_fenicsx.interface.exact.segments import Segments
 from receding_fenicsx.interface.exact.tableau import Tableau, W
-from receding_fenicsx.interface.exact.walk import Walk
+from receding_fenicsx.interface.exact.walk import Walk, _displacement_uncertainty
 from receding_fenicsx.interface.law import State
+from receding_fenicsx.interface.system import Changes, ContactState
 from receding_fenicsx.interface.tolerances import ACCEPTED_RESIDUAL
 
 STICK, OPEN, FORWARD, BACKWARD = (int(state) for state in State)
@@ -108,3 +109,17 @@ def test_states_with_almost_no_stiffness_are_singular_but_for_soft_springs(part:
     v = tableau.rates(UP)[:2]
     # Q + f P of the load, over the stiffness
     assert v == pytest.approx([-0.5 / left, -0.6 / 2.0], rel=1e-4)
+
+
+def test_states_on_the_way_that_leave_a_motion_free_excuse_no_residual() -> None:
+    """Forward slip of node 0 meets no stiffness: K_tt + f K_nt = 0."""
+    K = np.diag([0.5, 2.0, 2.0, 1.0])
+    K[0, 2] = K[2, 0] = -1.0
+    segments = Segments(small_system(K, {"a": [0.0, 0.1, 1.0, 1.0]}, 0.5))
+    stuck = np.full(2, STICK, dtype=np.int8)
+    with pytest.raises(SingularExchange):
+        segments.tableau(np.array([FORWARD, STICK], dtype=np.int8))
+    ends = ContactState(np.zeros(4), np.ones(4), stuck), ContactState(np.ones(4), np.ones(4), stuck)
+    slips = Changes.of([(0.5, 0, STICK, FORWARD), (0.6, 0, FORWARD, STICK)])
+    found = [_displacement_uncertainty(segments, ends, way, 1.0) for way in (Changes.none(), slips)]
+    assert found[0] == found[1]
