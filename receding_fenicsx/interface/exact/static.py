@@ -14,7 +14,7 @@ from receding_fenicsx.interface.gauss_seidel.sweeps import (
     solve_directly,
     solve_step,
 )
-from receding_fenicsx.interface.law import FORWARD, SEPARATION, STICK, natural_states
+from receding_fenicsx.interface.law import BACKWARD, FORWARD, SEPARATION, STICK, natural_states
 from receding_fenicsx.interface.lcp.contact import Undecided, solve_states
 from receding_fenicsx.interface.residual import (
     is_carried_by_round_off,
@@ -30,14 +30,16 @@ def solve_static(segments: Segments, start: ContactState, load: Array) -> Contac
     """Solve the static problem from ``start`` to ``load``; None when no solution was found.
 
     Tried in turn: Newton's method on whole sets of states, which mostly converges in a few steps;
-    Gauss-Seidel with polish; linear complementarity; Gauss-Seidel with many sweeps, of which a
-    nearly incompressible body takes thousands.
+    Gauss-Seidel with polish; linear complementarity; Newton's method from several starts, of which
+    slender bodies take as many steps as there are nodes that open one after the other; Gauss-Seidel
+    with many sweeps, of which a nearly incompressible body takes thousands.
     """
     system = segments.system
     attempts = (
         lambda: states_by_newton(system, start, load),
         lambda: _sweep(system, start, load, 400, 1e-13),
         lambda: _pivot(segments, start, load),
+        lambda: _patient_newton(system, start, load),
         lambda: _sweep(system, start, load, 20000, ACCEPTED_RESIDUAL),
     )
     for attempt in attempts:
@@ -50,21 +52,37 @@ def solve_static(segments: Segments, start: ContactState, load: Array) -> Contac
     return None
 
 
+def _patient_newton(system: ContactSystem, start: ContactState, load: Array) -> ContactState | None:
+    """Solve by Newton's method from several starts, each followed until its sets return.
+
+    They are: all nodes with friction in one state, and the contact without friction.
+    """
+    for first in (STICK, FORWARD, BACKWARD, SEPARATION):
+        end = states_by_newton(system, start, load, first, patient=True)
+        if end is not None:
+            return end
+    return None
+
+
 def states_by_newton(
     system: ContactSystem,
     start: ContactState,
     load: Array,
     first: int = STICK,
+    patient: bool = False,
 ) -> ContactState | None:
     """Solve with whole sets of states, each read from the law's natural map at the last answer.
 
     This is Newton's method for the natural map; it has no proof of convergence with friction. It
-    ends where a set returns, where sets oscillate, two times running fewer than half as many nodes
-    having changed after two steps as after one, and where the start has gaps, so that first contact
-    is not where the node is. All nodes with friction begin in the state ``first``.
+    ends where a set returns. Unless it is patient it ends also where sets oscillate, two times
+    running fewer than half as many nodes having changed after two steps as after one, and where the
+    start has gaps, so that first contact is not where the node is.
+
+    All nodes with friction begin in the state ``first``. A patient search takes open nodes as
+    linear complementarity does.
     """
     n = system.n
-    if np.any((system.g0 + start.w)[~system.held[n:]] != 0.0):
+    if not patient and np.any((system.g0 + start.w)[~system.held[n:]] != 0.0):
         return None
     k_t, k_n = system.local_stiffness
     loose, can_open = ~system.held[:n], ~system.held[n:]
@@ -73,9 +91,10 @@ def states_by_newton(
     state[loose & frictionless] = FORWARD
     seen: set[bytes] = set()
     last, before, oscillates = state, state, False
-    while len(seen) < 30 and state.tobytes() not in seen:
+    most = 3 * n if patient else 30
+    while len(seen) < most and state.tobytes() not in seen:
         changed = [np.count_nonzero(state != other) for other in (before, last)]
-        comes_back = len(seen) > 1 and 2 * changed[0] < changed[1]
+        comes_back = not patient and len(seen) > 1 and 2 * changed[0] < changed[1]
         if comes_back and oscillates:
             return None
         oscillates = comes_back
