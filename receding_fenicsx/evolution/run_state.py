@@ -24,7 +24,7 @@ from receding_fenicsx.evolution.instants import (
 from receding_fenicsx.evolution.probes import known_places, probed_at
 from receding_fenicsx.evolution.problem import Problem
 from receding_fenicsx.evolution.solvers import make_solver
-from receding_fenicsx.interface.law import SEPARATION, SLIP_SIGN, STATE_NAMES, STICK, State
+from receding_fenicsx.interface.law import SLIP_SIGN, STATE_NAMES, STICK, State
 from receding_fenicsx.interface.mirror import mirror_of
 from receding_fenicsx.interface.residual import is_carried_by_round_off
 from receding_fenicsx.interface.system import ContactState, ContactSystem, Leg, frictional_form
@@ -244,12 +244,8 @@ def stick_at_rest(model: ContactSystem, start: ContactState, leg: Leg) -> None:
     none = ON_LIMIT * leg.force_scale / model.local_stiffness[0]
     still = (start.state == STICK) & (np.abs(leg.end.v - start.v) <= none)
     still &= (SLIP_SIGN[leg.end.state] != 0.0) & model.law.present
-    if not still.any():
-        return
-    limit = np.abs(model.law.slip_force(leg.end.state, leg.end.P))
-    # the dissipation tells of slip that has gone back to where it began
-    still &= leg.dissipation <= limit * none
-    still[leg.events.node[leg.events.new == SEPARATION]] = False
+    # after more than one change of state it may have slipped, or opened, and gone back
+    still &= np.bincount(leg.events.node, minlength=model.n) <= 1
     if still.any():
         leg.events = leg.events.select(~still[leg.events.node])
 

@@ -87,6 +87,8 @@ SINGLE = {
         "20076 1050272 1120300 464364 621228 71000404 71000611 74000110 1248 1643 20638",
         {ACCEPTED},
     ),
+    # a node without friction one way slips, is left behind, and is put back by unloading
+    "to and fro": (FAMILIES["directed"], "150400111", {ACCEPTED}),
     # a body that was displaced far comes to rest; round-off of such displacements is no jump,
     # one that vanishes in the limit is, and one in 120000696 among crossings of events' places
     "in the limit": (limited, "1200155 1200094 71000467 1110647 120000696", {ACCEPTED}),
