@@ -6,7 +6,6 @@ P and Q. The demo draws the figure at the head of the README; it needs Matplotli
 
 import argparse
 from pathlib import Path
-from typing import Any
 
 import matplotlib as mpl
 
@@ -59,9 +58,8 @@ def main() -> None:
     parser.add_argument("--out", default="results/problem.png", help="PNG or PDF file")
     out = Path(parser.parse_args().out)
     out.parent.mkdir(parents=True, exist_ok=True)
-    look: dict[Any, Any] = dict(rf.style.RC)
-    mpl.rcParams.update(look)
-    draw().savefig(out, dpi=150, bbox_inches="tight")
+    with mpl.rc_context(rf.style.RC):
+        draw().savefig(out, dpi=150, bbox_inches="tight")
 
 
 if __name__ == "__main__":
