@@ -14,6 +14,21 @@ TESTS = Path(__file__).parents[1]
 
 
 @pytest.mark.parametrize(
+    ("known", "width"),
+    [(closed_forms.BLOCK, 4.0), *((layer, 8.0) for layer in closed_forms.LAYERS)],
+)
+def test_frictionless_pressure_is_right_to_1e_5_and_half_width_to_1e_3(
+    known: closed_forms.Pressed, width: float
+) -> None:
+    block = demo("frictionless_block")
+    # 40 quadratic elements on h: 321 nodes under the block
+    centre, profile, half_width = block["errors"](known, block["solve"](known, width, 160, 1.1))
+    assert centre < 1e-5
+    assert profile < 3e-4
+    assert half_width < 1e-3
+
+
+@pytest.mark.parametrize(
     ("degree", "cell"), [(1, "triangle"), (2, "triangle"), (2, "quadrilateral")]
 )
 def test_interval_of_the_half_width_holds_the_known_one_and_shrinks_with_the_elements(
