@@ -45,6 +45,12 @@ PASSED, FAILED = range(2)
 SERIAL_FOLDERS = [Path(__file__).parent / name for name in ("half_plane", "interface", "reference")]
 """Folders whose tests work on arrays, or compare whole runs with closed forms: on one rank only."""
 
+BOTH_STACKS = (
+    Path(sys.prefix).name == ".venv-pypi"
+    and (Path(__file__).parents[1] / ".venv" / "complete").exists()
+)
+"""These are PyPI's packages, and Debian's are there too."""
+
 comm = MPI.COMM_WORLD.Dup()
 stderr_stream = sys.__stderr__
 """Set to the terminal's own stream once pytest has configured its capture."""
@@ -117,12 +123,15 @@ def dump_stacks(_: object) -> None:
 def pytest_runtest_setup(item: pytest.Item) -> None:
     """Skip what one rank can show: its module is serial, or it or its module is ``one_rank``.
 
-    In such a module ``one_rank(False)`` marks what all ranks show.
+    In such a module ``one_rank(False)`` marks what all ranks show. Skip what is marked ``once``
+    in one of two environments.
     """
     mark = item.get_closest_marker("one_rank")
     alone = mark is not None and mark.args != (False,)
     if comm.size > 1 and (alone or is_serial(item.path)):
         pytest.skip("one process is enough")
+    if BOTH_STACKS and item.get_closest_marker("once"):
+        pytest.skip("the same in both environments; .venv tries it")
 
 
 def is_serial(path: Path) -> bool:

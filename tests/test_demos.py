@@ -10,11 +10,10 @@ import numpy as np
 import pytest
 from demo_runs import DEMOS
 from gallery_pages import demo_names
-from test_readme import once
 
 import receding_fenicsx as rf
 
-pytestmark = [pytest.mark.one_rank, once]
+pytestmark = [pytest.mark.one_rank, pytest.mark.once]
 
 
 class Coarse(NamedTuple):

@@ -14,7 +14,7 @@ from test_imports import MODULES
 
 import receding_fenicsx
 
-pytestmark = pytest.mark.one_rank
+pytestmark = [pytest.mark.one_rank, pytest.mark.once]
 
 ROOT = Path(__file__).parent.parent
 

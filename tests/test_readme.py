@@ -46,10 +46,7 @@ OTHERS = {"demos/run.sh", "demos/run.sh --setup", ".ci/run"}
 OTHERS |= {"tests/run.sh", "tests/run.sh tests/bulk/test_rings.py"}
 """Lines that .ci/run runs, or that take minutes: only checked to be scripts that bash can read."""
 
-once = pytest.mark.skipif(
-    Path(sys.prefix).name == ".venv-pypi" and (ROOT / ".venv" / "complete").exists(),
-    reason="the same in both environments; .venv tries it",
-)
+once = pytest.mark.once
 
 
 def text_of(name: str) -> str:
@@ -96,6 +93,7 @@ def test_program_in_the_readme_prints_what_it_says(
         assert (beside_demos / name).read_bytes().startswith(b"%PDF")
 
 
+@once
 def test_program_of_several_frictions_runs(
     beside_demos: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -107,6 +105,7 @@ def test_program_of_several_frictions_runs(
     assert dissipation[0] > 1.5 * dissipation[1] > 1.5**2 * dissipation[2]
 
 
+@once
 @pytest.mark.parametrize("name", NOTEBOOKS)
 def test_notebooks_run(beside_demos: Path, monkeypatch: pytest.MonkeyPatch, name: str) -> None:
     monkeypatch.setattr(rf.figures, "FIGURES", dict(rf.figures.FIGURES))  # one registers a figure
@@ -129,6 +128,7 @@ record = rf.evolve(system, scene)
 """What a page's programs take for granted, on a coarse mesh."""
 
 
+@once
 @pytest.mark.parametrize("page", ["exchange", "grading", "joints", "shakedown", "uniqueness"])
 def test_programs_of_a_how_to_page_run_one_after_another(beside_demos: Path, page: str) -> None:
     names: dict[str, object] = {"CHANGES": ["mesh.contact_elements=16"]}
@@ -136,6 +136,7 @@ def test_programs_of_a_how_to_page_run_one_after_another(beside_demos: Path, pag
         exec(compile(program, page, "exec"), names)
 
 
+@once
 @pytest.mark.parametrize("page", ["assemblies", "half_planes"])
 def test_scene_of_a_how_to_page_is_valid(beside_demos: Path, page: str) -> None:
     (scene,) = scenes(f"docs/{page}.md")
@@ -143,6 +144,7 @@ def test_scene_of_a_how_to_page_is_valid(beside_demos: Path, page: str) -> None:
     assert cli.main(["check", "scene.toml"]) == 0
 
 
+@once
 def test_keys_of_the_scenes_in_the_documents_are_known() -> None:
     # parts of scenes lack bodies and files; no key of them is unknown, and no value of a wrong kind
     parts = [part for name in DOCUMENTS if name != "docs/exchange.md" for part in scenes(name)]
@@ -154,6 +156,7 @@ def test_keys_of_the_scenes_in_the_documents_are_known() -> None:
             assert not re.search("unknown (key|table)|must be", str(error)), part
 
 
+@once
 def test_options_of_all_commands_in_the_documents_are_known() -> None:
     found = {
         line
@@ -259,6 +262,7 @@ def test_first_scene_of_a_newcomer_runs_by_the_command_beside_it(
     assert (beside_demos / "results/mine/report.html").is_file()
 
 
+@once
 def test_array_jobs_of_a_sweep_write_its_table_together(beside_demos: Path) -> None:
     (script,) = re.findall(r"```sh\n(#!.*?)```", text_of("docs/cluster.md"), re.S)
     (jobs,) = re.findall(r"--array=1-(\d+)", script)
@@ -270,6 +274,7 @@ def test_array_jobs_of_a_sweep_write_its_table_together(beside_demos: Path) -> N
     assert len((beside_demos / "results/map/sweep.csv").read_text().splitlines()) == 1 + 32
 
 
+@once
 def test_commands_of_the_documents_run(
     beside_demos: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -328,6 +333,7 @@ def test_scripts_of_the_documents_run(tmp_path: Path, line: str) -> None:
         assert any((tmp_path / folder).iterdir())
 
 
+@once
 def test_no_line_for_the_shell_is_left_untried() -> None:
     lines = {" ".join(words) for words in commands() if words[0] != "receding-fenicsx"}
     tried = {"source .venv/bin/activate", "python docs/build.py"}
@@ -344,6 +350,7 @@ def test_no_line_for_the_shell_is_left_untried() -> None:
         assert any((ROOT / "demos").rglob(f"{name}.py")), name
 
 
+@once
 def test_links_and_pictures_of_the_documents_exist() -> None:
     for name in (*DOCUMENTS, *NOTEBOOKS):
         code = r"^[^#\n].*" if name in NOTEBOOKS else r"(?s:```.*?```)"
@@ -353,6 +360,7 @@ def test_links_and_pictures_of_the_documents_exist() -> None:
                 assert (ROOT / name).parent.joinpath(link).exists(), f"{name}: {link}"
 
 
+@once
 def test_files_of_the_package_that_the_documents_name_exist() -> None:
     package = ROOT / "receding_fenicsx"
     text = "".join(map(text_of, (*DOCUMENTS, *NOTEBOOKS)))

@@ -239,7 +239,10 @@ ROWS = [row for row in ALL if row not in WARNED]
     # each rank reads the scene by itself
     [
         pytest.param(
-            *row[:3], marks=pytest.mark.one_rank if row[2].startswith("scene.toml") else ()
+            *row[:3],
+            marks=[pytest.mark.one_rank, pytest.mark.once]
+            if row[2].startswith("scene.toml")
+            else (),
         )
         for row in ROWS
     ],
@@ -272,6 +275,7 @@ def test_what_breaks_a_rule_is_refused_by_its_whole_message(
         assert comm.rank > 0 or {path.name for path in shared_tmp_path.iterdir()} == {*files}
 
 
+@pytest.mark.once
 @pytest.mark.one_rank
 @pytest.mark.parametrize(("base", "changes"), [(row[0], row[3]) for row in ALL if row[3]])
 def test_its_nearest_neighbour_is_accepted_without_a_warning(base: str, changes: str) -> None:
@@ -280,6 +284,7 @@ def test_its_nearest_neighbour_is_accepted_without_a_warning(base: str, changes:
     assert rf.from_toml(rf.to_toml(scene)) == scene and rf.scene_warnings(scene) == []
 
 
+@pytest.mark.once
 @pytest.mark.one_rank
 @pytest.mark.parametrize(("base", "changes", "message"), [row[:3] for row in WARNED])
 def test_what_is_inaccurate_is_warned_of(base: str, changes: str, message: str) -> None:
@@ -288,6 +293,7 @@ def test_what_is_inaccurate_is_warned_of(base: str, changes: str, message: str) 
     assert f"warning: {line}" == message
 
 
+@pytest.mark.once
 @pytest.mark.one_rank
 @pytest.mark.parametrize(
     ("legs", "cycles", "sampled", "accepted"),

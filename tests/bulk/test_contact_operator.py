@@ -421,17 +421,6 @@ def test_tied_layers_are_one_mesh(degree: int, shared_tmp_path: Path) -> None:
     assert first.displacement == pytest.approx(second.displacement, abs=1e-12)
 
 
-def test_ties_to_a_rigid_plane_are_supports(shared_tmp_path: Path) -> None:
-    """On a straight edge, and with the other side driven by a load."""
-    scene = layers(shared_tmp_path, None, 2)
-    scene = replace(scene, contacts=(rf.Contact("right", friction=0.4),), loads=(scene.loads[0],))
-    scene = replace(scene, history=ONCE, probes=())
-    held = last(replace(scene, supports=(rf.Support("xy", edge="left"),)))
-    tied = last(replace(scene, ties=(rf.Tie("left"),)))
-    assert held[0].K == pytest.approx(tied[0].K, abs=1e-12)
-    assert held[1].turning_points.P == pytest.approx(tied[1].turning_points.P, abs=1e-12)
-
-
 def test_a_support_of_one_side_of_a_tie_is_refused_by_its_place(shared_tmp_path: Path) -> None:
     scene = layers(shared_tmp_path, (11, 16), 1)
     scene = replace(scene, supports=(rf.Support("x", edge="b.left"),))

@@ -1,22 +1,19 @@
-"""Loads, supports, contact nodes, and fields, against closed forms."""
+"""Fields of the condensed system, and uniform stress."""
 
 from mpi4py import MPI
 
 import numpy as np
 import pytest
-from bodies import CELLS, ELEMENTS, block, built, condense, displacements, reactions
+from bodies import CELLS, block, built, condense, displacements, reactions
 from kinds import EVEN, UNEVEN
 from numpy.typing import NDArray
-from small import named_loads
 
 import receding_fenicsx as rf
 from receding_fenicsx.bulk import _dolfinx
 from receding_fenicsx.bulk.body import back_substitute, gather_contact, times
 from receding_fenicsx.bulk.elasticity import stresses
 from receding_fenicsx.bulk.from_scene import bulk_of
-from receding_fenicsx.bulk.rigid_motions import free_motions, scaled
 from receding_fenicsx.interface.mirror import mirror_of
-from receding_fenicsx.scene.model import Support
 from receding_fenicsx.scene.profiles import evaluate
 from receding_fenicsx.scene.symmetry import is_half_meshed
 from receding_fenicsx.timing import Timer
@@ -24,49 +21,6 @@ from receding_fenicsx.timing import Timer
 comm = MPI.COMM_WORLD
 KINDS = EVEN | UNEVEN
 Array = NDArray[np.float64]
-
-
-@pytest.mark.parametrize(
-    ("supports", "half", "motions"),
-    [
-        ((), False, 3),
-        ((), True, 1),
-        ((Support("x", point=(0.0, 1.0)),), False, 2),
-        ((Support("xy", point=(0.0, 1.0)),), False, 1),
-        ((Support("x", edge="right"),), False, 1),
-        ((Support("y", edge="right"),), False, 2),
-        ((Support("xy", edge="right"),), False, 0),
-        ((Support("y", edge="right"),), True, 0),
-        ((Support("x", point=(0.0, 0.0)), Support("y", edge="top")), False, 0),
-        ((Support("x", point=(-2.0, 0.0)), Support("x", point=(2.0, 0.0))), False, 2),
-        ((Support("y", point=(0.5, 0.0)),), False, 2),
-    ],
-)
-def test_rigid_motions_left_by_supports(
-    supports: tuple[Support, ...], half: bool, motions: int
-) -> None:
-    bulk = built(block(supports=supports, loads=()), half)
-    contact = bulk.contact
-    n = len(contact.node)
-    rigid = scaled(contact.modes @ free_motions(contact.constraints))
-    assert rigid.shape == (2 * n, motions)
-    if motions:
-        assert np.linalg.matrix_rank(rigid) == motions
-        assert np.abs(rigid).max(axis=0) == pytest.approx(np.ones(motions))
-    # what a support is at is held, and u_x on the axis of a half
-    for fix, held in zip("xy", contact.held.reshape(2, -1), strict=True):
-        known = np.full(n, half and fix == "x") & (contact.points[:, 0] == 0.0)
-        for support in supports:
-            at = np.all(contact.points == (support.point or np.nan), axis=1)
-            on_edge = contact.points[:, 0] == {"right": 2.0}.get(support.edge or "", np.nan)
-            known |= (fix in support.fix) & (at | on_edge)
-        assert np.array_equal(held, known)
-    # each is a rigid motion: v constant, w linear along the edge; and it respects what is held
-    v, w = rigid[:n], rigid[n:]
-    assert np.abs(np.diff(v, axis=0)).max(initial=0.0) < 1e-14
-    assert np.abs(np.diff(w, 2, axis=0)).max(initial=0.0) < 1e-13
-    assert np.abs(rigid[contact.held]).max(initial=0.0) < 1e-14
-    bulk.destroy()
 
 
 @pytest.mark.parametrize("name", [name for name in KINDS if name != "half-planes"])
@@ -131,9 +85,6 @@ def test_fields_are_those_of_the_condensed_system(name: str) -> None:
     bodies.destroy()
 
 
-FRICTION = 0.35
-
-
 @pytest.mark.parametrize("cell", CELLS)
 @pytest.mark.parametrize("degree", [1, 2])
 @pytest.mark.parametrize("kinematics", ["plane strain", "plane stress", "axisymmetric"])
@@ -171,58 +122,3 @@ def test_uniform_pressure_on_a_free_sliding_block_gives_uniform_stress(
         for function in (field.cell[name], field.nodal[name]):
             assert np.abs(function.x.array - value).max() < 2e-12, name
     bulk.destroy()
-
-
-def sheared(
-    shear: float, poisson: float, loads: tuple[rf.Load, ...], cell: str, degree: int
-) -> rf.Scene:
-    """A block under its weight, sheared up to a multiple of f times the weight."""
-    names = ("weight", *(load.name for load in loads))
-    rows = ((1.0,) + (0.0,) * len(loads), (1.0,) + (shear,) * len(loads))
-    return block(
-        cell,
-        degree,
-        elements=32 // degree,
-        loads=(rf.Load("weight", "top", pressure=1.0), *loads),
-        material=rf.Material(1.0, poisson),
-        contacts=(rf.Contact(friction=FRICTION),),
-        history=rf.HistoryOptions(kind="table", columns=names, rows=rows),
-    )
-
-
-def sliding_factors(system: rf.ContactSystem, scene: rf.Scene, solver: rf.SolverOptions) -> Array:
-    """Load factors at which gross sliding is reported."""
-    with pytest.raises(rf.NoEquilibrium, match="gross sliding") as caught:
-        rf.evolve(system, rf.history_from_scene(scene), solver)
-    return np.array(named_loads(caught.value, *system.load_names))
-
-
-TOP = rf.Load("top", "top", traction=(FRICTION, 0.0))
-SIDES = (
-    rf.Load("right", "right", traction=(0.0, FRICTION)),
-    rf.Load("left", "left", traction=(0.0, -FRICTION)),
-)
-
-
-@ELEMENTS
-@pytest.mark.parametrize(
-    ("loads", "poisson"), [((TOP, *SIDES), 0.0), ((TOP,), 0.3)], ids=["uniform", "top"]
-)
-def test_block_sticks_at_99_percent_of_friction_and_slides_at_100(
-    cell: str, degree: int, loads: tuple[rf.Load, ...], poisson: float
-) -> None:
-    """In uniform stress all of it sticks; sheared at its top only, some of it does."""
-    scene = sheared(0.99, poisson, loads, cell, degree)
-    system = rf.condense(scene)
-    if system is None:
-        return
-    record = rf.evolve(system, scene)
-    state, Q = record.turning_points.state[-1], record.turning_points.Q[-1]
-    assert Q.sum() == pytest.approx(-0.99 * FRICTION * 4.0, rel=1e-12)
-    assert np.any(state == rf.State.STICK)
-    if len(loads) == 3:
-        assert np.all(state == rf.State.STICK)
-        assert record.turning_points.q[-1] == pytest.approx(-0.99 * FRICTION, rel=1e-11)
-        assert record.turning_points.p[-1] == pytest.approx(1.0, rel=1e-11)
-    beyond = sheared(1.01, poisson, loads, cell, degree)
-    assert sliding_factors(system, beyond, beyond.solver) == pytest.approx(1.0, rel=1e-8)

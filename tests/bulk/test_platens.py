@@ -6,7 +6,7 @@ from mpi4py import MPI
 
 import numpy as np
 import pytest
-from bodies import ELEMENTS, ONCE, block, built, condense, make_mesh, played
+from bodies import ELEMENTS, block, built, condense, make_mesh
 from numpy.typing import NDArray
 from small import named_loads
 
@@ -163,14 +163,3 @@ def test_edge_held_at_zero_may_touch_the_contact() -> None:
     bulk = built(block(loads=loads, contacts=(rf.Contact(),)))
     assert np.flatnonzero(bulk.contact.held).tolist() == [len(bulk.contact.node) - 1]
     bulk.destroy()
-
-
-@pytest.mark.one_rank
-@pytest.mark.parametrize("symmetry", ["auto", "none"])
-def test_the_contact_of_half_and_of_whole_bodies_carries_the_force_on_a_platen(
-    symmetry: str,
-) -> None:
-    load = rf.Load("F", "top", platen=True, force=(0.0, -2.0))
-    record = played(block(load=load, history=ONCE, solver=rf.SolverOptions(symmetry=symmetry)))
-    assert record.half == (symmetry == "auto")
-    assert record.turning_points.P[-1].sum() == pytest.approx(2.0, rel=1e-9)

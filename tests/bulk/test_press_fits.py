@@ -14,7 +14,6 @@ import receding_fenicsx as rf
 from receding_fenicsx.bulk.mesh.meshing import make_meshes
 from receding_fenicsx.bulk.stack import build_all
 from receding_fenicsx.evolution.instants import Instant
-from receding_fenicsx.interface.law import MIRRORED
 from receding_fenicsx.output.plots.labels import Scales
 from receding_fenicsx.output.report.contact import zones_header
 from receding_fenicsx.output.snapshots.view import WholeContact, whole_contact
@@ -157,54 +156,6 @@ def test_a_cone_on_the_axis_is_shown_from_its_tip(
     assert table.p[0, inner] == pytest.approx(p, rel=0.02)
     assert np.abs(table.q[0, inner]) == pytest.approx(abs(q), rel=0.02)
     assert np.array_equal(whole_contact_at_rest(scene)[0].x, x)
-
-
-def rectangles(inner: float = A, **parts: object) -> rf.Scene:
-    """The same rings, or a solid shaft, as rectangles, held midway up the rim."""
-    width, x = (B - inner, 0.5 * (B + inner)) if inner else (2.0 * B, 0.0)
-    scene = rf.Scene(
-        body=rf.Body(name="shaft", width=width, height=L, position=(x, 0.0)),
-        others=(rf.Body(name="hub", width=C - B, height=L, position=(0.5 * (B + C), 0.0)),),
-        material=rf.Material(E, NU, "axisymmetric"),
-        mesh=rf.MeshOptions(contact_elements=16),
-        contacts=(
-            rf.Contact(edge="shaft.right", against="hub.left", friction=F, interference=DEPTH),
-        ),
-        loads=(rf.Load("push", "shaft.bottom", pressure=1.0),),
-        supports=(rf.Support("y", point=(C, 0.5 * L), body="hub"),),
-        history=rf.HistoryOptions(kind="monotonic"),
-    )
-    return replace(scene, **parts)  # type: ignore[arg-type]
-
-
-@pytest.mark.parametrize("degree", [1, 2])
-@pytest.mark.parametrize("inner", [A, 0.0])
-def test_fit_has_lames_pressure_and_zones_symmetric_about_its_middle(
-    inner: float, degree: int
-) -> None:
-    (contact,) = rectangles().contacts
-    scene = rectangles(
-        inner,
-        mesh=rf.MeshOptions(contact_elements=16, degree=degree),
-        # friction hinders the axial strains, and adds a share to p in proportion to f
-        contacts=(replace(contact, friction=0.01),),
-        history=rf.HistoryOptions(kind="monotonic", maximum=0.01),
-    )
-    record = played(scene)
-    # at the end of the interference leg
-    table, middle = record.turning_points, len(record.x) // 2
-    P, Q, state = table.P[0], table.Q[0], table.state[0]
-    assert P == pytest.approx(P[::-1], rel=1e-8)
-    assert Q == pytest.approx(-Q[::-1], abs=1e-8 * P.max())
-    assert np.array_equal(MIRRORED[state][::-1], state)
-    assert record.x == pytest.approx(-record.x[::-1])
-    assert table.p[0, middle] == pytest.approx(pressure(inner), rel=4e-3)
-
-
-def pressure(inner: float) -> float:
-    """Lame's pressure between a shaft with a bore and a ring of the same material, both long."""
-    ring, shaft = (C**2 + B**2) / (C**2 - B**2), (B**2 + inner**2) / (B**2 - inner**2)
-    return DEPTH * E / B / (ring + shaft)
 
 
 def test_pictures_show_a_fit_once_and_a_plane_on_both_sides_of_the_axis(

@@ -48,27 +48,6 @@ def test_pushed_block_shares_its_load_with_the_foundation(
     assert record.turning_points.load_displacement[-1, 0] == pytest.approx(0.3 * moved, rel=1e-9)
 
 
-@pytest.mark.parametrize("degree", [1, 2])
-def test_sheared_block_hangs_on_tangential_springs(degree: int) -> None:
-    """A stiff block that nothing else holds moves by F / (k L) on its springs."""
-    scene = block(
-        "quadrilateral",
-        degree,
-        material=rf.Material(1e6, 0.3),
-        contacts=SMOOTH,
-        loads=(
-            rf.Load("P", "top", pressure=0.1),
-            rf.Load("Q", "top", (-1.0, 1.0), traction=(0.01, 0.0)),
-        ),
-        springs=(rf.Spring("top", span=(-1.0, 2.0), tangential=K),),
-        history=rf.HistoryOptions(kind="monotonic", load="Q", constant={"P": 1.0}),
-    )
-    record = played(scene)
-    # the resultant through the top is taken up by springs at the top: no moment
-    assert record.turning_points.v[-1] == pytest.approx(0.02 / (K * 3.0), rel=1e-4)
-    assert record.turning_points.P[-1].sum() == pytest.approx(0.4, rel=1e-9)
-
-
 def tied(young: float, degree: int = 1, edge: str = "a.bottom", **parts: Any) -> rf.Scene:
     """A layer on another one, tied beside an open contact by springs of 2 and 1.5 on length 2."""
     bodies = [rf.Body(name, height=0.5, position=(0.0, y)) for name, y in (("a", 0.5), ("b", 0.0))]

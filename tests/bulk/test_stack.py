@@ -1,7 +1,6 @@
-"""Stacks of bodies on planes: against one body, closed forms, integral equations, themselves."""
+"""Stacks of bodies: balanced loads without supports, mirrored bodies, moduli far apart."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -43,12 +42,6 @@ def layers(
     return replace(scene, **parts)  # type: ignore[arg-type]
 
 
-# -- against one body, closed forms and integral equations -----------------------------------------
-
-
-# -- against itself ------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("symmetry", ["auto", "none"])
 def test_a_stack_that_nothing_holds_carries_balanced_loads(symmetry: str) -> None:
     """Layers of any moduli without friction are in uniaxial stress."""
@@ -62,9 +55,6 @@ def test_a_stack_that_nothing_holds_carries_balanced_loads(symmetry: str) -> Non
     flat = replace(layers(materials=()), others=(rf.Body("b1", shape="half-plane"),))
     with pytest.raises(rf.InputError, match="'b1' shape: is not for a stack"):
         rf.validate(flat)
-
-
-# -- refusals ------------------------------------------------------------------------------------
 
 
 @pytest.mark.one_rank
@@ -105,16 +95,3 @@ def test_mirrored_bodies_and_loads_are_one_body_on_a_frictionless_plane(
 def test_ratio_of_moduli_that_costs_too_many_figures_is_said(young: float) -> None:
     with pytest.raises(rf.SolveError, match="moduli closer together"):
         played(layers(young=(young, 1.0)))
-
-
-def test_two_surfaces_of_one_file_balance_the_pull_on_their_oblique_pads() -> None:
-    demo = Path(__file__).parents[2] / "demos" / "dovetail.toml"
-    record = played(rf.read_scene(demo, ["mesh.contact_elements=8", "history.cycles=1"]))
-    table, total = record.turning_points, np.zeros((3, 2))
-    for pad in record.by_edge().values():
-        t = (pad.points[-1] - pad.points[0]) / np.ptp(pad.x)
-        n = np.array([-t[1], t[0]])
-        assert np.abs(np.abs(t) - np.sqrt(0.5)).max() < 1e-12 and n[1] < 0.0
-        states = pad.turning_points
-        total += states.P.sum(axis=1)[:, None] * n + states.Q.sum(axis=1)[:, None] * t
-    assert total == pytest.approx(np.outer(table.load[:, 0], [0.0, -1.0]), abs=1e-9)
