@@ -37,6 +37,8 @@ RATIO, EXPONENT = 0.56, -3.1
 """Section 3.2: dissipation of the steady cycle over that of cycle 1; slip per cycle ~ N^-3.1."""
 FITTED = np.arange(4, 21)
 """Cycles N of the fit: earlier ones follow no power law, increments of later ones are small."""
+STEPPED = 20
+"""Cycles that are followed in load steps too."""
 
 
 def main() -> None:
@@ -66,7 +68,7 @@ def compare(scene: rf.Scene, folder: Path) -> None:
     unloading = rf.evolve(system, rf.read_scene(HERE / "unloading.toml"))
 
     # 3. The first cycles again by the paper's Gauss-Seidel method, in load steps
-    cycles = replace(scene.history, cycles=20, until=None)
+    cycles = replace(scene.history, cycles=STEPPED, until=None)
     load_steps = replace(scene.solver, method="gauss-seidel", steps_per_leg=40)
     stepped = rf.evolve(system, replace(scene, history=cycles, solver=load_steps))
 
