@@ -228,6 +228,10 @@ class Segments:
             if left >= imbalance:
                 break
             q, imbalance = better, left
+        if imbalance > accepted and tableau.matrix.counts[1] and not self.is_loose:
+            # pivots on soft springs may leave round-off that refining does not reduce
+            self.refinements = 2 * len(state)
+            return self._rates(state, direction)
         return q
 
     @property
