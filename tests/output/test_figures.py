@@ -67,6 +67,18 @@ def test_zone_map_from_events_agrees_with_every_sample(
         assert np.array_equal(drawn.states(s)[settled], table.state[row][settled])
 
 
+def test_a_boundary_of_zones_begins_wherever_a_node_changes_its_state() -> None:
+    found = record(method="gauss-seidel")
+    table = found.samples
+    rows = np.flatnonzero((table.cycle == 9) & (table.leg == 0))
+    state = table.state.copy()
+    state[rows] = np.random.default_rng(1).choice([1, 1, 1, 3], (len(rows), len(found.x)))
+    drawn = zone_map(replace(found, samples=replace(table, state=state)), 9, 0)
+    begins = {tuple(point) for line in drawn.boundaries.tolist() for point in line}
+    lines = zip(found.x.tolist(), drawn.timelines, strict=True)
+    assert {(x, s) for x, line in lines for s in line.s[1:-1].tolist()} <= begins
+
+
 def test_slip_lines_find_the_power_that_the_slip_follows() -> None:
     found = record()
     N = np.arange(1.0, 31.0)

@@ -162,6 +162,9 @@ def read(folder: Path, text: str, history: str = FILE, body: str = SIGNALS) -> r
         # columns name those of a file without header and choose from a header
         ("0 0.25 1\n1 -0.5 1.5\n2 0.5 1\n", 'columns = ["time", "Q", "P"]\n'),
         ("P,room,Q\n1,20,0.25\n1.5,20,-0.5\n1,21,0.5\n", 'columns = ["P", "Q"]\n'),
+        # the comment next to the numbers names them; 2_1 is no number
+        ("# Q P\n# P Q\n1 0.25\n1.5 -0.5\n1 0.5\n", ""),
+        ("P,2_1,Q\n1,20,0.25\n1.5,20,-0.5\n1,21,0.5\n", 'columns = ["P", "Q"]\n'),
         # a dwell is one row
         ("time,P,Q\n0,0,0\n1,0,0\n2,1,0.25\n3,1,0.25\n4,1.5,-0.5\n5,1,0.5\n6,1,0.5\n", ""),
     ],

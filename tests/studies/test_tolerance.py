@@ -141,6 +141,7 @@ def test_a_tolerance_is_met_and_the_true_error_is_within_it(shared_tmp_path: Pat
         assert abs(row["value"] - limit) <= 2.0 * row["error"] <= 2e-3 * row["size"]
     # the record is that of the last mesh
     last = found["way"][-1]
+    assert found["seconds"] == pytest.approx(sum(level["seconds"] for level in found["way"]))
     assert len(record.x) == len(rf.read_record(out / "record.h5").x) == last["nodes"]
     assert record.scene is not None
     assert record.scene.mesh.contact_elements == last["elements"]
