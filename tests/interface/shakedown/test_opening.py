@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
+import scipy.optimize
 from shakedown_cases import Case, coupled_case
 
 import receding_fenicsx as rf
@@ -56,6 +58,23 @@ def test_closed_contacts_have_the_limit_of_the_linear_program(seed: int) -> None
     found = largest_opening(case[0], load_range(*case), np.zeros(5, dtype=bool), 4.0 * limits.upper)
     assert found.value == pytest.approx(limits.upper, rel=1e-6)
     assert found.closed.all()
+
+
+def test_a_range_of_a_program_that_was_ended_early_is_not_called_the_largest(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    case, milp = rocked(10, 2), scipy.optimize.milp
+    limits = rf.shakedown_limits(*case)
+    assert not rf.opening_limit(*case, limits).cut
+
+    def cut(*arguments: Any, **options: Any) -> Any:
+        found = milp(*arguments, **options)
+        found.status = 1
+        return found
+
+    monkeypatch.setattr(scipy.optimize, "milp", cut)
+    found = rf.opening_limit(*case, limits)
+    assert found.cut and not found.best
 
 
 def test_what_has_no_range_with_opening_nodes_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
