@@ -62,7 +62,7 @@ are no load steps. The method, from top to bottom:
 9. **First loading** (`rest.load_from_rest`). From rest without gaps all grows in
     proportion to the load: one static problem, with the slip counted from the start
     (`static.solve_static`: Newton's method on sets of states, Gauss-Seidel, linear
-    complementarity), dissipation $-\tfrac12 Q \cdot \Delta v$.
+    complementarity, Newton's method from several starts), dissipation $-\tfrac12 Q \cdot \Delta v$.
 10. **Complete unloading** (`rest`). Where all loads vanish on a free body without gaps, $P = Q
     = 0$ and $K u = 0$: all nodes reach all limits together. The leg stops at a remaining load of
     $10^{-9}$, its end is set to the rigid sliding reached, and the next leg is a first loading.
