@@ -8,7 +8,8 @@ either way. Whether a set of states is right is seen from its rates:
 3. A free body that balances on its contact is moved to the middle of its play, and 2 is repeated.
 4. Nodes count as on a limit up to the round-off of their reactions and the residual that is
    accepted, and 2 is repeated.
-5. Nodes that seem to slip on without resistance stick, if that violates no limit.
+5. Nodes that seem to slip on without resistance stick, or those without force open, if that
+   violates no limit.
 6. Otherwise an error says which continuation is missing.
 """
 
@@ -107,15 +108,27 @@ class ConsistentStates:
         if segment is None and self._widen_limits(before):
             point.state[:] = before
             segment, exhausted = self._pivoted(before)
-        if segment is None:
-            # where round-off alone says that a node slips on without resistance, it may rest
-            point.state[:] = np.where(before == SEPARATION, before, STICK)
-            with suppress(SingularExchange):
-                resting = segments.at(point.state, self.direction)
-                segment = None if len(self.violations(resting)) else resting
+        # where round-off alone says that a node slips on without resistance, it may rest; nodes
+        # without force may leave the body free to move where no load drives it
+        rests = np.where(before == SEPARATION, before, STICK)
+        for state in (rests, np.where(self._carries_nothing(), SEPARATION, before)):
+            if segment is None:
+                point.state[:] = state
+                with suppress(SingularExchange):
+                    segment = segments.at(point.state, self.direction)
+                    segment = None if len(self.violations(segment)) else segment
         if segment is None:
             raise self.error(before, exhausted=exhausted)
         return segment
+
+    def _carries_nothing(self) -> NDArray[np.bool_]:
+        """Return the nodes whose pressure is no more than the residual that is accepted."""
+        segments, (A, B) = self.segments, self.point.y.reshape(4, -1)[2:]
+        opening = np.where(segments.frictional, segments.friction.opening(np.ones(len(A))), 1.0)
+        P = (A + np.where(segments.frictional, B, 0.0)) / opening
+        return (segments.frictional | segments.smooth) & (
+            P <= ACCEPTED_RESIDUAL * self.point.problem.force_scale
+        )
 
     def _widen_limits(self, before: States) -> bool:
         """Count nodes as on a limit up to larger distances; return whether more of them are.
