@@ -27,6 +27,7 @@ import receding_fenicsx as rf
 
 BLOCK = Path(__file__).with_name("block.toml")
 PLAIN_CYCLES = 2000
+"""Cycles that the limit is compared with."""
 PAPER = (0.35, 0.3, 1.0 / 3.0)
 """Friction, Poisson's ratio and minimum load of the paper."""
 KINDS = {"cyclic slip": "#e69f00", "shakedown": "#c3cad3", "ratchetting": "#cc79a7"}

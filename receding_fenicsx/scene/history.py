@@ -12,6 +12,9 @@ from receding_fenicsx.errors import InputError
 from receding_fenicsx.scene.checks import Rules, broken, check_known, refuse, unused
 from receding_fenicsx.scene.model import INTERFERENCE, Harmonic, HistoryOptions, Scene
 
+LOAD_ROUND_OFF = 1e-12
+"""Load factor, over its largest, up to which it is zero: that of a sine or of a sum of others."""
+
 
 @dataclass(frozen=True, repr=False)
 class History:
@@ -19,7 +22,8 @@ class History:
 
     Attributes:
         load_names: n_loads names, one per column.
-        path: (n + 1, n_loads) load factors of cycle 0, from zero load to the start of the cycles.
+        path: (n + 1, n_loads) load factors of cycle 0, from zero load to the start of the cycles;
+            those within round-off of zero are zero, also in ``loop``.
         loop: (m + 1, n_loads) load factors of every further cycle, closed: first and last row are
             ``path[-1]``; (0, n_loads) when there are no cycles.
         cycles: largest number of repetitions of the loop.
@@ -42,6 +46,12 @@ class History:
             if name == "loop" and not rows.size:
                 rows = rows.reshape(0, len(self.load_names))
             object.__setattr__(self, name, rows)
+        both = self.path, self.loop
+        if both[0].ndim == both[1].ndim == 2 and both[0].shape[1] == both[1].shape[1]:
+            largest = np.abs(np.vstack(both)).max(axis=0, initial=0.0)
+            for name, rows in zip(("path", "loop"), both, strict=True):
+                zero = np.abs(rows) <= LOAD_ROUND_OFF * largest
+                object.__setattr__(self, name, np.where(zero, 0.0, rows))
 
     def __repr__(self) -> str:
         """Return the loads with their ranges, and the numbers of corners and cycles."""

@@ -221,3 +221,10 @@ def test_parts_are_fitted_before_they_are_bolted_and_loaded() -> None:
     begins = [np.flatnonzero(column)[0] for column in history.path.T if column.any()]
     order = [history.load_names[k] for k in np.argsort(begins, kind="stable")]
     assert order[:3] == ["interference", "a", "b"] and sorted(begins)[:3] == [1, 2, 3]
+
+
+def test_load_factors_that_are_round_off_are_zero() -> None:
+    path = np.array([[0.0, 0.0], [1.0, 0.5], [np.sin(np.pi), -1e-9]])
+    history = History(("P", "Q"), path, path[[2, 1, 2]] * [[1.0, 1e-9]], 1)
+    assert history.path[:, 0].tolist() == [0.0, 1.0, 0.0] == history.loop[[0, 1, 2], 0].tolist()
+    assert np.array_equal(history.path[:, 1], path[:, 1])

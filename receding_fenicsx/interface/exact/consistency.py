@@ -111,7 +111,7 @@ class ConsistentStates:
         # where round-off alone says that a node slips on without resistance, it may rest; nodes
         # without force may leave the body free to move where no load drives it
         rests = np.where(before == SEPARATION, before, STICK)
-        for state in (rests, np.where(self._carries_nothing(), SEPARATION, before)):
+        for state in (rests, np.where(self._without_pressure(), SEPARATION, before)):
             if segment is None:
                 point.state[:] = state
                 with suppress(SingularExchange):
@@ -121,7 +121,7 @@ class ConsistentStates:
             raise self.error(before, exhausted=exhausted)
         return segment
 
-    def _carries_nothing(self) -> NDArray[np.bool_]:
+    def _without_pressure(self) -> NDArray[np.bool_]:
         """Return the nodes whose pressure is no more than the residual that is accepted."""
         segments, (A, B) = self.segments, self.point.y.reshape(4, -1)[2:]
         opening = np.where(segments.frictional, segments.friction.opening(np.ones(len(A))), 1.0)
