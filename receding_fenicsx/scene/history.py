@@ -50,7 +50,8 @@ class History:
         if both[0].ndim == both[1].ndim == 2 and both[0].shape[1] == both[1].shape[1]:
             largest = np.abs(np.vstack(both)).max(axis=0, initial=0.0)
             for name, rows in zip(("path", "loop"), both, strict=True):
-                zero = np.abs(rows) <= LOAD_ROUND_OFF * largest
+                # infinite ones are refused where the history is played
+                zero = (np.abs(rows) <= LOAD_ROUND_OFF * largest) & np.isfinite(largest)
                 object.__setattr__(self, name, np.where(zero, 0.0, rows))
 
     def __repr__(self) -> str:
