@@ -17,7 +17,8 @@ def step(run: Replay, leg: Leg, totals: Totals) -> None:
     mine = (events.cycle == leg.cycle) & (events.leg == leg.number)
     error = LAW * leg.force + leg.noise
     load, u, state, s_a = leg.load(0.0), leg.u, leg.state.copy(), -1.0
-    Q, listed = ends.Q[leg.row - 1] if leg.row else np.zeros(n), 0
+    Q, P = (ends.Q[leg.row - 1], ends.P[leg.row - 1]) if leg.row else np.zeros((2, n))
+    listed = 0
     for j in leg.rows:
         place, k = leg.place(table.s[j]), body.k[:n]
         load_b, now = table.load[j].astype(np.longdouble), table.state[j].astype(int)
@@ -46,11 +47,14 @@ def step(run: Replay, leg: Leg, totals: Totals) -> None:
         if np.any(twice & (now == OPEN)):
             # it has slipped and come off in one step: how far is not kept
             totals.known = False
+        # what a node dissipates on a way that is not straight, while its force changes
+        bent = 0.5 * np.abs((table.Q[j] - Q) * slip).astype(float)
         if len(rows):
             way = float(np.abs((load_b - load) @ body.r_star @ (u_b - u)))
-            # what a node dissipates on a way that is not straight, while its force changes
-            bent = 0.5 * float(np.abs((table.Q[j] - Q) * slip).sum())
-            totals.divided += 2.0 * abs(lost) + way + bent
+            totals.divided += 2.0 * abs(lost) + way + float(bent.sum())
+        else:  # so is one that passes to its other branch
+            kinks = body.above_kink(P, slip) * body.above_kink(table.P[j], slip) < 0.0
+            totals.divided += float(bent[kinks].sum())
         if run.record.jumps and np.any(events.s[rows] < table.s[j]):
             # a jump inside the step dissipates nothing, and what it releases is of no node: what
             # does dissipate is between nothing and all the energy that is given up
@@ -61,7 +65,8 @@ def step(run: Replay, leg: Leg, totals: Totals) -> None:
             state[events.node[e]] = events.new[e]
         if not np.array_equal(state, now):
             run.object(place, "the events are not the changes of state of the step")
-        load, u, state, Q, listed = load_b, u_b, now.copy(), table.Q[j], listed + len(rows)
+        load, u, state, listed = load_b, u_b, now.copy(), listed + len(rows)
+        Q, P = table.Q[j], table.P[j]
         s_a = float(table.s[j])
     if listed != mine.sum():
         run.object(leg.place(1.0), "an event stands after the last step")

@@ -240,22 +240,24 @@ class Walk:
         """Return a state after iterative refinement.
 
         So many steps, or 0 for as many as bring the forces that vanish to round-off; fewer where
-        corrections become negligible or no longer smaller. After a complete unloading round-off of
-        larger displacements before must not remain as slip.
+        corrections become negligible or no longer smaller: they are round-off of a soft direction
+        then. After a complete unloading round-off of larger displacements before must not remain as
+        slip.
         """
-        n, weight, last, before = self.system.n, self.segments.weight, np.inf, state
-        active = self.loop.sets.of(state.state)
+        n, weight, last = self.system.n, self.segments.weight, np.inf
+        active, before = self.loop.sets.of(state.state), (np.inf, state)
         # on soft springs one step leaves a large part of the error, that of the pivots
         for _ in range(steps or 4):
             wrong = active.forces(state)
+            error = float(np.abs(wrong).max(initial=0.0))
             # smaller errors of nodal forces are never removed
-            if not steps and np.abs(wrong).max(initial=0.0) <= 1e-13 * self.force_scale:
+            if not steps and error <= 1e-13 * self.force_scale:
                 break
             change = self._correction(state, wrong)
             largest = float(np.abs(change * weight[: 2 * n]).max())
             if largest >= last:
-                return before
-            before, last, u = state, largest, state.u + change
+                return state if error < before[0] else before[1]
+            before, last, u = (error, state), largest, state.u + change
             state = ContactState(u, reactions(self.system, load, u), state.state)
             if largest <= EPSILON * self.force_scale:
                 break
