@@ -42,14 +42,13 @@ LAUNCHER_SECONDS = 0.5
 """A rank's pause before it ends the job: MPICH's launcher drops what it has not passed on yet."""
 PASSED, FAILED = range(2)
 
-SERIAL_FOLDERS = [Path(__file__).parent / name for name in ("half_plane", "interface", "reference")]
+HERE = Path(__file__).parent
+SERIAL_FOLDERS = "half_plane", "interface", "reference"
 """Folders whose tests work on arrays, or compare whole runs with closed forms: on one rank only."""
-
-BOTH_STACKS = (
-    Path(sys.prefix).name == ".venv-pypi"
-    and (Path(__file__).parents[1] / ".venv" / "complete").exists()
-)
-"""These are PyPI's packages, and Debian's are there too."""
+ONCE_FOLDERS = "accuracy", "measures", "reference", "studies"
+"""Folders whose tests use no more of other packages than the rest: all of them are ``once``."""
+SHARE = os.environ.get("RECEDING_TESTS_SHARE", "")
+"""Which half of the tests marked ``once`` is run, "0" or "1"; all of them without it."""
 
 comm = MPI.COMM_WORLD.Dup()
 stderr_stream = sys.__stderr__
@@ -123,20 +122,16 @@ def dump_stacks(_: object) -> None:
 def pytest_runtest_setup(item: pytest.Item) -> None:
     """Skip what one rank can show: its module is serial, or it or its module is ``one_rank``.
 
-    In such a module ``one_rank(False)`` marks what all ranks show. Skip what is marked ``once``
-    in one of two environments.
+    In such a module ``one_rank(False)`` marks what all ranks show. Of two environments that are
+    tried beside each other each takes half of what is marked ``once``.
     """
-    mark = item.get_closest_marker("one_rank")
+    mark, room = item.get_closest_marker("one_rank"), item.path.relative_to(HERE).parts[0]
     alone = mark is not None and mark.args != (False,)
-    if comm.size > 1 and (alone or is_serial(item.path)):
+    if comm.size > 1 and (alone or room in SERIAL_FOLDERS):
         pytest.skip("one process is enough")
-    if BOTH_STACKS and item.get_closest_marker("once"):
-        pytest.skip("the same in both environments; .venv tries it")
-
-
-def is_serial(path: Path) -> bool:
-    """Return whether a test module lies in one of the folders for one rank."""
-    return any(folder in SERIAL_FOLDERS for folder in path.parents)
+    once = item.get_closest_marker("once") is not None or room in ONCE_FOLDERS
+    if once and SHARE not in ("", str(zlib.crc32(item.nodeid.encode()) % 2)):
+        pytest.skip("the other environment tries it")
 
 
 def pytest_collectreport(report: pytest.CollectReport) -> None:

@@ -6,7 +6,7 @@ from hard import CASES, TRIALS, Case, judge
 
 import receding_fenicsx as rf
 
-pytestmark = pytest.mark.one_rank
+pytestmark = [pytest.mark.one_rank, pytest.mark.once]
 
 
 @pytest.mark.parametrize("case", [pytest.param(c, id=c.name) for c in CASES if c.fast])

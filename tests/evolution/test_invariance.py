@@ -11,7 +11,7 @@ from problems import FAMILIES, Problem, play, problem
 
 import receding_fenicsx as rf
 
-pytestmark = pytest.mark.one_rank
+pytestmark = [pytest.mark.one_rank, pytest.mark.once]
 
 Image = Callable[[Problem], tuple[Problem, np.ndarray, float, float]]
 """Returns the other problem, its nodes that are the given ones, and the factors of force and

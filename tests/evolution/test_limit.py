@@ -20,7 +20,7 @@ from receding_fenicsx.output.report.summary import summarise
 from receding_fenicsx.scene.history import history_from_scene
 from receding_fenicsx.scene.model import HistoryOptions, Load, Scene, SolverOptions
 
-pytestmark = pytest.mark.one_rank
+pytestmark = [pytest.mark.one_rank, pytest.mark.once]
 
 BLOCK = block_system(40, 20)
 

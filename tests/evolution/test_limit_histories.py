@@ -24,7 +24,7 @@ from receding_fenicsx.evolution.replay import state_at, turning_point
 from receding_fenicsx.interface.exact.segments import Segments
 from receding_fenicsx.interface.system import ContactSystem, frictional_form
 
-pytestmark = pytest.mark.one_rank
+pytestmark = [pytest.mark.one_rank, pytest.mark.once]
 
 
 def assert_same(limit: rf.Record, plain: rf.Record, walks: bool = False) -> None:

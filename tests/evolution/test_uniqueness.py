@@ -13,7 +13,7 @@ from receding_fenicsx.evolution.record_data import PathUniqueness
 from receding_fenicsx.interface.system import ContactSystem
 from receding_fenicsx.scene.model import SolverOptions
 
-pytestmark = pytest.mark.one_rank
+pytestmark = [pytest.mark.one_rank, pytest.mark.once]
 
 
 def found(system: ContactSystem, *args: object) -> PathUniqueness:
