@@ -18,7 +18,8 @@ JUMP_STEP = 3e-7
 JUMP_LAW = 1e-6
 """Violation of friction's law by a jump, over the largest force: it lies that far off its place."""
 DOUBTS = 16.0
-"""Such uncertainties of displacements, as first-order estimates, that are let pass."""
+"""Such uncertainties of displacements, as first-order estimates, that are let pass; in forces too,
+where states change."""
 TELLING = 0.01
 """Parts of a piece between its kept instants below which they do not tell its drift."""
 KINK = 1e-10
@@ -46,7 +47,8 @@ def follow(run: Replay, leg: Leg, totals: Totals) -> None:
     s_unloaded = s_zero if held else np.inf
     s_apex = 1.0 if unloads else s_zero
     left = np.zeros(2 * n)
-    s_held, misplaced, size = 0.0, np.zeros(2 * n), np.abs(body.K).astype(float)
+    s_held, size = 0.0, np.abs(body.K).astype(float)
+    misplaced, spread = np.zeros((2, 2 * n))  # forces by places of events and by round-off
     for g, (s_a, now) in enumerate(groups):
         s_b, following = groups[g + 1] if g + 1 < len(groups) else (1.0, None)
         _choose_branches(run, leg, s_a, now, u)
@@ -101,7 +103,7 @@ def follow(run: Replay, leg: Leg, totals: Totals) -> None:
                 u_next = next_.solve(leg.load(s_b), u_b[:n], u_b)
                 off = bool(np.any(np.abs(u_next - u_b) > doubt + _reach(leg, next_, doubt)))
             off = off or (run.record.jumps and _slips_at(s_b, now, following, between))
-            of_places = float((misplaced + PLACE * _moved(leg, here)).max())
+            of_places = float((misplaced + spread + PLACE * _moved(leg, here)).max())
             s_jump = _jump_place(run, leg, (s_a, s_b), now, (u_a, u_b))
             if abs(s_b - s_jump - 1e-7) > 1e-8:  # at 1e-7 a record passes a jump
                 s_jump = _jump_place(run, leg, (s_a, s_b), now, (u_a, u_b), of_places)
@@ -112,11 +114,11 @@ def follow(run: Replay, leg: Leg, totals: Totals) -> None:
         s_held = s_b
         misplaced = misplaced + PLACE * _moved(leg, here)
         for s, at in ((s_a, u_a), (s_b, u_b)):
-            slack = misplaced + APEX * leg.force * (unloads and s == 1.0)
+            slack = misplaced + DOUBTS * spread + APEX * leg.force * (unloads and s == 1.0)
             _check_law(run, leg, (s, at), now, slack)
         # gaps and slips keep their round-off when states change
         rounded = here.reach(here.row_errors(leg.noise))
-        misplaced = misplaced + size @ rounded
+        spread = spread + size @ rounded
         run.doubt = np.maximum(run.doubt, body.k * rounded)
         _add_up(run, leg, (s_a, s_b), here, (u_a, u_b), totals)
         if s_a >= s_unloaded - PLACE and not np.any(left):
