@@ -7,11 +7,13 @@ from mpi4py import MPI
 import models
 import numpy as np
 import pytest
+from demo_runs import sheared_block
 from small import cyclic
 
 import receding_fenicsx as rf
 from receding_fenicsx.errors import MeshMisfit
 from receding_fenicsx.evolution.evolve import evolve_bare
+from receding_fenicsx.measures.ends import contact_betas, half_width_estimates
 from receding_fenicsx.reference.closed_forms import BLOCK
 from receding_fenicsx.studies import run as study
 from receding_fenicsx.studies.accuracy import estimate
@@ -46,6 +48,8 @@ def test_an_error_in_order_is_estimated_exactly(factors: tuple[float, ...], orde
     values = [(r, limit + slope * r**order) for r in (1.0, *factors)]
     assert observed_order(values) == pytest.approx(order, rel=1e-6)
     assert estimated_error(values, observed_order(values)) == pytest.approx(abs(slope), rel=1e-6)
+    # out of order: pairs of meshes tell 0, 1/2 and 1/3, the largest counts
+    assert estimated_error([(1.0, 7.0), (2.0, 7.0), (4.0, 6.0)], 1.0) == 0.5
 
 
 def test_where_a_zone_is_not_resolved_no_order_above_one_is_assumed() -> None:
@@ -174,8 +178,23 @@ def test_an_error_is_no_less_than_what_the_number_is_known_to_on_its_own_mesh() 
     record = solve(scene)
     # all meshes give the same numbers: nothing is known of their errors but the widths' intervals
     found = space_errors.space_errors(scene, record, lambda _: record)
-    for name, number in rf.headline(record).items():
+    numbers, row = rf.headline(record), int(np.argmax(record.turning_points.cycle > 0)) - 1
+    for name, number in numbers.items():
         assert found[name].error == max(number.known_to, 1e-6 * number.size)
+    # half of the interval, of a fitted end a third of that
+    for zone, width in half_width_estimates(record, row, contact_betas(record)).items():
+        low, high = width["interval"]
+        part = 6.0 if width["fitted"] else 2.0
+        known_to = numbers[zone.removesuffix("_estimate")].known_to
+        assert known_to == pytest.approx((high - low) / part, rel=1e-12), zone
+
+
+@pytest.mark.parametrize("turned", [1, -1])
+def test_one_edge_with_sharp_corners_makes_a_mesh_sharp(turned: int) -> None:
+    """The other one never touches."""
+    scene = sheared_block(0.8, "mesh.contact_elements=16")
+    edges = *scene.contacts, rf.Contact("left", initial_gap=0.05)
+    assert estimate.level_of(solve(replace(scene, contacts=edges[::turned])), 16).sharp
 
 
 # -- in a run -------------------------------------------------------------------------------------
