@@ -116,11 +116,13 @@ def write_user_element(
         nodes, named = list(dict.fromkeys(node for node, _ in freedoms)), ["      1,      2"]
     head = ["**", f"*USER ELEMENT, NODES={len(nodes):10d}, LINEAR", "** ELEMENT NODES"]
     head += [f"** {', '.join(map(str, nodes[i : i + 10]))}," for i in range(0, len(nodes), 10)]
-    lines = [*head, *named, "*MATRIX,TYPE=STIFFNESS"]
+    mass = ["*MATRIX,TYPE=MASS", *["7.0"] * (len(K) * (len(K) + 1) // 2)]
+    # the matrices come in any order
+    lines = [*head, *named, *([] if calculix else mass), "*MATRIX,TYPE=STIFFNESS"]
     for i in range(len(K)):
         row = [f"{value:.{13 if calculix else 16}e}" for value in K[i, : i + 1]]
         lines += [", ".join(row[j : j + 4]) + "," for j in range(0, i + 1, 4)]
-    lines += ["**", "*MATRIX,TYPE=MASS", *[f"{0.0}"] * 3]
+    lines += ["**", *(mass if calculix else ["*DAMPING"])]
     (folder / "sub.mtx").write_text("\n".join(lines))
     return "sub.mtx"
 

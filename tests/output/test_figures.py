@@ -383,6 +383,16 @@ def around(legs: int, cycles: int = 2) -> rf.Record:
     return rf.evolve(system, history, output=rf.OutputOptions(samples_per_leg=2, cycles="all"))
 
 
+@pytest.mark.parametrize("unit", [1e-3, 1.0, 1e3])
+def test_the_largest_load_does_not_depend_on_the_unit_of_one_of_several(unit: float) -> None:
+    loads = {"a": np.repeat([0.1, 1.0], 2), "b": np.repeat([0.02, 0.05], 2) / unit}
+    system = small_system(np.kron([[2.0, 0.3], [0.3, 1.0]], np.eye(2)), loads, 0.5)
+    path = np.array([[0.0, 0.0], [1.0, 5.0], [0.6, 6.0]]) * [1.0, unit]
+    shown = rf.figures.FIGURES["tractions_first_loading"].needs
+    # 1 + 5/6 is more than 0.6 + 1
+    assert shown(rf.evolve(system, table(system, path))).leg == 0
+
+
 @pytest.mark.parametrize("legs", [7, 45])
 def test_a_cycle_of_many_legs_is_one_map_with_the_loads_beside_it(legs: int) -> None:
     record = around(legs)

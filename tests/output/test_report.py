@@ -211,10 +211,10 @@ def test_console_has_ten_lines_of_100_columns_and_warnings_first(full: bool, war
 
 def test_the_short_table_has_the_last_cycle_then_the_first_loading_and_the_largest_shear() -> None:
     _, summary = run()
-    points = [{**point, "q_min": -0.75, "q_max": 0.25} for point in summary["turning_points"]]
+    points = [{**point, "q_min": -0.7531, "q_max": 0.25} for point in summary["turning_points"]]
     _, *rows = console_table({**summary, "turning_points": points}, 3)
     assert [row.split()[0] for row in rows] == ["0", "22", "22"]
-    assert all("0.7500" in row for row in rows)
+    assert all("0.7531" in row for row in rows)
 
 
 def test_all_sections_of_the_page_are_those_of_the_text() -> None:

@@ -95,8 +95,12 @@ def test_figures_draw_what_is_known(kinematics: str) -> None:
     if kinematics == "plane strain":
         check_figures(drawn, REPORTS / "block.txt")
     else:
-        along = ((name, figure) for name, figure in drawn if name.startswith(("tr", "dis", "pr")))
+        figures = dict(drawn)
+        along = [each for each in figures.items() if each[0].startswith(("tr", "dis", "pr"))]
         check_figures(along, REPORTS / "cylinder.txt")
+        # positions are radii, in legends too
+        texts = [text for figure in figures.values() for text in drawn_in(figure)[0]]
+        assert not any("$x" in text for text in texts) and any("$r" in text for text in texts)
 
 
 def factor(label: str, symbol: str, now: float = np.nan) -> float:

@@ -223,6 +223,14 @@ def test_parts_are_fitted_before_they_are_bolted_and_loaded() -> None:
     assert order[:3] == ["interference", "a", "b"] and sorted(begins)[:3] == [1, 2, 3]
 
 
+@pytest.mark.parametrize("way", [(0.0, 1.1), (-1.3, 0.7), (0.9, 0.0)])
+def test_a_way_has_as_many_even_pieces_as_steps_are_asked_for(way: tuple[float, float]) -> None:
+    for steps in range(1, 200):
+        units = rf.Load("p", "top", (-0.1, 0.1), pressure=1.0, travel=way, steps=steps).units
+        places = [unit.travel[0] for unit in units]
+        assert places == pytest.approx(np.linspace(*way, steps + 1), abs=1e-12)
+
+
 def test_load_factors_that_are_round_off_are_zero() -> None:
     path = np.array([[0.0, 0.0], [1.0, 0.5], [np.sin(np.pi), -1e-9]])
     history = History(("P", "Q"), path, path[[2, 1, 2]] * [[1.0, 1e-9]], 1)

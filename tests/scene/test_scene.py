@@ -1,11 +1,16 @@
+import copy
 import dataclasses
 import os
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 import receding_fenicsx as rf
+from receding_fenicsx.scene.model import TABLE_OF
+from receding_fenicsx.scene.toml_file import apply_override
+from receding_fenicsx.scene.toml_reader import scene_of
 
 pytestmark = pytest.mark.one_rank
 
@@ -85,6 +90,29 @@ def test_all_errors_of_a_scene_are_told_one_a_line() -> None:
         block("history.minimum=2", extra="[shakedown]\nmean = {q = 1}")
     first, second = str(caught.value).splitlines()
     assert "unknown load 'q'" in first and "[history] minimum" in second
+
+
+@pytest.mark.parametrize("kind", sorted({*TABLE_OF.values()} - {"material"}))
+@pytest.mark.parametrize("number", [1, 2, 3])
+def test_the_number_of_a_table_is_its_place_in_errors_and_changes(kind: str, number: int) -> None:
+    for named in (False, True):
+        tables: list[dict[str, Any]] = [{"name": f"n{k}"} if named else {} for k in range(1, 4)]
+        tables[number - 1]["wrong"] = 1
+        with pytest.raises(rf.InputError) as caught:
+            scene_of({kind: tables})
+        (line,) = (line for line in str(caught.value).splitlines() if "'wrong'" in line)
+        place = f"{kind} 'n{number}'" if named else f"[[{kind}]] number {number}"
+        assert line.startswith(f"{place}: unknown key 'wrong'")
+    raw: dict[str, Any] = {kind: [{"name": "twin", "key": k} for k in range(3)]}
+    for key in (f"{kind}.{number}.key", f"{kind}.twin.{number}.key"):
+        changed = copy.deepcopy(raw)
+        apply_override(changed, f"{key}=9")
+        assert [each["key"] for each in changed[kind]] == [
+            9 if k == number - 1 else k for k in range(3)
+        ]
+    for beyond in (0, 4):
+        with pytest.raises(rf.InputError, match=f"--set {kind}"):
+            apply_override(raw, f"{kind}.{beyond}.key=9")
 
 
 def test_many_errors_of_one_kind_are_counted() -> None:

@@ -229,6 +229,9 @@ def test_a_kill_or_failure_and_resume_repeat_an_undisturbed_study_bit_by_bit(
     summary = json.loads((tmp_path / "cut" / "wear.json").read_text())
     assert summary["end"] == "cycles done" and summary["estimates"]["volume"] > 0.0
     assert whole.depth_max == pytest.approx(whole.depth.max(axis=1))
+    # nothing that is summed over the steps falls
+    for name in ("cycles", "dissipated", "depth", "estimate", "force"):
+        assert np.all(np.diff(whole.rows[name], axis=0) >= 0.0), name
     depth, volume = (getattr(whole, f"{name}_estimate")[-1] for name in ("depth", "volume"))
     contact, stick = (getattr(whole, f"{name}_half_width")[-1] for name in ("contact", "stick"))
     assert [" ".join(line.split()) for line in repr(whole).splitlines()] == [
