@@ -42,10 +42,6 @@ SCRIPTS = {
     "source .venv/bin/activate; python docs/build.py": "pages in results/site",
 }
 """Lines of the documents that are run as they stand, and a part of what they say."""
-OTHERS = {"demos/run.sh", "demos/run.sh --setup", ".ci/run"}
-OTHERS |= {"tests/run.sh", "tests/run.sh tests/bulk/test_rings.py"}
-"""Lines that .ci/run runs, or that take minutes: only checked to be scripts that bash can read."""
-
 once = pytest.mark.once
 
 
@@ -334,23 +330,6 @@ def test_scripts_of_the_documents_run(tmp_path: Path, line: str) -> None:
 
 
 @once
-def test_no_line_for_the_shell_is_left_untried() -> None:
-    lines = {" ".join(words) for words in commands() if words[0] != "receding-fenicsx"}
-    tried = {"source .venv/bin/activate", "python docs/build.py"}
-    assert lines == tried | {f"bash {line}" for line in OTHERS}
-    for line in OTHERS:
-        subprocess.run(["bash", "-n", ROOT / line.split()[0]], check=True)
-        assert all((ROOT / word).exists() for word in line.split() if word.startswith("tests/"))
-    named = {
-        name
-        for document in DOCUMENTS
-        for name in re.findall(r"demos/run\.sh (\w+)", text_of(document))
-    }
-    for name in named - {"NAME"}:
-        assert any((ROOT / "demos").rglob(f"{name}.py")), name
-
-
-@once
 def test_links_and_pictures_of_the_documents_exist() -> None:
     for name in (*DOCUMENTS, *NOTEBOOKS):
         code = r"^[^#\n].*" if name in NOTEBOOKS else r"(?s:```.*?```)"
@@ -358,14 +337,3 @@ def test_links_and_pictures_of_the_documents_exist() -> None:
         for link in re.findall(r"\]\(([^)#\s]+)[^)]*\)", prose):
             if not link.startswith("http"):
                 assert (ROOT / name).parent.joinpath(link).exists(), f"{name}: {link}"
-
-
-@once
-def test_files_of_the_package_that_the_documents_name_exist() -> None:
-    package = ROOT / "receding_fenicsx"
-    text = "".join(map(text_of, (*DOCUMENTS, *NOTEBOOKS)))
-    names = re.findall(r"`((?:\w+/)*\w+\.py)`", text)
-    assert len(names) > 8
-    for name in names:
-        found = [*package.rglob(f"*{Path(name).name}"), ROOT / name]
-        assert any(path.is_file() and str(path).endswith(name) for path in found), name

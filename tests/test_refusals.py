@@ -10,7 +10,6 @@ import re
 import shlex
 from dataclasses import replace
 from pathlib import Path
-from typing import Literal
 
 from mpi4py import MPI
 
@@ -39,17 +38,12 @@ FAR = rf.Scene(
 )
 BARE = BLOCK[: BLOCK.index("[history]")]
 SHEARED = BARE + '[[load]]\nname = "Q 1"\nedge = "top"\ntraction = [1.0, 0.0]\n'
-HARMONIC = """
-[history]
-kind = "harmonic"
-[history.harmonic.p0]
-mean = 1.0
-amplitude = 0.5
-[history.harmonic."Q 1"]
-amplitude = 0.25
-phase = 110
-"""
 PLANES = (DEMOS / "half_planes.toml").read_text()
+HARMONIC, OWN, IMPORT = (
+    Path(__file__).with_name("refused").joinpath(f"{name}.toml").read_text()
+    for name in ("harmonic", "own", "import")
+)
+"""A history, a body of a mesh file, and what is imported."""
 LAYERS = replace(
     block(loads=(rf.Load("p", "b.top", pressure="1 + 0.2*x"),), history=ONCE),
     body=rf.Body("a", height=0.5),
@@ -81,30 +75,6 @@ GEO = (
     + RECTANGLE
     + 'Physical Curve("foot") = {1}; Physical Curve("top") = {3};\n'
 )
-OWN = """
-[body]
-mesh = "own.geo"
-[contact]
-edge = "foot"
-[[load]]
-name = "P"
-edge = "top"
-pressure = 1.0
-[history]
-kind = "monotonic"
-"""
-IMPORT = """
-stiffness = "K.txt"
-nodes = "nodes.csv"
-free = 3
-[[contact]]
-nodes = [1, 2]
-normal = [0.0, 1.0]
-friction = 0.3
-[[load]]
-name = "P"
-forces = "P.txt"
-"""
 FILES = {
     "nodes.csv": "node,x,y\n1,0.0,0.0\n2,1.0,0.0\n3,0.0,1.0\n",
     "K.txt": "1,1,1,1,1.0\n2,1,1,1,-1.0\n2,1,2,1,1.0\n1,2,1,2,0.0\n2,2,2,2,0.0\n",
@@ -288,25 +258,3 @@ def test_what_is_inaccurate_is_warned_of(base: str, changes: str, message: str) 
     files, values, _ = changed(base, changes)
     (line,) = rf.scene_warnings(rf.from_toml(files["scene.toml"], values))
     assert f"warning: {line}" == message
-
-
-@pytest.mark.once
-@pytest.mark.one_rank
-@pytest.mark.parametrize(
-    ("legs", "cycles", "sampled", "accepted"),
-    [(2, 5, "all", True), (400, 5, "all", False), (2, 900, "all", False), (2, 900, None, True)],
-)
-def test_samples_of_all_legs_are_counted_in_the_size_of_a_record(
-    legs: int, cycles: int, sampled: Literal["all"] | None, accepted: bool
-) -> None:
-    """A million samples a leg of 5 cycles of 321 nodes: of two legs the record is not too large."""
-    rows = ((0.5,), (1.0,)) * (legs // 2)
-    options = rf.HistoryOptions(
-        "table", columns=("p0",), rows=((1.0,),), cycle_rows=rows, cycles=cycles
-    )
-    scene = replace(rf.from_toml(BLOCK), history=options, output=rf.OutputOptions(10**6, sampled))
-    if accepted:
-        assert rf.from_toml(rf.to_toml(scene)) == scene
-    else:
-        with pytest.raises(rf.InputError, match="samples_per_leg: requires a record of"):
-            rf.from_toml(rf.to_toml(scene))

@@ -16,27 +16,8 @@ from receding_fenicsx.studies.joint.curve import _driven
 
 pytestmark = pytest.mark.one_rank
 
-BLOCK = """
-[body]
-width = 2.0
-height = 1.0
-[material]
-young = 200.0
-poisson = 0.3
-kinematics = "plane stress"
-density = 2.0
-[mesh]
-contact_elements = 8
-[contact]
-edge = "bottom"
-friction = 0.4
-[[load]]
-name = "N"
-edge = "top"
-pressure = 0.01
-[mode]
-count = {count}
-"""
+BLOCK = Path(__file__).with_name("block.toml").read_text()
+"""With the number of modes left open."""
 
 
 def condensed(model: rf.ReducedModel, keep: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

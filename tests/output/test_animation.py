@@ -1,5 +1,6 @@
 """Films of a cycle, on any number of ranks."""
 
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -15,8 +16,9 @@ from PIL import Image
 
 import receding_fenicsx as rf
 from receding_fenicsx.output.snapshots import draw
-from receding_fenicsx.output.snapshots.page import Clock, Layout, compose
+from receding_fenicsx.output.snapshots.page import Clock, Layout, compose, quantity_of
 from receding_fenicsx.output.snapshots.view import View
+from receding_fenicsx.pictures import picture_body, shown_instant
 from receding_fenicsx.studies import run as study
 
 BLOCK = Path(__file__).parents[2] / "demos" / "block.toml"
@@ -85,6 +87,44 @@ def test_film_shows_all_frames_with_the_states_and_the_loads(
     for colour in (*rf.style.STATE_COLOURS.values(), rf.style.SHEAR_COLOUR):
         near = np.abs(pixels - 255.0 * np.array(to_rgb(colour))).max(axis=2) < 8.0
         assert near.sum() > 30, f"{colour} does not show"
+
+
+@pytest.mark.one_rank
+@pytest.mark.parametrize(
+    ("rows", "place"),
+    [([(1, 1, 0)], "right"), ([(0, 1, 1)], "left"), ([(1, 0, 0), (0, 0, 1)], "center")],
+)
+def test_the_legend_of_a_film_is_where_no_frame_has_much_pressure(
+    rows: list[tuple[float, ...]],
+    place: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(draw, "write_film", lambda *_: None)
+    seen: list[Clock] = []
+
+    def note(*given: Any) -> list[Figure]:
+        seen.extend(given[-1])
+        return []
+
+    monkeypatch.setattr(draw, "draw_pages", note)
+    parts = {"a": (-2.0, -0.7), "b": (-0.6, 0.6), "c": (0.7, 2.0)}
+    scene = replace(
+        rf.read_scene(BLOCK, ["mesh.contact_elements=16"]),
+        loads=tuple(rf.Load(name, "top", span, pressure=1.0) for name, span in parts.items()),
+        history=rf.HistoryOptions("table", columns=tuple(parts), rows=tuple(rows)),
+    )
+    system = rf.given(rf.condense(scene, COMM))
+    record = rf.evolve(system, scene)
+    with picture_body(scene, COMM) as bulk:
+        legs = [shown_instant(scene, system, record, (0, str(k), 1.0)) for k in range(len(rows))]
+        draw.animate(
+            bulk, legs, np.linspace(0.0, 1.0, len(rows)), quantity_of("syy"), tmp_path / "film"
+        )
+    x, p = record.x, record.turning_points.p.max(axis=0)
+    thirds = [p[(x >= a) & (x < a + 4.0 / 3.0)].max() for a in (-2.0, -2.0 / 3.0, 2.0 / 3.0)]
+    assert {clock.legend for clock in seen} == {f"upper {place}"}
+    assert ("left", "center", "right")[int(np.argmin(thirds))] == place
 
 
 @pytest.mark.one_rank

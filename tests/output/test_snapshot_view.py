@@ -12,6 +12,7 @@ from drawn_text import REPORTS, check_words, names_of_colours, told
 from matplotlib.collections import PolyCollection
 from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
+from matplotlib.text import Annotation
 from pictured import instant_of_row, view_at
 
 import receding_fenicsx as rf
@@ -23,7 +24,7 @@ from receding_fenicsx.output.snapshots.page import (
     compose,
     layout_of,
 )
-from receding_fenicsx.output.snapshots.view import View, _traction
+from receding_fenicsx.output.snapshots.view import Arrows, View, _traction
 
 DEMOS = Path(__file__).parents[2] / "demos"
 PRESSURE, HEIGHT, YOUNG, LARGEST = 2.0, 3.0, 5.0, 4.0
@@ -214,6 +215,20 @@ def test_band_of_states_has_the_colours_of_the_legend_where_the_states_are() -> 
         assert y.max() < 0.0  # below the plane
     for found, zone in zip(ends, expected, strict=True):
         assert found[0] == zone[0] and found[1:] == pytest.approx(zone[1:])
+
+
+@pytest.mark.one_rank
+@pytest.mark.parametrize("near", [False, True])
+def test_a_close_up_shows_the_arrows_that_end_in_it(near: bool) -> None:
+    """Of arrows along the edge, and from it, those that come from beyond the window too."""
+    inside, beyond = np.array([[0.2, 0.1], [-0.3, 0.0]]), np.array([[90.0, 80.0], [0.0, -70.0]])
+    ends = (beyond, inside), (inside, beyond), (inside, inside[::-1])
+    arrows = [Arrows(tails, heads, False) for tails, heads in ends]
+    body, *_ = page_of(replace(view_alone(), near=near, arrows=arrows)).axes
+    notes = [text for text in body.texts if isinstance(text, Annotation) and not text.get_text()]
+    drawn = [(*note.xyann, *note.xy) for note in notes]
+    shown = [np.hstack(both) for both in ends if not near or both[1] is not beyond]
+    assert np.array_equal(drawn, np.vstack(shown))
 
 
 @pytest.mark.one_rank

@@ -20,13 +20,16 @@ from PIL import Image
 from receding_fenicsx import workers
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.errors import RecedingError
+from receding_fenicsx.evolution.evolve import evolve
+from receding_fenicsx.mpi import given
 from receding_fenicsx.output.plots import style
 from receding_fenicsx.output.snapshots.draw import snapshots
 from receding_fenicsx.output.snapshots.page import QUANTITIES, colours_of
 from receding_fenicsx.output.snapshots.render import Pixels, render
 from receding_fenicsx.output.snapshots.view import load_arrows
-from receding_fenicsx.pictures import picture_body
-from receding_fenicsx.scene.model import Load, Material
+from receding_fenicsx.pictures import picture_body, shown_instant
+from receding_fenicsx.scene.model import HistoryOptions, Load, Material
+from receding_fenicsx.studies.run import condense
 
 COMM = MPI.COMM_WORLD
 
@@ -60,8 +63,25 @@ def test_pictures_of_an_instant_show_the_body_and_the_states(shared_tmp_path: Pa
     for name in ("displacement", "von_mises", "max_shear"):
         assert name in text
     assert not any(name.startswith("vtkmodules") for name in sys.modules)
-    with h5py.File(shared_tmp_path / "fields" / "cycle0001_leg0_s1.000.h5") as file:
-        assert file.attrs["time"] == 1.5  # the end of the first of two legs
+
+
+@pytest.mark.one_rank
+@pytest.mark.parametrize("corners", [(), (0.5, 1.0), (0.7, 0.2, 0.4, 1.0)])
+def test_times_of_instants_count_cycles_and_in_them_legs(
+    corners: tuple[float, ...], tmp_path: Path
+) -> None:
+    rows, loop = ((0.5,), (0.8,), (1.0,)), tuple((factor,) for factor in corners)
+    history = HistoryOptions("table", columns=("p0",), rows=rows, cycle_rows=loop)
+    scene = replace(small_block(), history=replace(history, cycles=2 if corners else 0))
+    system = given(condense(scene, COMM))
+    table = (record := evolve(system, scene)).turning_points
+    places = [*zip(table.cycle.tolist(), map(str, table.leg), table.s.tolist(), strict=True)]
+    with picture_body(scene, COMM) as bulk:
+        instants = [shown_instant(scene, system, record, place) for place in places]
+        files = given(snapshots(bulk, instants, tmp_path / "snapshots", ()))
+    times = [h5py.File(path.with_suffix(".h5")).attrs["time"] for path in files]
+    known = [np.arange(1, n + 1) / n + k for k, n in enumerate((3, *[len(corners)] * 2)) if n]
+    assert times == pytest.approx(np.concatenate(known))
 
 
 SQUARE = np.array([[1.0, 0.0], [1.0, 1.0], [0.0, 1.0], [0.0, 0.0]])

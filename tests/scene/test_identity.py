@@ -19,46 +19,7 @@ from receding_fenicsx.store.run_folder import SYSTEM, is_finished, run_folder, w
 
 pytestmark = pytest.mark.one_rank
 
-FULL = rf.Scene(
-    title="all keys set",
-    body=rf.Body("a", width=4.0, position=(0.0, 1.0), material="steel"),
-    others=(rf.Body("b", width=6.0),),
-    material=rf.Material(2.0, 0.3),
-    materials=(rf.Material(3.0, 0.2, name="steel"),),
-    mesh=rf.MeshOptions(8, "triangle", 2, 1.3),
-    contacts=(
-        rf.Contact("a.bottom", (-1.0, 1.5), "0.3 + 0.01*x", "0.1*x**2", "b.top", slave="edge"),
-    ),
-    loads=(
-        rf.Load("p", "a.top", (-1.0, 0.5), pressure="1 + x**2"),
-        rf.Load("t", "a.left", traction=(1.0, "y")),
-        rf.Load("d", "b.right", displacement=("free", 0.5)),
-        rf.Load("f", "a.right", platen=True, force=(1.0, 2.0)),
-    ),
-    ties=(rf.Tie("a.bottom", (1.6, 1.9), "b.top", "edge"),),
-    supports=(rf.Support("xy", edge="b.bottom"), rf.Support("x", point=(0.0, 0.0), body="b")),
-    springs=(rf.Spring("b.left", (-0.1, 0.1), 1.0, 2.0),),
-    bolts=(rf.Bolt("m", "a.top", "b.right", 0.1, (0.6, 0.8), (0.1, 0.2), (1.0, 0.0), 5.0),),
-    history=rf.HistoryOptions(
-        "table",
-        cycles=7,
-        until="steady",
-        columns=("p", "t", "d", "f"),
-        rows=((1.0, 0.0, 0.0, 0.0),),
-        cycle_rows=((0.5, 1.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0)),
-        initial_slip="0.001*x",
-    ),
-    solver=rf.SolverOptions(
-        "gauss-seidel", 10, "none", 1.4, False, 1e-9, 1e-11, 99, 1e-7, "static"
-    ),
-    output=rf.OutputOptions(5, (1, 3), 4),
-    probes=(
-        rf.Probe("one", points=((0.5, 1.5), (0.0, 1.5)), body="a"),
-        rf.Probe("row", segment=((0.0, 0.5), (1.0, 0.5)), count=3, body="b"),
-    ),
-    units=rf.Units("mm", "MPa", "N"),
-    shakedown=rf.ShakedownOptions({"p": 1.0}, ({"p": 0.1}, {"p": -0.1}), "stay", 0.1, "p"),
-)
+FULL = known_scene(Path(__file__).with_name("full.toml").read_text(encoding="utf-8"))
 """A scene of two bodies that sets all keys that go with each other."""
 
 UNITS = {"units.length", "units.stress", "units.force"}

@@ -61,13 +61,6 @@ def test_schema_has_the_ranges_and_choices_and_nothing_that_toml_has_not(
     assert references <= set(schema["$defs"])
 
 
-def test_page_of_scenes_has_a_table_of_keys_for_each_table_of_a_scene() -> None:
-    text = key_tables.with_tables((ROOT / "docs" / "scene.md").read_text(encoding="utf-8"))
-    for name, kind in key_tables.KINDS.items():
-        section = re.split(rf"^## \[+{name}\]+$", text, flags=re.M)[1]
-        assert key_tables.key_table(kind) in section.partition("\n## ")[0]
-
-
 ODD = [True, 10**400, math.nan, "", "x", [], [1], [1, 2, 3], ["x", 1.0], [{}], [[1.0], [True]]]
 ODD += [{}, {"x": [0]}, {"forward": [1]}, {"a": {"mean": "b"}}, dt.date(2020, 1, 1)]
 
