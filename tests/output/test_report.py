@@ -23,7 +23,7 @@ from receding_fenicsx.evolution.record_data import Limit, PathUniqueness, Steady
 from receding_fenicsx.interface.branches.choice import Choice
 from receding_fenicsx.output.report.contact import console_table, extremes_of, uniqueness_rows
 from receding_fenicsx.output.report.run import loose_warnings, tell_errors
-from receding_fenicsx.output.report.summary import report_html
+from receding_fenicsx.output.report.summary import SECTIONS, report_html
 from receding_fenicsx.store.run_folder import write_summary
 
 pytestmark = pytest.mark.one_rank
@@ -160,12 +160,13 @@ def test_numbers_of_the_report_are_as_exact_in_other_units(scale: float, tmp_pat
 
 @pytest.mark.parametrize("name", ["well", "doubts"])
 def test_the_whole_text_of_a_run_of_everything(name: str) -> None:
-    """Of a made-up summary, all of whose numbers differ: the text, the console, the page's top."""
+    """Of a made-up summary whose numbers differ: text, console, all of its lines, the page's top."""
     folder = Path(__file__).parent / "reports"
     summary = json.loads((folder / f"{name}.json").read_text(encoding="utf-8"))
     page = Page(report_html(summary))
     top = re.sub(r"\s*\n\s*", "\n", page.text.partition(page.headings[0])[0]).strip()
-    parts = rf.run_table(summary, everything=True), rf.run_table(summary), top
+    lines = "\n".join(line for each in SECTIONS.values() for line in each.tell(summary).lines)
+    parts = rf.run_table(summary, everything=True), rf.run_table(summary), lines, top
     known = (folder / f"{name}.txt").read_text(encoding="utf-8")
     assert "\n\n-- next --\n\n".join(parts).splitlines() == known.splitlines()
 

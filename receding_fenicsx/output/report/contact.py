@@ -274,7 +274,8 @@ def tell_checks(summary: Summary) -> Told:
     if jumps["count"]:
         words = f"{jumps['count']}, energy released {jumps['energy_released']:.4g}"
         paths.insert(0, ["jumps without a quasi-static path", words])
-    corners = [c for point in headline_points(summary) for c in point.get("corners") or []]
+    found = [(p.get("edge"), c) for p in headline_points(summary) for c in p.get("corners") or []]
+    corners = [(" on ".join([f"{c['x']:z.4g}", *[edge] * bool(edge)]), c) for edge, c in found]
     rows = [
         [
             "largest residual of contact and friction conditions, over the largest nodal force",
@@ -285,13 +286,12 @@ def tell_checks(summary: Summary) -> Told:
         *paths,
     ]
     # each different corner and state
-    for (x, state), corner in {(f"{c['x']:z.4g}", c["state"]): c for c in corners}.items():
+    for (place, state), corner in {(at, c["state"]): c for at, c in corners}.items():
         exact, fitted = (shown(corner[k], "{:z.4f}") for k in ("exponent", "fitted"))
-        known = "no closed form here"
-        if exact != "-":
-            known = f"closed form, {corner['angle']:g} degrees"
+        closed = f"closed form, {corner['angle']:g} degrees"
+        known = "no closed form here" if exact == "-" else closed
         words = f"stresses like d^m, m = {exact} ({known}), fitted {fitted}"
-        rows.append([f"corner at {x}, {state}", words + "; singular" * is_singular(corner)])
+        rows.append([f"corner at {place}, {state}", words + "; singular" * is_singular(corner)])
     ranges = ", ".join(
         " on ".join([f"{a:z.4g} to {b:z.4g}", *edge])
         for a, b, *edge in summary.get("limit_without_slip") or []
@@ -305,8 +305,8 @@ def tell_checks(summary: Summary) -> Told:
             first, symmetric, _ = words.partition(", among mirror-symmetric paths")
             head = head.replace("only path", "only symmetric path") if symmetric else head
             lines.append(f"{head}: {first}")
-    if places := sorted({corner["x"] for corner in corners if is_singular(corner)}):
-        words = ", ".join(f"{x:z.4g}" for x in places)
+    if singular := sorted({(c["x"], at) for at, c in corners if is_singular(c)}):
+        words = ", ".join(at for _, at in singular)
         lines.append(f"infinite stresses at corners in contact: x = {words}")
     counted = "events" if summary["method"] == "events" else "sweeps"
     residual = f"largest residual {summary['residual_max']:.1e}, {counted} {summary[counted]}"
