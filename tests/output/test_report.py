@@ -160,7 +160,7 @@ def test_numbers_of_the_report_are_as_exact_in_other_units(scale: float, tmp_pat
 
 @pytest.mark.parametrize("name", ["well", "doubts"])
 def test_the_whole_text_of_a_run_of_everything(name: str) -> None:
-    """Of a made-up summary whose numbers differ: text, console, all of its lines, the page's top."""
+    """Of a made-up summary whose numbers differ: text, console, all lines, the page's top."""
     folder = Path(__file__).parent / "reports"
     summary = json.loads((folder / f"{name}.json").read_text(encoding="utf-8"))
     page = Page(report_html(summary))

@@ -274,7 +274,7 @@ def tell_checks(summary: Summary) -> Told:
     if jumps["count"]:
         words = f"{jumps['count']}, energy released {jumps['energy_released']:.4g}"
         paths.insert(0, ["jumps without a quasi-static path", words])
-    found = [(p.get("edge"), c) for p in headline_points(summary) for c in p.get("corners") or []]
+    found = [(p.get("edge", ""), c) for p in headline_points(summary) for c in p.get("corners", [])]
     corners = [(" on ".join([f"{c['x']:z.4g}", *[edge] * bool(edge)]), c) for edge, c in found]
     rows = [
         [
