@@ -16,7 +16,7 @@ import pytest
 
 import receding_fenicsx as rf
 from receding_fenicsx import RunOptions, StudyOptions, cli, environment
-from receding_fenicsx.errors import InputError, SolveError
+from receding_fenicsx.errors import InputError, InputErrors, SolveError
 from receding_fenicsx.output.plots.figures import draw_all
 from receding_fenicsx.studies import run as study
 from receding_fenicsx.terminal import progress
@@ -30,6 +30,7 @@ SMALL = [
 ]
 Run = Callable[..., "subprocess.CompletedProcess[str]"]
 root = MPI.COMM_WORLD.rank == 0
+ERROR = "receding-fenicsx: error: "
 
 
 # -- every command in this process, on all ranks -------------------------------------------------
@@ -159,8 +160,17 @@ def test_run_prints_a_table_and_no_progress_into_a_file(
         (InputError("a: b"), 2, "receding-fenicsx: error: a: b\n"),
         (SolveError("c\nd"), 1, "receding-fenicsx: error: c d\n"),
         (MemoryError(), 1, "receding-fenicsx: error: out of memory; use fewer contact_elements"),
-        (OSError(errno.ENOSPC, "full", "f"), 1, "receding-fenicsx: error: f: cannot be written"),
-        (PermissionError(errno.EACCES, "no", "f"), 2, "receding-fenicsx: error: f: cannot be used"),
+        (rf.Interrupted("kept", 143), 143, "receding-fenicsx: kept\n"),
+        (InputErrors("a: b", "c"), 2, f"{ERROR}a: b\n{ERROR}c\n"),
+        *(
+            (OSError(getattr(errno, name), "full", "f"), 1, f"{ERROR}f: cannot be written (full)\n")
+            for name in ("ENOSPC", "EDQUOT", "EFBIG", "EIO")
+        ),
+        *(
+            (OSError(getattr(errno, name), "no", "f"), 2, f"{ERROR}f: cannot be used (no)\n")
+            for name in ("ENAMETOOLONG", "EACCES", "EPERM", "ENOTDIR", "ELOOP")
+        ),
+        (OSError(errno.EMFILE, "many", "f"), 1, "internal error: OSError: [Errno"),
         (BrokenPipeError(), 0, ""),
         (ModuleNotFoundError("No module 'g'"), 1, "receding-fenicsx: error: No module 'g'; see"),
         (ZeroDivisionError("o"), 1, "internal error: ZeroDivisionError: o"),
@@ -183,7 +193,8 @@ def test_each_end_has_its_exit_code(
     told = capsys.readouterr().err
     internal = line.startswith("internal")  # shows where it comes from
     assert line in told if internal else told.startswith(line)
-    assert told.count("\n") == bool(line) or (internal and "Traceback" in told)
+    lines = line.count("\n") or bool(line)
+    assert told.count("\n") == lines or (internal and "Traceback" in told)
 
 
 def test_doctor_lists_what_works(

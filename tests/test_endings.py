@@ -23,19 +23,7 @@ from receding_fenicsx.studies import run as study
 
 comm = MPI.COMM_WORLD
 
-SCENE = """
-[mesh]
-contact_elements = 20
-[[load]]
-name = "p"
-edge = "top"
-span = [-1.0, 1.0]
-pressure = 1.0
-[history]
-cycles = 12
-[output]
-checkpoint_cycles = 4
-"""
+SCENE = Path(__file__).with_name("endings.toml").read_text()
 
 
 def write(path: Path, text: str | bytes) -> Path:

@@ -176,10 +176,3 @@ def test_programs_of_the_documents_use_public_names_only(document: Path) -> None
     programs = re.findall(r"```python\n(.*?)```", text, re.S)
     for program in [text] if document in NOTEBOOKS else programs:
         assert not [name for name in imports(program) if name.startswith(f"{PACKAGE}.")]
-
-
-def test_names_used_by_demos_and_documents_are_public() -> None:
-    texts = [path.read_text(encoding="utf-8") for path in (*DEMOS, *DOCUMENTS)]
-    for space, known in (("", {*rf.__all__, "__version__"}), ("figures.", rf.figures.__all__)):
-        pattern = rf"\brf\.{space}([A-Za-z]\w+)"
-        assert {name for text in texts for name in re.findall(pattern, text)} <= set(known)

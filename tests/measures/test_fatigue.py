@@ -19,19 +19,7 @@ from receding_fenicsx.mpi import given
 pytestmark = pytest.mark.one_rank
 
 CYLINDERS = Path(__file__).parents[2] / "demos" / "half_planes.toml"
-PROBES = """
-[[probe]]
-name = "edge"
-edge = "lower.top"
-
-[[probe]]
-name = "inside"
-body = "lower"
-point = [0.3, -0.4]
-
-[fatigue]
-yield_stress = 1.0
-"""
+PROBES = Path(__file__).with_name("probes.toml").read_text()
 P, F, U, R, E, NU = 1.0, 0.5, 0.6, 100.0, 200.0, 0.3
 HERTZ = rf.reference.closed_forms.Hertz(P, R, 0.5 * E / (1.0 - NU**2))
 A, P0 = HERTZ.a, HERTZ.p0

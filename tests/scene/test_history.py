@@ -15,17 +15,7 @@ pytestmark = pytest.mark.one_rank
 
 ONE = '[[load]]\nname = "P"\nedge = "top"\npressure = 1.0\n'
 BODY = ONE + '[[load]]\nname = "Q 1"\nedge = "top"\ntraction = [1.0, 0.0]\n'
-OUT_OF_PHASE = """
-kind = "harmonic"
-cycles = 3
-[history.harmonic.P]
-mean = 1.0
-amplitude = 0.5
-phase = 20
-[history.harmonic."Q 1"]
-amplitude = 0.25
-phase = 110
-"""
+OUT_OF_PHASE = Path(__file__).with_name("out_of_phase.toml").read_text()
 CYCLIC, TABLE = 'kind = "cyclic"\n', 'kind = "table"\n'
 IN_PHASE = [[1.5, 0.25], [0.5, -0.25], [1.5, 0.25]]
 OPPOSITE = [[1.5, -0.25], [0.5, 0.25], [1.5, -0.25]]

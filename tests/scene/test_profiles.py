@@ -125,18 +125,7 @@ def test_long_texts_are_refused_or_right_but_never_crash() -> None:
 
 # -- rows of a table history from text files -------------------------------------------------------
 
-SIGNALS = """
-[[load]]
-name = "P"
-edge = "top"
-pressure = 1.0
-[[load]]
-name = "Q"
-edge = "top"
-traction = [1.0, 0.0]
-[history]
-kind = "table"
-"""
+SIGNALS = Path(__file__).with_name("signals.toml").read_text()
 ROWS = ((1.0, 0.25), (1.5, -0.5), (1.0, 0.5))
 FILE = 'rows = {file = "signal.csv"}\n'
 LOOP = 'cycle_rows = {file = "signal.csv"}\n'

@@ -111,6 +111,25 @@ def test_command_writes_what_the_next_run_can_start_from(
 
 
 @pytest.mark.one_rank
+def test_a_study_that_lost_cases_goes_on_in_other_processes_to_the_same_limits(
+    tmp_path: Path,
+) -> None:
+    out = tmp_path / "study"
+    command = ["shakedown", scene_file(tmp_path), "--out", str(out)]
+    assert cli.main(command) == 0
+    whole = json.loads((out / "shakedown.json").read_text())
+    lines = (out / "cases.jsonl").read_bytes().splitlines(keepends=True)
+    assert len(lines) == 4  # the diagram, the second mesh, exact cycles, the opening contact
+    (out / "cases.jsonl").write_bytes(b"".join(lines[1::2]))
+    assert cli.main([*command, "--resume", "--workers", "2"]) == 0
+    again = json.loads((out / "shakedown.json").read_text())
+    for name in ("mean", "lower", "upper"):
+        known = whole["diagram"].pop(name)
+        assert again["diagram"].pop(name) == pytest.approx(known, rel=1e-9), name
+    assert all(again[key] == whole[key] for key in whole if key != "timings")
+
+
+@pytest.mark.one_rank
 def test_the_safe_slip_of_half_a_body_is_written_for_both_halves(tmp_path: Path) -> None:
     changes = ["mesh.contact_elements=8", 'shakedown.separated="stay"', "shakedown.mean={p0=1.0}"]
     changes += ["shakedown.range=[{p0=0.5}, {p0=-0.5}]"]
