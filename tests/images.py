@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
@@ -20,9 +20,11 @@ from receding_fenicsx.interface.law import MIRRORED
 ROUND = ["bottom", "right", "top", "left"]
 PLANE = {
     (1, 0): "width height span head_span nut_span size at travel initial_gap interference gap "
-    "displacement shortening initial_slip",
-    (0, 1): "young young_2 shear pressure traction tension cohesion shear_limit",
+    "displacement shortening initial_slip average",
+    (0, 1): "young young_2 shear pressure traction tension cohesion shear_limit yield_stress "
+    "strength fatigue_limit",
     (-1, 1): "body_force normal tangential",
+    (0.5, 1): "threshold",
 }
 POWERS = {key: powers for powers, keys in PLANE.items() for key in keys.split()}
 """Powers of a length and of a stress in the numbers of a scene."""
@@ -60,7 +62,7 @@ class Image:
         """-1 where forward becomes backward."""
         return -1 if self.mirror else 1
 
-    def factor(self, length: int, stress: int = 0, lumped: bool = False) -> float:
+    def factor(self, length: float, stress: int = 0, lumped: bool = False) -> float:
         """Factor of a quantity with these powers."""
         return self.length ** (length + (lumped and self.axisymmetric)) * self.stress**stress
 
@@ -216,7 +218,8 @@ class Image:
         state = b.state if sign > 0 else MIRRORED[b.state]
         # of nodes at both limits either is true
         assert np.mean(a.state[rows][:, at] == state) > 0.95
-        assert found.scene is not None
+        assert found.scene is not None and known.scene is not None
+        whole = isinstance(rows, slice)
         # load factors of bolts are lengths
         loads = dict.fromkeys((bolt.name for bolt in found.scene.bolts), long) | self.loads
         load = np.array([loads.get(name, 1.0) for name in known.load_names])
@@ -242,7 +245,8 @@ class Image:
         events = replace(found.events, load=found.events.load[:, order] / load)
         self._check_events(events, known.events, at, rel)
         mine, own = found.uniqueness, known.uniqueness
-        if mine and own:
+        # of paths beside a shear limit nothing is certified
+        if mine and own and (found.shear_limit is None) == (known.shear_limit is None):
             assert (mine.certified, mine.solutions) == (own.certified, own.solutions)
             # that of half a body is among symmetric paths
             if np.isfinite(own.margin) and found.half == known.half:
@@ -262,6 +266,43 @@ class Image:
             s = self.turn @ s @ self.turn.T
             s = np.stack([s[..., 0, 0], s[..., 1, 1], zz, s[..., 0, 1]], -1)
             close("stress", one.stress[ends[0]][rows][:, near], stress * s)
+            if known.scene.fatigue and whole:
+                self._check_fatigue(name, (found, known), near, close)
+        along = np.array([self.along(contact.edge) for contact in known.scene.contacts])
+        x = long * along[known.edge] * known.x
+        # positions on a closed curve begin elsewhere
+        if known.scene.body.mesh is None or np.ptp(found.x[at] - x) < rel * long:
+            close("x", found.x[at], x)
+            same = np.all(a.state[:, at] == state, axis=1) if whole else np.zeros(0, bool)
+            self._check_summary((found, known), (same, along), rel)
+
+    def _check_fatigue(self, name: str, records: Any, near: Any, close: Any) -> None:
+        """Compare the fatigue parameters at a probe, and the cracks from its first point."""
+        stress, long = self.factor(0, 1), self.factor(1)
+        factors = {"fatemi_socie": 1.0, "ruiz_f1": long * stress**2, "ruiz_f2": long * stress**2}
+        one, two = (rf.fatigue(record)[name] for record in records)
+        assert one.keys() == two.keys()
+        for key in two:
+            close(key, one[key].value[near], factors.get(key, stress) * two[key].value)
+        a, b = (rf.short_cracks(record).get(name) for record in records)
+        if a and b:
+            toughness = self.factor(0.5, 1)
+            close("depth", np.append(a.depth, a.arrest), long * np.append(b.depth, b.arrest))
+            close("opening", a.k_i, toughness * b.k_i)
+            close("sliding", a.k_ii, self.sign * toughness * b.k_ii)
+
+    def _check_summary(self, records: Any, where: Any, rel: float) -> None:
+        """Compare what summaries tell of zones, ends and corners where the states are the same."""
+        found, known = (rf.summarise(record)["turning_points"] for record in records)
+        (same, along), number = where, len(set(records[1].edge.tolist()))
+        for k in np.flatnonzero(np.repeat(same, number)):
+            image = _told(known[k], self, int(along[k % number]))
+            for (name, one), (other, two) in zip(_told(found[k], Image(), 1), image, strict=True):
+                assert name == other and type(one) is type(two), (name, other)
+                if isinstance(two, float):
+                    assert abs(one - two) <= rel * (1.0 + 1e3 * abs(two)), name
+                else:
+                    assert one == two, name
 
     def _check_events(self, a: Any, b: Any, at: NDArray[np.int64], rel: float) -> None:
         """Compare the changes of each node; nodes that change together do so in any order."""
@@ -273,6 +314,31 @@ class Image:
                 assert getattr(a, key)[one].tolist() == state.tolist(), (node, key)
             places = [np.column_stack([e.cycle, e.load])[k] for e, k in ((a, one), (b, two))]
             assert np.abs(places[0] - places[1]).max(initial=0.0) < 1e3 * rel, node
+
+
+def _told(value: Any, image: Image, along: int, key: str = "") -> Iterator[tuple[str, Any]]:
+    """Yield names and values of a turning point of a summary, those of its image in its order."""
+    if isinstance(value, dict) and "q_min" in value:
+        ends = sorted(image.sign * value[name] for name in ("q_min", "q_max"))
+        value = value | {"q_min": ends[0], "q_max": ends[1]}
+    if isinstance(value, dict):
+        for name, part in value.items():
+            if name not in ("edge", "load"):
+                yield from _told(part, image, 1 if "half_width" in name else along, name)
+    elif isinstance(value, list):
+        # along the image of an edge what was last may be first
+        name = value[:1] if key == "zones" and isinstance(value[0], str) else []
+        for part in [*name, *value[len(name) :][::along]]:
+            yield from _told(part, image, along, key)
+    elif isinstance(value, str):
+        ways = {"forward slip": "backward slip", "backward slip": "forward slip"}
+        yield key, ways.get(value, value) if image.sign < 0 else value
+    elif isinstance(value, float) and key not in ("angle", "exponent", "fitted"):
+        traction = key[:2] in ("p_", "q_")
+        side = along if key in ("x", "value", "interval", "zones") else 1
+        yield key, value * (image.factor(0, 1) if traction else side * image.factor(1))
+    else:
+        yield key, value
 
 
 def played(scene: rf.Scene) -> rf.Record:

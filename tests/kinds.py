@@ -15,6 +15,10 @@ PROBES = (
     rf.Probe("s", points=((-0.75, 0.4), (0.3, 0.25), (1.1, 0.75))),
     rf.Probe("e", edge="bottom"),
 )
+CRACKED: Any = {
+    "probes": (*PROBES, rf.Probe("c", segment=((0.6, 0.0), (0.4, 0.6)), count=6)),
+    "fatigue": rf.FatigueOptions(yield_stress=0.5, threshold=0.02, fatigue_limit=0.05),
+}
 
 
 OUTWARD: Any = {"forward": "0.2 + 0.05*x", "backward": "0.2 - 0.05*x"}
@@ -46,7 +50,9 @@ def pair(*loads: rf.Load, **parts: Any) -> rf.Scene:
 
 
 EVEN: dict[str, rf.Scene] = {
-    "traction": simple(rf.Load("T", "top", (-1.0, 1.0), traction=("0.3*x", "0.25 - 0.05*x**2"))),
+    "traction": simple(
+        rf.Load("T", "top", (-1.0, 1.0), traction=("0.3*x", "0.25 - 0.05*x**2")), **CRACKED
+    ),
     "gap": simple(
         rf.Load("T", "top", (-1.0, 1.0), traction=("0.1*x", 0.15)),
         contacts=(
@@ -125,6 +131,7 @@ EVEN: dict[str, rf.Scene] = {
         springs=(rf.Spring("top", (0.0, 1.0), 0.2, 0.1),),
         degree=1,
         probes=(replace(PROBES[0], points=((0.3, 0.25), (1.1, 0.75))), PROBES[1]),
+        fatigue=rf.FatigueOptions(yield_stress=0.5),
     ),
 }
 """Scenes of which half is modelled, or a section from the axis."""
@@ -133,6 +140,7 @@ SIDE = rf.Load("T", "right", (0.0, 0.5), traction=(0.08, 0.01))
 UNEVEN: dict[str, rf.Scene] = {
     "shear": simple(
         SIDE,
+        **CRACKED,
         loads=(replace(PRESS, pressure={"x": [-2.0, 0.5, 2.0], "value": [0.1, 0.3, 0.2]}), SIDE),
         contacts=(
             rf.Contact(

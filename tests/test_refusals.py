@@ -81,6 +81,7 @@ FILES = {
     "P.txt": "1,2,-0.5\n2,2,-0.5\n",
     "own.geo": GEO,
     "core.geo": GEO + 'Physical Surface("core") = {1};',
+    "both.geo": "".join([GEO, *(f'Physical Surface("{k}") = {{1}};' for k in ("core", "all"))]),
     "bare.geo": GEO.replace("Physical", "//"),
     "deep.geo": GEO + "Extrude {0, 0, 1} { Surface{1}; Layers{1}; }",
     "open.geo": GEO.replace("Plane Surface(1) = {1};", "").replace("Transfinite Surface", "//"),

@@ -114,10 +114,3 @@ def test_rotating_shaft_between_smooth_plates(degree: int) -> None:
 
 
 # -- halves, wholes, pairs, work -----------------------------------------------------------------
-
-
-def test_profile_that_fails_on_a_mesh_is_refused_on_all_ranks() -> None:
-    """A value that no sample sees, at a radius inside a cell."""
-    load = rf.Load("T", thermal_strain="0.01 + 0/(x < 0.013)")
-    with pytest.raises(rf.InputError, match="not a finite number"):
-        rf.condense(cylinder(loads=(load,)), comm)

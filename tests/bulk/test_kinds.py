@@ -60,6 +60,12 @@ def test_names_orders_shares_and_cuts_do_not_matter(name: str) -> None:
     Image(loads={"q": 0.5}).check(played(rewritten(scene)), found, 1e-7, rows)
 
 
+@pytest.mark.parametrize("name", KINDS)
+def test_a_shear_limit_that_is_never_met_changes_nothing(name: str) -> None:
+    limited = [replace(each, shear_limit=each.shear_limit or 1e6) for each in KINDS[name].contacts]
+    Image().check(played(replace(KINDS[name], contacts=tuple(limited))), record(name), 1e-7)
+
+
 @pytest.mark.parametrize("seed", [58, 83, 92])
 def test_what_ends_a_path_ends_that_of_its_images(seed: int) -> None:
     """Gross sliding, and a jump."""

@@ -17,8 +17,7 @@ from receding_fenicsx.evolution.limit import search, tail
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.output.report.run import limit_rows
 from receding_fenicsx.output.report.summary import summarise
-from receding_fenicsx.scene.history import history_from_scene
-from receding_fenicsx.scene.model import HistoryOptions, Load, Scene, SolverOptions
+from receding_fenicsx.scene.model import SolverOptions
 
 pytestmark = [pytest.mark.one_rank, pytest.mark.once]
 
@@ -92,14 +91,6 @@ def test_load_steps_from_the_exact_limit_repeat_themselves(
     monkeypatch.setattr(search.LimitSearch, "_played", drifting)
     lost = evolve(small, cyclic(8), steps, until="limit").limit
     assert lost is not None and not lost.reached and "changes its forces" in lost.reason
-
-
-def test_bad_input_is_refused_in_one_line() -> None:
-    once = HistoryOptions(kind="monotonic", until="limit")
-    with pytest.raises(InputError, match=r'^\[history\] until: "limit" needs cycles; .*$'):
-        history_from_scene(Scene(loads=(Load("p0", "top", pressure=1.0),), history=once))
-    with pytest.raises(InputError, match="needs cycles"):
-        evolve(BLOCK, replace(cyclic(50), loop=np.zeros((0, 1))), until="limit")
 
 
 def test_no_limit_of_random_problems_breaks_a_law(monkeypatch: pytest.MonkeyPatch) -> None:

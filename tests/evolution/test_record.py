@@ -63,24 +63,6 @@ def test_record_reads_back_bitwise(record: Record, tmp_path: Path) -> None:
         assert os.listdir(tmp_path) == ["record.h5"]
 
 
-def test_record_file_has_the_agreed_layout(record: Record, tmp_path: Path) -> None:
-    write_record(tmp_path / "record.h5", record)
-    n, of_cycles = len(record.x), ("dissipation_density", "slip_increment")
-    with h5py.File(tmp_path / "record.h5") as file:
-        for part in (file["turning_points"], file["samples"]):
-            rows = len(part["s"])
-            for keys, shape in (
-                (("cycle", "leg", "s"), (rows,)),
-                (("state", "P", "Q", "p", "q", "v", "w"), (rows, n)),
-                (("load", "load_displacement"), (rows, 1)),
-            ):
-                assert {part[key].shape for key in keys} == {shape}
-        assert {"cycle", "leg", "s", "load", "node", "old", "new"} <= set(file["events"])
-        assert {file["cycles"][key].shape for key in of_cycles} == {(3, n)}
-        assert {"x", "points", "f", "g0", "weight"} <= set(file["nodes"])
-        assert list(file.attrs["load_names"]) == ["p0"] and file.attrs["format_version"] == 1
-
-
 # -- condensed systems ---------------------------------------------------------------------------
 
 

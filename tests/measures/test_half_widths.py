@@ -1,34 +1,29 @@
 """Half widths below node spacing of a record: the same body on either side of its edge."""
 
 from dataclasses import replace
-from functools import cache
 from pathlib import Path
 
 import numpy as np
 import pytest
 from bodies import block
 from drawn_text import REPORTS, check_figures
+from images import Image, played
 from models import block_system, pushed_block
 from small import cyclic, table
 
 import receding_fenicsx as rf
 from receding_fenicsx.evolution.evolve import evolve
-from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.interface.measures.zone_ends import dundurs_beta
 from receding_fenicsx.measures.ends import contact_betas, half_width_estimates, half_widths
 from receding_fenicsx.measures.limit_nodes import limit_nodes, shown_states
-from receding_fenicsx.mpi import given
 from receding_fenicsx.output.report.summary import SECTIONS, report_html, summarise
 from receding_fenicsx.scene.model import (
     Contact,
     HistoryOptions,
-    Load,
     OutputOptions,
     SolverOptions,
 )
-from receding_fenicsx.scene.toml_file import to_toml
 from receding_fenicsx.store.run_folder import write_summary
-from receding_fenicsx.studies import run as study
 
 pytestmark = pytest.mark.one_rank
 
@@ -36,35 +31,14 @@ BETA = dundurs_beta((2.0, 0.3, "plane strain"))
 KEYS = ("contact_half_width_estimate", "stick_half_width_estimate")
 
 
-@cache
-def record_of(edge: str, opposite: str, elements: int = 160, growth: float = 1.3) -> Record:
-    scene = block(
-        degree=2,
-        elements=elements,
-        growth=growth,
-        load=Load("p0", opposite, (-1.0, 1.0), pressure=1.0),
-        contacts=(Contact(edge, friction=0.35),),
-        history=HistoryOptions(cycles=1),
-    )
-    return given(study.run(scene))
-
-
-def test_a_block_hanging_from_the_plane_has_the_widths_of_one_lying_on_it() -> None:
-    lying, hanging = record_of("bottom", "top"), record_of("top", "bottom")
-    assert contact_betas(lying) == pytest.approx((BETA,))
-    assert contact_betas(hanging) == pytest.approx((-BETA,))
-    for key in KEYS:
-        one = half_width_estimates(lying, 0, contact_betas(lying))[key]
-        other = half_width_estimates(hanging, 0, contact_betas(hanging))[key]
-        assert one["fitted"] and other["fitted"]
-        assert other["value"] == pytest.approx(one["value"], abs=1e-9)
-        assert other["interval"] == pytest.approx(one["interval"], abs=1e-9)
-    assert lying.scene is not None
-    # a quarter turn takes the bottom to the right edge, along which t points up
-    for edge, beta in (("right", BETA), ("left", -BETA)):
-        scene = replace(lying.scene, contacts=(Contact(edge),))
-        turned = replace(lying, scene_toml=to_toml(scene))
-        assert contact_betas(turned) == pytest.approx((beta,))
+@pytest.mark.parametrize("quarters", [1, 2, 3])
+def test_a_block_on_any_edge_has_the_ends_of_zones_of_one_lying_on_it(quarters: int) -> None:
+    foot, cycle = Contact(friction=0.35), HistoryOptions(cycles=1)
+    lying = block(degree=2, elements=160, contacts=(foot,), history=cycle)
+    known, image = played(lying), Image(quarters=quarters)
+    assert contact_betas(known) == pytest.approx((BETA,))
+    assert all(half_width_estimates(known, 0, (BETA,))[key]["fitted"] for key in KEYS)
+    image.check(played(image.of(lying)), known, 1e-8)
 
 
 def test_a_contact_off_the_middle_has_zones_and_no_half_width(tmp_path: Path) -> None:

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from bodies import block, played
 from demo_runs import sheared_block
 from nodal import nodal_forces, with_middles
 
@@ -134,3 +135,10 @@ def test_ends_of_a_punch_on_a_half_plane_are_straight_angles(surface: str, f: fl
         assert (corner["state"] == "contact") == (f == 0.0)
         assert corner["exponent"] == pytest.approx(exact, abs=1e-9)
         assert corner["fitted"] == pytest.approx(exact, rel=0.01)
+
+
+def test_an_end_on_a_plane_of_symmetry_is_no_corner_and_one_at_a_held_point_is() -> None:
+    plane, *points = (rf.Support("x", "left"), *(rf.Support("x", point=(-2, y)) for y in (0, 1)))
+    supports = {(): [0, -1], (plane,): [-1], (plane, points[1]): [-1], (points[0],): [0, -1]}
+    for some, ends in supports.items():
+        assert played(block(supports=some)).corner_ends == ends, some

@@ -257,16 +257,19 @@ def zone_end(at: Tractions, last: int, side: int, stick: bool = False) -> ZoneEn
     if last == len(at.x) - 1:
         value = low = float(at.x[-1])
         y = np.minimum(*at.friction.margins(at.Q, at.P)) if stick else at.P
-        mean = y / np.where(at.weight > 0.0, at.weight, np.inf)
-        # with the end at the last node a square root falls to 0.55, a power of 1/3 to 0.65
-        if last > 0 and 0.0 < mean[-1] <= 0.75 * mean[-2]:
+        mean, pressure = (part / np.where(at.weight > 0.0, at.weight, np.inf) for part in (y, at.P))
+        # with the end at the last node a square root falls to 0.55, a power of 1/3 to 0.65; less
+        # than 1e-9 of the pressure is round-off of nodes at their limit
+        if last > 0 and 1e-9 * pressure.max() < mean[-1] <= 0.75 * mean[-2]:
             low = float(at.x[-2] - shift * (at.x[-1] - at.x[-2]))
         return ZoneEnd(value, low, value, fitted=False)
     low, high = float(at.x[last]), float(at.x[last + 1])
     spacing = high - low
     shift *= spacing
-    furthest = min(high + shift, float(at.x[-1]))
-    bracket = ZoneEnd(0.5 * (low + high), low - shift, furthest, fitted=False)
+    # no end lies beyond those of the edge
+    edge = 0.0 if at.begins_on_axis else float(at.x[0]), float(at.x[-1])
+    nearest, furthest = np.clip([low - shift, high + shift], *edge).tolist()
+    bracket = ZoneEnd(0.5 * (low + high), nearest, furthest, fitted=False)
     quantity = _vanishing(at, last)
     if quantity is None:
         return bracket
@@ -302,8 +305,8 @@ def zone_end(at: Tractions, last: int, side: int, stick: bool = False) -> ZoneEn
     # elements inside the zone may be larger than the one in which it ends
     length = float(right[inside[1]] - left[inside[1]])
     shift *= max(1.0, (0.5 if quadratic else 1.0) * length / spacing)
-    furthest = min(max(ends) + shift, float(at.x[-1]))
-    return ZoneEnd(ends[0], min(ends) - shift, furthest, fitted=True)
+    nearest, furthest = np.clip([min(ends) - shift, max(ends) + shift], *edge).tolist()
+    return ZoneEnd(ends[0], nearest, furthest, fitted=True)
 
 
 def _vanishing(at: Tractions, last: int) -> tuple[Array, tuple[float, ...], int] | None:

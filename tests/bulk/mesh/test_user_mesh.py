@@ -18,7 +18,7 @@ from receding_fenicsx.errors import InputError
 from receding_fenicsx.evolution.problem import with_profiles
 from receding_fenicsx.interface.system import ContactSystem
 from receding_fenicsx.mpi import given, on_root
-from receding_fenicsx.scene.model import Body, Contact, Load, Material, Scene, Support
+from receding_fenicsx.scene.model import Body, Contact, Load, Scene, Support
 from receding_fenicsx.timing import Timer
 
 comm = MPI.COMM_WORLD
@@ -247,15 +247,6 @@ def test_cells_may_run_clockwise_and_facets_be_listed_twice(
             assert np.array_equal(found[0].points, other.points) and found[0].n == 3
             assert other.K == pytest.approx(found[0].K, abs=1e-13)
             assert other.r_star == pytest.approx(found[0].r_star, abs=1e-13)
-
-
-def test_a_surface_in_two_groups_has_no_material(shared_tmp_path: Path) -> None:
-    names = ("core", "all")
-    groups = "".join(f'Physical Surface("{name}") = {{1}};\n' for name in names)
-    scene = geo_scene(shared_tmp_path / "my.geo", GEO + groups)
-    materials = tuple(Material(2.0, 0.3, name=name) for name in names)
-    text = refused(replace(scene, materials=materials))
-    assert "the physical surface 'core/all' has no material; it is in two groups" in text
 
 
 @pytest.mark.one_rank

@@ -1,11 +1,13 @@
 """What the exact path remembers of earlier legs changes nothing, on legs that repeat themselves."""
 
 from collections.abc import Iterator
+from dataclasses import replace
+from itertools import product
 
 import numpy as np
 import pytest
 from problems import problem
-from small import table
+from small import random_system, table
 
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.errors import SolveError
@@ -13,7 +15,8 @@ from receding_fenicsx.evolution.evolve import evolve
 from receding_fenicsx.evolution.replay import turning_point
 from receding_fenicsx.evolution.run_state import energy_error
 from receding_fenicsx.interface.exact.path import EventPath
-from receding_fenicsx.interface.system import frictional_form
+from receding_fenicsx.interface.system import ContactState, Leg, frictional_form
+from receding_fenicsx.interface.uniqueness.watch import Uniqueness, UniquenessWatch
 
 pytestmark = pytest.mark.one_rank
 
@@ -58,3 +61,22 @@ def test_legs_are_those_of_a_solver_without_memory(number: int) -> None:
         assert error < 1e-7
         assert np.abs(leg.end.r - fresh.end.r).max() < 1e-9 * leg.force_scale
         state, force = leg.end, leg.force_scale
+
+
+def test_a_leg_is_judged_alike_whatever_legs_were_judged_before() -> None:
+    """Legs without events from all states of two nodes, in three directions, in any order."""
+    begin, doubts = Uniqueness(certified=True, proved=True), 0
+    for seed in range(8):
+        system, rng = random_system(seed, 2, 4.0), np.random.default_rng(seed)
+        watch = UniquenessWatch(system, begin)
+        legs = [*product(product((1, 2, 3, 4), repeat=2), ([0.5, 0.0], [0.0, 0.5], [0.0, -0.5]))]
+        for k in rng.permutation(len(legs)):
+            start = ContactState(np.zeros(4), np.zeros(4), np.array(legs[k][0], np.int8))
+            ends, found = (np.ones(2), 1.0 + np.array(legs[k][1])), list[Uniqueness]()
+            for judge in (watch, UniquenessWatch(system, begin)):
+                judge.found, judge._left = begin, 8
+                judge.add((1, 0), start, ends, Leg(start, np.zeros(2), force_scale=1.0))
+                found.append(replace(judge.found, margin=0.0))
+            assert found[0] == found[1], (seed, legs[k])
+            doubts += not found[0].certified
+    assert doubts > 10
