@@ -49,6 +49,7 @@ def record_of(
     if cycles and not unfinished[0]:
         totals, unique = cycles[-1].totals, cycles[-1].uniqueness
     watch, weight = watch or steady_watch(system, solver, cycles), mirror.total(system.weight)
+    sign = system.load_sign if system.load_sign.size else -np.ones(len(system.load_names))
     D = np.array([cycle.dissipation for cycle in cycles[1:]]).reshape(-1, system.n)
     # what open nodes move between the ends of a cycle is no slip
     open_ = [cycle.corners[-1].state.state == State.SEPARATION for cycle in cycles]
@@ -64,7 +65,7 @@ def record_of(
         modelled_dofs=int(np.sum(~frictional_form(system).held)),
         half=system.half,
         axisymmetric=system.axisymmetric,
-        load_sign=system.load_sign if system.load_sign.size else -np.ones(len(system.load_names)),
+        load_sign=sign.copy(),
         turning_points=states_table(system, mirror, corners),
         samples=states_table(system, mirror, [i for part in samples for i in part.instants]),
         events=events_table(mirror, events_of(system, samples)),

@@ -86,7 +86,7 @@ def probes_table(
     values = every["probed"].reshape(len(rows), len(probes.points), 6)
     return Probes(
         names=probes.names,
-        points=probes.points,
+        points=probes.points.copy(),
         kind=np.repeat(np.arange(len(KINDS), dtype=np.int8), counts)[rows],
         cycle=every["cycle"].astype(np.int64),
         leg=every["leg"].astype(np.int64),

@@ -70,7 +70,7 @@ def test_fields_of_bodies_are_those_of_probes(name: str) -> None:
         chosen.append(own[np.linspace(0, len(own) - 1, 25).astype(int)])
         at = tuple(map(tuple, places[chosen[-1]].tolist()))
         probes.append(rf.Probe(f"of {k}", points=at, body=body.name if scene.others else None))
-    record, again, _ = fields_of(replace(scene, probes=tuple(probes)))
+    record, again, _ = fields_of(replace(scene, probes=tuple(probes), fatigue=None))
     np.testing.assert_array_equal(found.displacement, again.displacement)
     size = np.abs(found.displacement).max()
     for k, own in enumerate(chosen):
@@ -112,7 +112,7 @@ def test_stresses_at_probes_follow_hookes_law(name: str) -> None:
         centres.append(own[np.linspace(0, len(own) - 1, 9).astype(int)])
         at = tuple(map(tuple, (centres[k][:, None] + star).reshape(-1, 2).tolist()))
         probes.append(rf.Probe(f"of {k}", points=at, body=body.name if scene.others else None))
-    record, *_ = fields_of(replace(scene, probes=tuple(probes)))
+    record, *_ = fields_of(replace(scene, probes=tuple(probes), fatigue=None))
     for k, body in enumerate(parts):
         material, probe = scene.material_of(body), record.probe(f"of {k}")
         u, stress = probe.displacement[-1].reshape(-1, 5, 2), probe.stress[-1].reshape(-1, 5, 4)
