@@ -330,6 +330,15 @@ def test_scripts_of_the_documents_run(tmp_path: Path, line: str) -> None:
 
 
 @once
+def test_no_line_for_the_shell_is_left_untried() -> None:
+    lines = {" ".join(words) for words in commands() if words[0] != "receding-fenicsx"}
+    activate, build = "source .venv/bin/activate", "python docs/build.py"
+    setup, suite = "bash demos/run.sh --setup", "bash .ci/run"  # what runs this test
+    some = {"bash tests/run.sh", "bash tests/run.sh tests/bulk/test_rings.py"}
+    assert lines == {activate, build, setup, suite, "bash demos/run.sh"} | some
+
+
+@once
 def test_links_and_pictures_of_the_documents_exist() -> None:
     for name in (*DOCUMENTS, *NOTEBOOKS):
         code = r"^[^#\n].*" if name in NOTEBOOKS else r"(?s:```.*?```)"
