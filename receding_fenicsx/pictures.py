@@ -198,7 +198,10 @@ def picture_body(scene: Scene, comm: MPI.Comm) -> Iterator[Stack]:
         cells = scene.mesh.contact_elements**2 * scene.body.height / scene.body.width
         # size ratio of neighbouring layers: fewer cells than this fill the body ungraded
         growth = min(scene.mesh.growth, 1.1 if cells > 30_000 else 1.0)
-        scene = replace(scene, mesh=replace(scene.mesh, growth=growth))
+        # places without a growth of their own have the mesh's
+        own = [replace(p, growth=p.growth or scene.mesh.growth) for p in scene.mesh.places]
+        refine = tuple(own) or scene.mesh.refine
+        scene = replace(scene, mesh=replace(scene.mesh, growth=growth, refine=refine))
     bulk = bulk_of(scene, comm, Timer())
     try:
         yield bulk

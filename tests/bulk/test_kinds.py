@@ -17,6 +17,7 @@ from small import assert_same_bits, named_loads
 import receding_fenicsx as rf
 from receding_fenicsx.output.plots.series import loop_of
 from receding_fenicsx.store.hdf5 import write_record
+from receding_fenicsx.studies.sweep import measure_record
 
 pytestmark = pytest.mark.one_rank
 KINDS = EVEN | UNEVEN
@@ -93,6 +94,24 @@ def test_a_record_keeps_all_laws_and_loops_enclose_the_dissipation(name: str) ->
         fine = replace(KINDS[name], output=rf.OutputOptions(200, (2,)))
         loop = loop_of(rf.evolve(systems(name), fine), 2)
         assert loop.area().sum() == pytest.approx(D[-1], rel=0.01)
+
+
+@pytest.mark.parametrize("name", ALL)
+def test_a_row_of_a_sweep_holds_the_last_cycle_of_the_summary_edge_by_edge(name: str) -> None:
+    found, summary = record(name), rf.summarise(record(name))
+    row, last = measure_record(found), len(found.cycles.dissipation)
+    for edge, part in found.by_edge().items():
+        end = f".{edge}" if len(found.by_edge()) > 1 else ""
+        points = [p for p in summary["turning_points"] if p["cycle"] == last]
+        points = [p for p in points if p.get("edge", edge) == edge]
+        for load in ("minimum", "maximum"):
+            moment = part.at(last, load)  # type: ignore[arg-type]
+            (point,) = (p for p in points if p["leg"] == moment.leg)
+            for key in ("contact_half_width", "stick_half_width", "p_max"):
+                assert row.pop(f"{key}_at_{load}{end}") == point[key], (edge, load, key)
+            largest = max(-point["q_min"], point["q_max"])
+            assert row.pop(f"q_abs_max_at_{load}{end}") == pytest.approx(largest, rel=1e-12)
+    assert not any("_at_" in key for key in row) and row["cycles"] == last
 
 
 @pytest.mark.parametrize("name", KINDS)

@@ -9,6 +9,7 @@ import matplotlib as mpl
 import numpy as np
 import pytest
 from drawn_text import REPORTS, check_words, names_of_colours, told
+from kinds import EVEN, UNEVEN
 from matplotlib.collections import PolyCollection
 from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
@@ -17,6 +18,7 @@ from pictured import instant_of_row, view_at
 
 import receding_fenicsx as rf
 from receding_fenicsx.bulk.fields import Fields
+from receding_fenicsx.output.plots.labels import length_of
 from receding_fenicsx.output.snapshots.page import (
     QUANTITIES,
     Clock,
@@ -215,6 +217,37 @@ def test_band_of_states_has_the_colours_of_the_legend_where_the_states_are() -> 
         assert y.max() < 0.0  # below the plane
     for found, zone in zip(ends, expected, strict=True):
         assert found[0] == zone[0] and found[1:] == pytest.approx(zone[1:])
+
+
+@pytest.mark.one_rank
+@pytest.mark.parametrize("name", EVEN | UNEVEN)
+def test_pictures_of_scenes_of_all_kinds_show_every_contact_edge_as_the_record_has_it(
+    name: str,
+) -> None:
+    made = seen((EVEN | UNEVEN)[name], -1)
+    assert made is not None
+    view, _, record = made
+    parts = [*record.by_edge().values()]
+    length = length_of(record.scene) or 1.0
+    for strip, part in zip(view.strips, parts, strict=True):
+        here = strip.x > -1e-9 if record.axisymmetric else np.isfinite(strip.x)
+        table, shown = part.turning_points, (strip.moved - strip.place)[here] * length / view.factor
+        assert strip.x[here] == pytest.approx(part.x / length, abs=1e-12)
+        assert np.array_equal(strip.state[here], table.state[-1])
+        if not strip.rigid:
+            continue
+        # a node is as far from the plane as the record has it, also where a load moves that
+        n, gap = strip.normal, strip.gap[here] * length / view.factor
+        moved = np.outer(table.v[-1], [n[1], -n[0]]) + np.outer(table.w[-1] + part.g0, n)
+        off = np.abs(shown + gap[:, None] * n - moved).max(axis=1)
+        vertex = off <= 1e-9 * max(np.abs(moved).max(), np.abs(shown).max())
+        assert vertex[0] and vertex[-1] and vertex.sum() >= len(vertex) // 2
+    here = view.x > -1e-9 if record.axisymmetric else np.isfinite(view.x)
+    p, q = (getattr(parts[0].turning_points, key)[-1] for key in "pq")
+    unit = np.abs(p).max() / np.nanmax(np.abs(view.p[here]))
+    for values, known in ((view.p, p), (view.q, q)):
+        tells = here & np.isfinite(values)
+        assert unit * values[tells] == pytest.approx(known[tells[here]], abs=1e-9 * np.abs(p).max())
 
 
 @pytest.mark.one_rank

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from receding_fenicsx.arrays import Array, Ints
+from receding_fenicsx.bulk.closures import driven_gaps
 from receding_fenicsx.bulk.fields import Fields
 from receding_fenicsx.evolution.instants import Instant
 from receding_fenicsx.interface.law import Friction, State, friction_of
@@ -77,6 +78,7 @@ class WholeContact:
     v: Array  # (N,) tangential displacement
     w: Array  # (N,) normal displacement
     initial_gap: Array  # (N,) gap g0
+    driven_gap: Array  # (N,) gap by loads and interference at this instant
     shown: NDArray[np.int8]  # (N,) states that pictures show
 
 
@@ -118,6 +120,7 @@ def whole_contact(bulk: Stack, instant: Instant) -> WholeContact:
         v=mirror.odd(instant.v),
         w=mirror.even(instant.state.w),
         initial_gap=gap,
+        driven_gap=mirror.even(instant.load @ driven_gaps(scene, contact)),
         shown=mirror.states(instant.state.state if instant.shown is None else instant.shown),
     )
 
@@ -234,7 +237,7 @@ def _contact(
         place, normal = found.points[on], found.normal[on][0]
         displacement = edge_values(fields, fields.displacement, place, normal, found.body[on][0])
         moved = place + units.factor * displacement
-        gap = units.factor * found.initial_gap[on] / unit
+        gap = units.factor * (found.initial_gap + found.driven_gap)[on] / unit
         at, x, state = place / unit, found.x[on] / unit, found.shown[on]
         rigid = described.against is None
         strips.append(Strip(described.edge, x, at, moved / unit, normal, gap, state, rigid))
