@@ -71,6 +71,12 @@ def shortened(text: str, most: int = 60) -> str:
     return text if len(text) <= most else f"{text[: most - 3]}..."
 
 
+def over_largest(values: Array, of: Array) -> Array:
+    """Return columns over the largest absolute value of each column of an array, or over 1."""
+    largest = np.abs(of).max(axis=0, initial=0.0)
+    return np.asarray(values / np.where(largest > 0.0, largest, 1.0))
+
+
 def spread(rows: Ints, most: int) -> Ints:
     """Return at most a number of rows, evenly spread from the first to the last."""
     return rows[np.linspace(0, len(rows) - 1, min(len(rows), most)).round().astype(int)]

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from receding_fenicsx import mpi, workers
-from receding_fenicsx.arrays import spread
+from receding_fenicsx.arrays import over_largest, spread
 from receding_fenicsx.bulk.from_scene import bulk_of
 from receding_fenicsx.evolution.instants import Instant
 from receding_fenicsx.evolution.record import Record
@@ -223,8 +223,7 @@ def default_instants(
         for cycle in sorted({0, 1, int(table.cycle.max(initial=0))}):
             chosen += spread(np.flatnonzero((table.cycle == cycle) & loaded), 6).tolist()
     elif np.any(loaded):
-        largest = np.abs(table.load).max(axis=0)
-        size = np.abs(table.load / np.where(largest > 0.0, largest, 1.0)).sum(axis=1)
+        size = np.abs(over_largest(table.load, table.load)).sum(axis=1)
         here = loaded & (table.cycle == table.cycle[loaded].max())
         chosen = [int(np.argmax(np.where(here, size, 0.0)))]
     return [

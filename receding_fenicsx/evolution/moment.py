@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from receding_fenicsx.arrays import Array, check_types
+from receding_fenicsx.arrays import Array, check_types, over_largest
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.evolution.record_data import RecordData, States
 from receding_fenicsx.interface.law import friction_of
@@ -174,7 +174,6 @@ def _rows_of(table: States, cycle: int, leg: int | None) -> NDArray[np.intp]:
 
 def extreme_row(points: States, rows: NDArray[np.intp], load: str) -> int:
     """Return the last of the rows with the smallest or largest loads, each over its maximum."""
-    largest = np.abs(points.load).max(axis=0)
-    size = np.abs(points.load[rows] / np.where(largest > 0.0, largest, 1.0)).sum(axis=1)
+    size = np.abs(over_largest(points.load[rows], points.load)).sum(axis=1)
     best = np.min(size) if load == "minimum" else np.max(size)
     return int(rows[np.flatnonzero(np.abs(size - best) <= SAME_LOAD * max(1.0, best))[-1]])

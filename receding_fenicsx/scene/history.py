@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import cosdg
 
-from receding_fenicsx.arrays import Array, Ints, as_numbers, described
+from receding_fenicsx.arrays import Array, Ints, as_numbers, described, over_largest
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.scene.checks import Rules, broken, check_known, refuse, unused
 from receding_fenicsx.scene.model import INTERFERENCE, Harmonic, HistoryOptions, Scene
@@ -70,6 +70,10 @@ class History:
             raise InputError(f"cycle {cycle} does not occur: there are cycles 0 to {self.cycles}")
         return self.path if cycle == 0 else self.loop
 
+    def parts(self, load: Array) -> Array:
+        """Return load factors, each over its largest."""
+        return over_largest(load, np.vstack([self.path, self.loop]))
+
 
 def ended_by(history: History, until: str | None) -> History:
     """Return a history that ends at the steady state, at the limit, or (None) after its cycles."""
@@ -117,7 +121,8 @@ def leg_number(history: History, name: str, cycle: int = 1) -> int:
     polyline = history.polyline(cycle)
     n = len(polyline) - 1
     if name in ("loading", "unloading"):
-        legs = np.flatnonzero((np.diff(np.abs(polyline).sum(axis=1)) > 0.0) == (name == "loading"))
+        grows = np.diff(np.abs(history.parts(polyline)).sum(axis=1)) > 0.0
+        legs = np.flatnonzero(grows == (name == "loading"))
         if len(legs) == 1:
             return int(legs[0])
     elif name.isdecimal() and int(name) < n:
@@ -135,8 +140,7 @@ def evenly_spaced(history: History, cycle: int, n: int) -> tuple[Ints, Array, Ar
     legs = len(polyline) - 1
     if n < 2:
         raise InputError(f"{n} frames: a film needs at least 2")
-    largest = np.abs(np.vstack([history.path, history.loop])).max(axis=0)
-    way = np.abs(np.diff(polyline, axis=0) / np.where(largest > 0.0, largest, 1.0)).sum(axis=1)
+    way = np.abs(np.diff(history.parts(polyline), axis=0)).sum(axis=1)
     before = np.concatenate([[0.0], np.cumsum(way)]) / way.sum()
     time = np.linspace(0.0, 1.0, n)
     if n > legs:

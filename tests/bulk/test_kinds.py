@@ -105,7 +105,7 @@ def test_a_row_of_a_sweep_holds_the_last_cycle_of_the_summary_edge_by_edge(name:
         points = [p for p in summary["turning_points"] if p["cycle"] == last]
         points = [p for p in points if p.get("edge", edge) == edge]
         for load in ("minimum", "maximum"):
-            moment = part.at(last, load)  # type: ignore[arg-type]
+            moment = part.at(last, load)
             (point,) = (p for p in points if p["leg"] == moment.leg)
             for key in ("contact_half_width", "stick_half_width", "p_max"):
                 assert row.pop(f"{key}_at_{load}{end}") == point[key], (edge, load, key)

@@ -24,6 +24,7 @@ from receding_fenicsx.measures.limit_nodes import limit_nodes
 from receding_fenicsx.output.plots.series import slip_lines
 from receding_fenicsx.output.plots.zone_map import timelines_of, zone_map
 from receding_fenicsx.output.report.summary import report_html
+from receding_fenicsx.scene.history import leg_number
 
 pytestmark = pytest.mark.one_rank
 
@@ -388,9 +389,12 @@ def test_the_largest_load_does_not_depend_on_the_unit_of_one_of_several(unit: fl
     loads = {"a": np.repeat([0.1, 1.0], 2), "b": np.repeat([0.02, 0.05], 2) / unit}
     system = small_system(np.kron([[2.0, 0.3], [0.3, 1.0]], np.eye(2)), loads, 0.5)
     path = np.array([[0.0, 0.0], [1.0, 5.0], [0.6, 6.0]]) * [1.0, unit]
-    shown = rf.figures.FIGURES["tractions_first_loading"].needs
-    # 1 + 5/6 is more than 0.6 + 1
-    assert shown(rf.evolve(system, table(system, path))).leg == 0
+    shown, found = rf.figures.FIGURES, rf.evolve(system, table(system, path))
+    # 1 + 5/6 is more than 0.6 + 1: the second leg unloads
+    assert shown["tractions_first_loading"].needs(found).leg == 0
+    assert shown["zones_first_unloading"].needs(found) == [(0, 1)]
+    history = table(system, path)
+    assert [leg_number(history, name, 0) for name in ("loading", "unloading")] == [0, 1]
 
 
 @pytest.mark.parametrize("legs", [7, 45])

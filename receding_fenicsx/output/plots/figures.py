@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from receding_fenicsx.arrays import Array, spread
+from receding_fenicsx.arrays import over_largest, spread
 from receding_fenicsx.atomic import make_folder
 from receding_fenicsx.evolution.moment import Moment, moment_of
 from receding_fenicsx.evolution.probes import probe_names
@@ -155,17 +155,11 @@ def last_cycle(record: Record) -> int:
 # -- the figures of the package, in the order of the report --------------------------------------
 
 
-def _parts(record: Record, load: Array) -> Array:
-    """Return absolute load factors, each over its largest."""
-    largest = np.abs(record.turning_points.load).max(axis=0, initial=0.0)
-    return np.asarray(np.abs(load / np.where(largest > 0.0, largest, 1.0)))
-
-
 def _largest_first_load(record: Record) -> Moment | None:
     """Return the turning point of cycle 0 with the largest loads in contact."""
     table = record.turning_points
     rows = np.flatnonzero((table.cycle == 0) & np.any(table.P > 0.0, axis=1))
-    size = _parts(record, table.load[rows]).sum(axis=1)
+    size = np.abs(over_largest(table.load[rows], table.load)).sum(axis=1)
     return moment_of(record, table, int(rows[np.argmax(size)])) if len(rows) else None
 
 
@@ -193,7 +187,8 @@ def _third_of_load(record: Record) -> Moment | None:
     instants: list[tuple[float, Moment]] = []
     for table in (record.samples, record.turning_points):
         here = (table.cycle == cycle) & (table.leg == leg) & np.any(table.P > 0.0, axis=1)
-        off = np.abs(_parts(record, table.load).max(axis=1, initial=0.0) - 1.0 / 3.0)
+        parts = np.abs(over_largest(table.load, record.turning_points.load))
+        off = np.abs(parts.max(axis=1, initial=0.0) - 1.0 / 3.0)
         if np.any(here):
             row = int(np.argmin(np.where(here, off, np.inf)))
             instants.append((float(off[row]), moment_of(record, table, row)))

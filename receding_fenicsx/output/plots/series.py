@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from receding_fenicsx.arrays import Array, Ints, spread
+from receding_fenicsx.arrays import Array, Ints, over_largest, spread
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.interface.law import State
@@ -32,9 +32,9 @@ def legs_of(record: Record, cycle: int) -> list[tuple[int, int]]:
 
 
 def is_unloading(record: Record, cycle: int, leg: int) -> bool:
-    """Return whether the sum of the absolute loads falls along a leg."""
-    begin, end = leg_ends(record, cycle, leg)
-    return bool(np.abs(end).sum() < np.abs(begin).sum())
+    """Return whether the sum of the absolute loads, each over its largest, falls along a leg."""
+    ends = over_largest(np.array(leg_ends(record, cycle, leg)), record.turning_points.load)
+    return bool(np.diff(np.abs(ends).sum(axis=1))[0] < 0.0)
 
 
 def first_unloading(record: Record) -> tuple[int, int] | None:

@@ -273,8 +273,7 @@ def units_of(bulk: Stack, fields: list[Fields], load: Array, symbol: str = "") -
 
 def _size(bulk: Stack, fields: Fields) -> tuple[float, bool]:
     """Return the size of a view in the scene's units, and whether it is a close-up."""
-    length = float(np.linalg.norm(np.ptp(bulk.contact.points, axis=0)))
-    length *= 2.0 if bulk.body.half else 1.0
+    length = (1.0 + bulk.body.half) * float(np.linalg.norm(np.ptp(bulk.contact.points, axis=0)))
     extent = np.ptp(fields.points, axis=0)
     # length of the contact, over the body's larger extent, below which the picture is a close-up
     near = length < 0.2 * float(extent.max())
@@ -284,7 +283,7 @@ def _size(bulk: Stack, fields: Fields) -> tuple[float, bool]:
 def _caption(scene: Scene, instant: Instant) -> str:
     """Describe an instant: its leg and its load factors."""
     path, names = history.history_from_scene(scene), scene.load_names
-    sizes = enumerate(np.abs(part).sum(axis=1) for part in (path.path, path.loop))
+    sizes = enumerate(np.abs(path.parts(part)).sum(axis=1) for part in (path.path, path.loop))
     falling = [(c, k) for c, size in sizes for k in np.flatnonzero(np.diff(size) < 0.0)]
     plain = len(path.loop) <= 3 and len(names) == 1
     falls = (min(instant.cycle, 1), instant.leg) in falling
