@@ -274,20 +274,7 @@ def test_systems_are_exchanged_without_mpi(
 # -- as a program of its own, on one rank and more -----------------------------------------------
 
 
-FAILS_ALONE = """
-import os, signal, sys
-from mpi4py import MPI
-import receding_fenicsx as rf
-from receding_fenicsx import __version__, cli, mpi
-from receding_fenicsx.studies import run as study
-mpi.RANK_WAIT_SECONDS = 0.5
-def work(scene, comm):
-    rf.on_root(comm, lambda: None)
-    if comm.rank == {rank}:
-        print("only here", file=sys.stderr, flush=True)
-        {failure}
-    {collective}
-"""
+FAILS_ALONE = (Path(__file__).parent / "programs" / "fails_alone.txt").read_text()
 """A program of which one rank fails while the other goes on to a collective."""
 WAYS = {
     "command": f"study.check = work; sys.exit(cli.main(['check', {BLOCK!r}]))",

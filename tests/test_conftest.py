@@ -5,32 +5,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-SUITE = """
-import pytest
-from mpi4py import MPI
-comm = MPI.COMM_WORLD
-rank = comm.rank
-
-def test_rank_1_fails():
-    print("printed by rank", rank)
-    assert rank == 0, "rank 1 alone"
-
-def test_rank_0_fails():
-    assert rank == 1, "rank 0 alone"
-
-@pytest.fixture
-def broken():
-    if rank == 1:
-        raise OSError("no fixture on rank 1")
-
-def test_fixture_fails_on_rank_1(broken):
-    comm.Barrier()
-
-def test_one_folder_for_all(shared_tmp_path):
-    (shared_tmp_path / f"from_{rank}").touch()
-    comm.Barrier()
-    assert sorted(p.name for p in shared_tmp_path.iterdir()) == ["from_0", "from_1"]
-"""
+SUITE = (Path(__file__).parent / "programs" / "suite.txt").read_text()
 STUCK = """
 def test_rank_1_never_comes():
     assert rank == 0, "rank 1 broke here"

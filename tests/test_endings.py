@@ -139,18 +139,7 @@ def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 # -- a full disk ---------------------------------------------------------------------------------
 
-FULL_DISK = """
-import json, os, resource, sys
-from mpi4py import MPI
-from receding_fenicsx.cli import main
-folder, limits, command = sys.argv[1], json.loads(sys.argv[2]), sys.argv[3:]
-for limit in limits:
-    # what a full disk does to a writer, on any machine and file system
-    resource.setrlimit(resource.RLIMIT_FSIZE, (limit, resource.RLIM_INFINITY))
-    code = main([*command, "--out", f"{folder}/{limit}"])
-    left = [f for _, _, files in os.walk(f"{folder}/{limit}.part") for f in files]
-    print(json.dumps([limit, code, left]), flush=True)
-"""
+FULL_DISK = (Path(__file__).parent / "programs" / "full_disk.txt").read_text()
 
 
 @pytest.mark.one_rank

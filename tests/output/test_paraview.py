@@ -24,20 +24,7 @@ from receding_fenicsx.scene.model import Body, Contact, HistoryOptions, Material
 COMM = MPI.COMM_WORLD
 LEGS = {0.5: (0, "0"), 1.5: (1, "0"), 2.0: (1, "1")}
 """Cycle and leg of the instants by their time."""
-READ = """
-import sys
-import numpy as np
-import pyvista
-reader = pyvista.get_reader(sys.argv[1])
-for time in reader.time_values:
-    reader.set_active_time_value(time)
-    grid = reader.read()
-    contact = np.asarray(grid["part"]) == 0
-    lowest = grid["displacement"][:, 1].min()
-    nodes = (grid["state"] > 0).sum()
-    print(time, grid.n_points, contact.sum(), np.nanmax(grid["p"]), lowest, nodes)
-    print(grid["sxy_cell"].min(), len(grid.array_names))
-"""
+READ = (Path(__file__).parents[1] / "programs" / "read_series.txt").read_text()
 """Prints, for each time, what pyvista (with VTK's reader of XDMF) finds."""
 
 

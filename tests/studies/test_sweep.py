@@ -108,25 +108,7 @@ def test_a_case_that_fails_is_a_row_with_its_reason(shared_tmp_path: Path) -> No
         assert len(lines(shared_tmp_path / "out")) == 6  # two cases had no scene
 
 
-KILLED = """
-import os, signal, sys
-import receding_fenicsx as rf
-
-out, after, workers = sys.argv[1], int(sys.argv[2]), int(sys.argv[3]) or None
-count = 0
-
-
-def kill_here(text):
-    global count
-    count += 1
-    if count == after:
-        os.kill(os.getpid(), signal.SIGKILL)
-
-
-scene = rf.read_scene({block!r}, {small!r})
-options = rf.StudyOptions(resume=True, progress=kill_here)
-rf.sweep(scene, {over!r}, out, workers, options=options)
-"""
+KILLED = (Path(__file__).parents[1] / "programs" / "killed_sweep.txt").read_text()
 
 
 def test_a_sweep_killed_twice_has_the_table_of_an_undisturbed_one(
