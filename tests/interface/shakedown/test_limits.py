@@ -90,11 +90,25 @@ def test_the_lower_limit_is_proved_for_two_nodes_and_no_others(
 def test_limits_are_those_of_all_pairs_of_corners(seed: int) -> None:
     system, mean, corners = random_case(seed)
     rng = np.random.default_rng(seed)
-    directed = replace(system, f_backward=system.f * rng.uniform(0.6, 1.4, system.n))
-    for case in (system, directed):
+    n, gap = system.n, rng.uniform(0.0, 0.2, system.n)
+    directed = replace(system, f_backward=system.f * rng.uniform(0.6, 1.4, n))
+    # gaps that the mean loads close
+    shut = system.r_star + np.outer(np.eye(3)[0], system.K[:, n:] @ gap)
+    for case, same in (
+        (system,) * 2,
+        (directed,) * 2,
+        (replace(system, g0=gap, r_star=shut), system),
+    ):
         limits = rf.shakedown_limits(case, mean, corners)
-        expected = all_pairs(case, mean, corners)
+        expected = all_pairs(same, mean, corners)
         assert (limits.lower, limits.upper) == pytest.approx(expected, rel=1e-6)
+        for active in [each for each in limits.active if each.limit == "upper"]:
+            # what binds vanishes at its corner
+            change = [corners[active.vertex].get(name, 0.0) for name in same.load_names]
+            load = np.eye(3)[0] + limits.upper * np.array(change)
+            Q, P = np.split(load @ same.r_star + same.K[:, :n] @ limits.safe_slip_modelled, 2)
+            limit = same.friction.limits(P)[int(active.kind == "backward slip")]
+            assert (limit - Q)[active.node] == pytest.approx(0.0, abs=1e-8)
 
 
 @pytest.mark.parametrize("seed", [0, 1, 2, 3, 4, 7])
