@@ -112,6 +112,9 @@ def test_a_row_of_a_sweep_holds_the_last_cycle_of_the_summary_edge_by_edge(name:
             largest = max(-point["q_min"], point["q_max"])
             assert row.pop(f"q_abs_max_at_{load}{end}") == pytest.approx(largest, rel=1e-12)
     assert not any("_at_" in key for key in row) and row["cycles"] == last
+    # there is a text of any of them
+    printed = rf.run_table(summary, everything=True)
+    assert all(f"{zone} to" in printed for p in points for zone, *_ in p["zones"][-1:])
 
 
 @pytest.mark.parametrize("name", KINDS)

@@ -288,8 +288,9 @@ def tell_checks(summary: Summary) -> Told:
     # each different corner and state
     for (place, state), corner in {(at, c["state"]): c for at, c in corners}.items():
         exact, fitted = (shown(corner[k], "{:z.4f}") for k in ("exponent", "fitted"))
-        closed = f"closed form, {corner['angle']:g} degrees"
-        known = "no closed form here" if exact == "-" else closed
+        known = "no closed form here"
+        if exact != "-":
+            known = f"closed form, {corner['angle']:g} degrees"
         words = f"stresses like d^m, m = {exact} ({known}), fitted {fitted}"
         rows.append([f"corner at {place}, {state}", words + "; singular" * is_singular(corner)])
     ranges = ", ".join(
