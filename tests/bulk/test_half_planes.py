@@ -1,10 +1,13 @@
 """Scenes with half-planes, against closed forms and against meshed bodies."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from bodies import played
+from images import Image
+from kinds import UNEVEN
 
 import receding_fenicsx as rf
 from receding_fenicsx.measures.ends import contact_betas, half_width_estimates
@@ -212,3 +215,32 @@ def test_tension_without_friction_is_a_uniform_stress(kinematics: str) -> None:
     moved = at.displacement[-1] - at.displacement[-2]
     known = np.array([[0.4 * along, 0.3 * across], [-0.2 * along, 1.1 * across]])
     np.testing.assert_allclose(moved, known, atol=1e-12)
+
+
+def test_a_pair_does_the_same_whichever_body_is_held_and_pushed() -> None:
+    """Also where loads on both balance; what its surfaces move apart are the record's v and w."""
+    faces = rf.Probe("a", edge="a.bottom"), rf.Probe("b", edge="b.top")
+    scene = UNEVEN["half-planes"]
+    scene = replace(scene, probes=(*scene.probes, *faces))
+    *pushes, tension = scene.loads
+    ways = ((0.0, 1.0), (-0.2, 0.0))
+    against = [
+        replace(load, edge="b.far", force=way) for load, way in zip(pushes, ways, strict=True)
+    ]
+    held = (rf.Support("xy", edge="a.far"),)
+    other = replace(scene, loads=(*against, tension), supports=held)
+    both = replace(scene, loads=(*pushes, *against, tension), supports=())
+    known = played(scene)
+    for record, rests in ((known, 0.0), (played(other), 1.0), (played(both), 0.0)):
+        Image().check(replace(record, probes=None), replace(known, probes=None), 1e-8)
+        a, b, inside = (record.probe(name) for name in "abs")
+        ends = a.kind == "turning point"
+        table, apart = record.turning_points, (a.displacement - b.displacement)[ends]
+        moved = np.stack([table.v, table.w], axis=-1)
+        assert np.abs(apart - moved).max() < 0.05 * np.abs(moved).max()
+        # the far field of a moves by the conjugates of P and T, or that of b the other way
+        far = rests * table.load_displacement[:, :2] @ [[0.0, -1.0], [5.0, 0.0]]
+        own = known.probe("b").displacement[ends] - far[:, None]
+        assert np.abs(b.displacement[ends] - own).max() < 1e-8 * np.abs(own).max()
+        stress = known.probe("s").stress
+        assert np.abs(inside.stress - stress).max() < 1e-8 * np.abs(stress).max()

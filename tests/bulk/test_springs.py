@@ -13,8 +13,11 @@ from geo import TWO_LAYERS
 
 import receding_fenicsx as rf
 from receding_fenicsx.bulk.closures import _across
+from receding_fenicsx.bulk.from_scene import bulk_of
+from receding_fenicsx.modal import _modes
 from receding_fenicsx.mpi import on_root
 from receding_fenicsx.scene.symmetry import is_half_meshed
+from receding_fenicsx.timing import Timer
 
 pytestmark = pytest.mark.one_rank  # small bodies are condensed by one rank
 
@@ -149,6 +152,15 @@ def test_two_materials_in_one_mesh_are_two_tied_bodies(
             rf.Probe("r", points=((2.1, 1.7),), body="core"),
         ),
     )
+    omega = []
+    for scene in (one, tied):
+        dense = [
+            replace(m, density=rho) for m, rho in zip(scene.materials, (4.0, 1.0), strict=True)
+        ]
+        bulk = bulk_of(replace(scene, materials=tuple(dense)), MPI.COMM_SELF, Timer(None))
+        omega.append(_modes(bulk, np.ones(2 * len(bulk.contact.x), dtype=bool), 1, 3)[1])
+        bulk.destroy()
+    assert omega[0] == pytest.approx(omega[1], rel=1e-9)
     a, b = last(one), last(tied)
     assert np.abs(a[0].K - b[0].K).max() < 1e-12 * np.abs(a[0].K).max()
     assert np.abs(a[0].r_star - b[0].r_star).max() < 1e-12

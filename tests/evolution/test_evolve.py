@@ -7,7 +7,6 @@ import pytest
 from models import block_system
 from small import cyclic, random_system, small_system, table
 
-import receding_fenicsx as rf
 from receding_fenicsx.errors import (
     InputError,
     NoEquilibrium,
@@ -244,20 +243,6 @@ def test_a_refusal_names_a_motion_that_is_almost_free(monkeypatch: pytest.Monkey
     system = small_system(np.diag([1e-9, 1.0]), {"p": [0.0, 1.0]}, 0.5)
     with pytest.raises(SolveError, match="softest motion of the body is 1e-09 as stiff"):
         evolve(system, table(system, [0.0, 1.0]))
-
-
-def test_a_solver_of_the_users_own_is_taken_by_its_name(monkeypatch: pytest.MonkeyPatch) -> None:
-    seen = []
-
-    def mine(system: ContactSystem, options: SolverOptions) -> rf.Solver:
-        seen.append(options)
-        return rf.SOLVERS["events"](system, options)
-
-    monkeypatch.setitem(rf.SOLVERS, "mine", mine)
-    options = SolverOptions(method="mine")
-    found, known = (evolve(block_system(8, 2), cyclic(1), s) for s in (options, None))
-    assert np.array_equal(found.turning_points.Q, known.turning_points.Q)
-    assert seen == [options] and found.method == "mine"
 
 
 def test_a_leg_across_the_unloaded_state_has_its_samples_where_they_were_asked_for() -> None:

@@ -16,7 +16,6 @@ from problems import (
     STEPS,
     WRONG,
     Outcome,
-    Problem,
     capped,
     judge,
     limited,
@@ -31,7 +30,6 @@ from stack_problems import FAMILIES
 
 from receding_fenicsx.evolution.evolve import evolve
 from receding_fenicsx.evolution.record import Record
-from receding_fenicsx.interface.load_steps.path import GaussSeidelPath
 from receding_fenicsx.scene.model import OutputOptions, SolverOptions
 
 pytestmark = [pytest.mark.one_rank, pytest.mark.once]
@@ -186,12 +184,6 @@ def slider() -> tuple[Any, Any, Record]:
     return system, history, record
 
 
-def one_node() -> tuple[Any, Any]:
-    """Return the node of strong coupling whose path ends, and loads along which it does."""
-    system = small_system([[2, 1.5], [1.5, 2]], {"a": [1.0, 1.0], "b": [0.0, -1.0]}, 2.0)
-    return system, table(system, [[0, 0], [1, 0], [0.25, 1]])
-
-
 @cache
 def stepper() -> tuple[Any, Any, Record]:
     system, history, _ = slider()
@@ -222,9 +214,3 @@ def test_any_entry_that_is_changed_meets_an_objection(played: Callable[[], Any],
             else:
                 entry[place] += size * max(np.abs(values).max(), 1e-3)
             assert objections(system, history, other), (f.name, place)
-
-
-def test_load_steps_that_jump_silently_are_seen(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(GaussSeidelPath, "_is_straight", lambda *step: True)
-    options = SolverOptions(method="gauss-seidel", steps_per_leg=STEPS)
-    assert "jumps silently" in judge(Problem(0, *one_node(), options, ())).said

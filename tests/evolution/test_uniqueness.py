@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from models import block_system
-from small import cyclic, small_system, table
+from small import small_system, table
 from unique_paths import FALSE, KINDS, tally
 
 from receding_fenicsx.evolution.evolve import evolve
@@ -20,15 +19,6 @@ def found(system: ContactSystem, *args: object) -> PathUniqueness:
     unique = evolve(system, *args).uniqueness  # type: ignore[arg-type]
     assert unique is not None
     return unique
-
-
-def test_load_steps_prove_nothing_of_what_happens_within_them() -> None:
-    system = block_system(20, 10)
-    steps = found(system, cyclic(2), SolverOptions(method="gauss-seidel", steps_per_leg=20))
-    exact = found(system, cyclic(2))
-    assert exact.certified and not steps.certified and steps.solutions == 1
-    # every state at the end of a step lies on the exact path, to the width of a step
-    assert steps.margin == pytest.approx(exact.margin, rel=0.05)
 
 
 def pair(a: float, b: float, f: float) -> ContactSystem:

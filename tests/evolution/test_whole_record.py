@@ -155,7 +155,7 @@ def _check_probes(s: rf.ContactSystem, record: rf.Record) -> None:
 
 
 def test_half_a_contact_is_recorded_as_the_whole_one_that_it_stands_for() -> None:
-    """Twice the energies; images change sides, an axis node counts twice and has no shear."""
+    """In what the images of scenes lack: jumps, doubts, and supports at several edges."""
     seen = Counter[str]()
     for pair in (*map(played, NUMBERS), jumping()):
         if pair is None:
@@ -167,34 +167,15 @@ def test_half_a_contact_is_recorded_as_the_whole_one_that_it_stands_for() -> Non
         index = np.concatenate([part for on in edges for part in (on[x[on] > 0.0][::-1], on)])
         left, axis = b.x < 0.0, x[index] == 0.0
         side, twice = np.where(left, -1.0, 1.0), np.where(axis, 2.0, 1.0)
-        odd, images = np.where(axis, 0.0, side), Counter(index.tolist())
         assert np.array_equal(b.x, side * x[index]) and np.array_equal(b.edge, s.edges[index])
         assert near(b.weight, twice * s.weight[index]) and np.array_equal(b.g0, s.g0[index])
         assert (b.modelled_nodes, b.half, b.residual_max) == (s.n, True, a.residual_max)
         # what symmetry holds on the axis is no support
         held = s.held[index] & ~axis
         assert np.array_equal(held, np.zeros(len(held), bool) if b.held is None else b.held)
-        forward, backward = a.friction.forward[index], a.friction.backward[index]
-        assert near(b.friction.forward, np.where(left, backward, forward))
-        assert near(b.friction.backward, np.where(left, forward, backward))
-        for one, two in ((a.turning_points, b.turning_points), (a.samples, b.samples)):
-            wanted = {"P": twice, "p": 1.0, "w": 1.0, "Q": odd, "q": odd, "v": odd}
-            for key, factor in wanted.items():
-                assert near(getattr(two, key), factor * getattr(one, key)[:, index]), key
-            state = one.state[:, index]
-            assert np.array_equal(two.state, np.where(left & (state > 2), 7 - state, state))
-            moved = [np.nan_to_num(part.load_displacement) for part in (one, two)]
-            assert near(moved[1], 2.0 * moved[0])
         for key in ("dissipation_first_loading", "released"):
             assert getattr(b, key) == 2.0 * getattr(a, key), key
-        assert near(b.cycles.dissipation, 2.0 * a.cycles.dissipation)
-        assert near(b.cycles.dissipation_density, a.cycles.dissipation_density[:, index])
-        assert near(b.cycles.slip_increment, odd * a.cycles.slip_increment[:, index])
-        e, turns = b.events, left[b.events.node] & (b.events.new > 2)
-        told = Counter(zip(index[e.node].tolist(), np.where(turns, 7 - e.new, e.new), strict=True))
-        events = Counter(zip(a.events.node.tolist(), a.events.new.tolist(), strict=True))
-        assert told == {of: count * images[of[0]] for of, count in events.items()}
-        assert b.n_events >= len(e.node) and (a.jumps, a.sweeps) == (b.jumps, b.sweeps)
+        assert (a.jumps, a.sweeps) == (b.jumps, b.sweeps)
         doubts = [rf.given(record.uniqueness).nodes for record in (a, b)]
         assert np.array_equal(doubts[1], np.flatnonzero(np.isin(index, doubts[0])))
         seen += Counter(axis=int(axis.any()), edges=len(edges) - 1, jumps=a.jumps)

@@ -24,7 +24,7 @@ PATH = table(LEVER, [[0, 0], [1, 0], [0.25, 1]])
 
 
 @pytest.mark.parametrize("number", [1, 3, 40, 160])
-def test_load_steps_stop_where_the_path_ends(number: int) -> None:
+def test_load_steps_stop_where_the_path_ends_or_jump_there(number: int) -> None:
     with pytest.raises(NoQuasiStaticContinuation) as caught:
         evolve(LEVER, PATH, steps(number))
     place = re.search(
@@ -33,10 +33,7 @@ def test_load_steps_stop_where_the_path_ends(number: int) -> None:
     assert place is not None and float(place[1]) == pytest.approx(4 / 11, abs=1e-8)
     turning = caught.value.record.turning_points  # type: ignore[attr-defined]
     assert turning.state.tolist() == [[State.STICK]]
-
-
-@pytest.mark.parametrize("number", [1, 3, 40, 160])
-def test_load_steps_count_a_jump_and_its_energy(number: int) -> None:
+    # or they count the jump and its energy
     record = evolve(LEVER, PATH, steps(number, "static"))
     assert record.jumps == 1
     assert record.released == pytest.approx(32 / 211.75, rel=1e-6)
