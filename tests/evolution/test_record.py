@@ -63,6 +63,22 @@ def test_record_reads_back_bitwise(record: Record, tmp_path: Path) -> None:
         assert os.listdir(tmp_path) == ["record.h5"]
 
 
+def test_record_file_has_the_layout_of_the_page_of_formats(record: Record, tmp_path: Path) -> None:
+    write_record(tmp_path / "record.h5", record)
+    n = len(record.x)
+    with h5py.File(tmp_path / "record.h5") as file:
+        for part in (file["turning_points"], file["samples"]):
+            rows = len(part["s"])
+            shapes = {(rows,): "cycle leg s", (rows, 1): "load load_displacement"}
+            for shape, keys in (shapes | {(rows, n): "state P Q p q v w"}).items():
+                assert {part[key].shape for key in keys.split()} == {shape}
+        assert {"cycle", "leg", "s", "load", "node", "old", "new"} <= set(file["events"])
+        for key in ("dissipation_density", "slip_increment"):
+            assert file["cycles"][key].shape == (3, n)
+        assert {"x", "points", "f", "g0", "weight", "edge"} <= set(file["nodes"])
+        assert list(file.attrs["load_names"]) == ["p0"] and file.attrs["format_version"] == 1
+
+
 # -- condensed systems ---------------------------------------------------------------------------
 
 
