@@ -168,10 +168,11 @@ def test_an_imported_system_holds_the_arrays_bit_by_bit(
             (tmp_path / name).write_text((tmp_path / name).read_text().lower())
     block.freedoms, block.forces = freedoms, {k: -r[by_node] for k, r in r_star.items()}
     path = specification(tmp_path, block, name)
-    assert cli.main(["import", str(path), "--out", str(tmp_path / "system.h5")]) == 0
-    assert (
-        f"{n} contact nodes, 3 rigid motion(s), P (pressed by 0.06), Q (" in capsys.readouterr().out
-    )
+    head = ["import", str(path), "--out", str(tmp_path / "system.h5")]
+    for more, code in (([], 0), ([], 2), (["--overwrite"], 0)):
+        assert cli.main([*head, *more]) == code
+        said, words = capsys.readouterr(), f"{n} contact nodes, 3 rigid motion(s), P (pressed by "
+        assert f"{words}0.06), Q (" in said.out if code == 0 else "already exists" in said.err
     imported = rf.read_system(tmp_path / "system.h5")
     by_hand = {
         "x": block.points[:, 0] - COLUMNS / 2,

@@ -129,10 +129,13 @@ def test_curves_have_the_values_of_the_record() -> None:
         check_curves(above[n + 2], *((loop.v[:, node], loop.w[:, node]) for loop in loops))
     corner, path = found.probe("corner"), found.probe("path")
     stress = [np.dstack([one.stress, one.von_mises]) for one in (corner, path)]
-    rows = (corner.cycle == 3) | ((corner.cycle == 2) & (corner.leg == 2) & (corner.s == 1.0))
-    begun = np.where(corner.cycle == 3, corner.leg + corner.s, 0.0)[rows]
-    panel = rf.figures.probe_stresses(found, "corner").axes[-1]
-    check_curves(panel, *((begun, values) for values in stress[0][rows, 0].T))
+    panels = rf.figures.probe_stresses(found, "corner").axes
+    for axes, cycle in zip(panels, (0, 1, 3), strict=True):
+        rows = np.flatnonzero(corner.cycle == cycle)
+        begun = np.append(0.0, (corner.leg + corner.s)[rows])
+        before = stress[0][rows[0] - 1, 0] if cycle else np.zeros(5)
+        drawn = np.vstack([before, stress[0][rows, 0]]).T
+        check_curves(axes, *((begun, values) for values in drawn))
     along = np.append(0.0, np.cumsum(np.hypot(*np.diff(path.points, axis=0).T)))
     (end,) = np.flatnonzero((path.cycle == 3) & (path.leg == 2) & (path.s == 1.0))
     panel = rf.figures.probe_stresses(found, "path").axes[-1]

@@ -8,7 +8,7 @@ from typing import Any
 import matplotlib as mpl
 import numpy as np
 import pytest
-from drawn_text import REPORTS, check_words, names_of_colours, told
+from drawn_text import REPORTS, check_curves, check_words, names_of_colours, told
 from kinds import EVEN, UNEVEN
 from matplotlib.collections import PolyCollection
 from matplotlib.colors import to_hex
@@ -297,6 +297,13 @@ def test_pages_draw_what_is_known() -> None:
                 own = clock if name == "travelling" else None
                 page = compose(view, layout, empty, colours, own, values)
             found += told(page, f"{name} {stress}")
+            x, *curves = view.x, view.p, view.q
+            for line, values in zip(page.axes[1].lines[-2:], curves, strict=True):
+                known = np.isfinite(values)
+                assert np.array_equal(line.get_xydata(), np.transpose([x, values])[known])
+            if own is not None:  # over time each load, and a dot
+                dots = [([own.now], [own.now_load[k]]) for k in range(2)]
+                check_curves(page.axes[2], (time, load[:, 0]), dots[0], (time, load[:, 1]), dots[1])
     check_words(found, REPORTS / "pages.txt")
 
 
