@@ -21,7 +21,6 @@ MESHED = Path(__file__).parents[2] / "meshes" / "pad.geo"
 
 UPPER = 'name = "upper"\nshape = "half-plane"\nwidth = 2.4\n'
 LOWER = 'name = "lower"\nshape = "half-plane"\nwidth = 2.4\n'
-SUPPORT = '[[support]]\nedge = "lower.far"\nfix = "xy"\n'
 PAIR = (Path(__file__).parents[2] / "demos" / "half_planes.toml").read_text()
 ONE = """
 [body]

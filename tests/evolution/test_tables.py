@@ -84,6 +84,7 @@ def test_instants_and_nodes_of_a_dataset_are_selected_by_coordinates() -> None:
     frame = found.to_pandas()
     frame = frame[(frame.cycle == 3) & (frame["load.p0"] == 0.25)].sort_values("x")
     assert np.array_equal(frame.p.to_numpy(), low.p.values)
+    assert np.array_equal(found.to_table("events")["load.p0"], found.events.load[:, 0])
     samples = found.to_xarray("samples").sel(cycle=2).sel(leg=0)
     half = samples.sel(s=0.5, method="nearest")
     assert np.array_equal(half.P.values, found.at(2, leg=0, s=float(half.s)).P)

@@ -225,6 +225,8 @@ def test_parameters_of_a_cycle_depend_on_it_and_on_its_start_alone(
             for name, parameter in rf.fatigue(known)["edge"].items():
                 same = np.array_equal(found[name].value, parameter.value)
                 assert same == (keep == kept), name
+    none = {name: values[:0] for name, values in vars(record.cycles).items()}
+    assert rf.fatigue(replace(record, cycles=replace(record.cycles, **none))) == {}
 
 
 def test_a_node_slips_that_touches_at_one_instant_of_the_cycle(
