@@ -240,12 +240,13 @@ def stick_at_rest(model: ContactSystem, start: ContactState, leg: Leg) -> None:
     body otherwise than for the whole one. It sticks as long as it has not moved on the leg; where
     the next leg moves it, it slips from that one's start.
     """
-    # its force changes by less than the distance at which a node counts as on its limit
-    none = ON_LIMIT * leg.force_scale / model.local_stiffness[0]
-    still = (start.state == STICK) & (np.abs(leg.end.v - start.v) <= none)
-    still &= (SLIP_SIGN[leg.end.state] != 0.0) & model.law.present
-    # after more than one change of state it may have slipped, or opened, and gone back
-    still &= np.bincount(leg.events.node, minlength=model.n) <= 1
+    still = (start.state == STICK) & (SLIP_SIGN[leg.end.state] != 0.0) & model.law.present
+    if still.any():
+        # its force changes by less than the distance at which a node counts as on its limit
+        none = ON_LIMIT * leg.force_scale / model.local_stiffness[0]
+        still &= np.abs(leg.end.v - start.v) <= none
+        # after more than one change of state it may have slipped, or opened, and gone back
+        still &= np.bincount(leg.events.node, minlength=model.n) <= 1
     if still.any():
         leg.events = leg.events.select(~still[leg.events.node])
 

@@ -92,6 +92,11 @@ class PathPoint:
         return self.problem.load(self.s)
 
 
+def direction_key(change: Array) -> bytes:
+    """Return what a direction of loading has as its own: rates grow in proportion to the change."""
+    return bytes((change / (np.abs(change).max() or 1.0)).tobytes())
+
+
 def evenly_spaced(samples: int) -> tuple[float, ...]:
     """Return so many places on a leg, the last one at s = 1."""
     return tuple(j / samples for j in range(1, samples + 1))

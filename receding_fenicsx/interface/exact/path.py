@@ -11,7 +11,13 @@ from receding_fenicsx.errors import NoEquilibrium, NoQuasiStaticContinuation, So
 from receding_fenicsx.interface.equilibrium import Limit, furthest, is_balanced
 from receding_fenicsx.interface.exact.free_motions import at_rest
 from receding_fenicsx.interface.exact.jumps import add_jump, check_jumps, find_jump, no_state_beyond
-from receding_fenicsx.interface.exact.legs import Chooser, LegProblem, evenly_spaced, unchanged
+from receding_fenicsx.interface.exact.legs import (
+    Chooser,
+    LegProblem,
+    direction_key,
+    evenly_spaced,
+    unchanged,
+)
 from receding_fenicsx.interface.exact.rest import (
     carries_nothing,
     is_at_rest,
@@ -99,7 +105,7 @@ class EventPath:
         start, (a, b) = problem.start, problem.ends
         change, r_star = b - a, self.system.r_star
         # held reactions that cancel but for round-off change nothing
-        if change.tobytes() not in self._directions and (
+        if direction_key(change) not in self._directions and (
             np.abs(change @ r_star).max() <= 1e-13 * (np.abs(change) @ np.abs(r_star)).max()
         ):
             y, scale = self.segments.values(start), problem.force_scale
@@ -171,7 +177,8 @@ class EventPath:
     def _walk(self, problem: LegProblem) -> Leg:
         """Follow one leg from event to event."""
         walk, (a, b), resolved = self.walk(problem), problem.ends, self._low_friction_node is None
-        if (b - a).tobytes() in self._directions and not self.segments.is_loose:
+        way = direction_key(b - a)
+        if way in self._directions and not self.segments.is_loose:
             walk.loop.leave_out(problem.start.state, self._changed, self._opened)
         short = stops_short(self.segments, b)
         try:
@@ -181,7 +188,7 @@ class EventPath:
                 raise
             return self._jump(walk, problem)
         leg = walk.finish(at_rest=short)
-        self._remember(b - a, leg)
+        self._remember(way, leg)
         return leg
 
     def _jump(self, walk: Walk, problem: LegProblem) -> Leg:
@@ -197,12 +204,12 @@ class EventPath:
         add_jump(leg, (walk.s, s), find_jump(self.segments, leg.end, load, place))
         rest = self.trace(problem.piece(leg.end, (load, b), leg.force_scale, (s, 1.0), jumps=1))
         leg.add(rest.placed(1.0 - s, s))
-        self._remember(b - a, leg)
+        self._remember(direction_key(b - a), leg)
         return leg
 
-    def _remember(self, direction: Array, leg: Leg) -> None:
-        """Remember which nodes changed state on a leg in this direction."""
-        self._directions.add(direction.tobytes())
+    def _remember(self, way: bytes, leg: Leg) -> None:
+        """Remember which nodes changed state on a leg in a direction, given by its key."""
+        self._directions.add(way)
         events = leg.events
         self._changed[events.node] = True
         self._opened[events.node[(events.old == SEPARATION) | (events.new == SEPARATION)]] = True

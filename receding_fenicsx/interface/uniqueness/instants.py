@@ -125,7 +125,8 @@ class Instants(NamedTuple):
         """Group the events and ties of a leg by instants; the first one is its start."""
         every = Changes.joined(ties, events)
         order = every.s.argsort(kind="stable")
-        apart = np.diff(every.s[order], prepend=0.0) > SIMULTANEOUS
+        places = np.concatenate([[0.0], every.s[order]])
+        apart = places[1:] - places[:-1] > SIMULTANEOUS
         return cls(start, every, len(ties), order, apart)
 
     @property

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from receding_fenicsx.arrays import Array
+from receding_fenicsx.interface.exact.legs import direction_key
 from receding_fenicsx.interface.exact.rest import carries_nothing, zero_crossing
 from receding_fenicsx.interface.exact.segments import Segments, ties_at
 from receding_fenicsx.interface.exact.static import end_in_states, states_by_newton, static_problem
@@ -187,7 +188,7 @@ class UniquenessWatch:
         Returns:
             Whether it is not known that there was a leg like it before.
         """
-        way, (start, events, ties), finite = direction.tobytes(), path, None
+        way, (start, events, ties), finite = direction_key(direction), path, None
         if self._jumps or self.in_steps:
             # what an event has decided is no tie
             seen = {(s, i, state) for s, i, *states in events for state in states}
