@@ -313,6 +313,7 @@ def _add_up(
     du = ends[1] - ends[0]
     ways = (body.k * np.abs(du)).astype(float)
     allowed = LAW * leg.force + (LAW + ROUNDINGS * EPS * here.condition) * ways.max()
+    allowed = allowed + body.k[:n] * here.reach(here.row_errors(leg.noise))[:n]
     against = -here.sign * du[:n] * body.k[:n]
     what = f"up to s = {at[1]:.9g} a node slips against its direction"
     run.check(leg.place(at[0]), what, (against, allowed, True))

@@ -274,9 +274,11 @@ class BranchedPath:
         return min(first, end), wrong
 
     def _sets_of_bonds(self, now: Branches, here: ContactState, slack: float) -> list[Branches]:
-        """Return all sets of bonds of the nodes that touch without a force, where they are few."""
-        loose = self.cones.cohesive & (here.state != SEPARATION)
-        nodes = np.flatnonzero(loose & (np.maximum(np.abs(here.Q), np.abs(here.P)) <= slack))
+        """Return all sets of bonds of the nodes without force and gap, where they are few."""
+        system = self.system
+        gap = np.diagonal(system.K)[system.n :] * (system.g0 + here.w)
+        loose = np.maximum(np.abs([here.Q, here.P]).max(axis=0), gap) <= slack
+        nodes = np.flatnonzero(self.cones.cohesive & loose)
         kinds = product((FORMS, BREAKS), repeat=len(nodes)) if len(nodes) <= 6 else ()
         return [self.cones.passed(now, list(zip(some, nodes, strict=True))) for some in kinds]
 
