@@ -170,3 +170,21 @@ def test_curves_that_cannot_be_fitted_are_refused() -> None:
         rf.fit_jenkins(x[:3], x[:3], x[:3], 1)
     with pytest.raises(rf.InputError, match="must be 1 to 5"):
         rf.fit_jenkins(x, x, x, 6)
+
+
+@pytest.mark.parametrize(("seed", "count"), [(4, 5), (8, 6), (16, 6)])
+def test_a_fit_without_effect_of_one_element_is_passed_over(seed: int, count: int) -> None:
+    random = np.random.default_rng(seed)
+    x = np.geomspace(0.1, 1.0, 12) * random.uniform(0.5, 1.5)
+    F, D = iwan(x, 2.0, 4.0, random.uniform(-0.6, 0.0), random.uniform(0.1, 2.0))
+    F, D = (part * (1.0 + noise * random.normal(size=12)) for part, noise in ((F, 0.02), (D, 0.1)))
+    found = rf.fit_jenkins(F, D, F / x, count).parameters["k"]
+    assert np.all(found > 1e-3 * found.sum())
+
+
+def test_elements_more_than_a_curve_determines_are_refused() -> None:
+    # one that slips at all amplitudes may be replaced by any two
+    x = np.linspace(0.25, 3.0, 25)
+    F, D = jenkins(x, np.array([2.1]), np.array([0.2]), 0.5)
+    with pytest.raises(rf.InputError, match="does not determine all parameters"):
+        rf.fit_jenkins(F, D, F / x, 3)

@@ -134,7 +134,7 @@ def _least(
     errors: Callable[[Array], Array], starts: Sequence[Sequence[float]], bounds: tuple[Any, Any]
 ) -> Array:
     """Return the parameters of least squares within bounds, from several starts."""
-    accuracy = {"xtol": 1e-15, "ftol": 1e-15, "gtol": 1e-15}
+    accuracy: dict[str, Any] = {"jac": "3-point", "xtol": 1e-15, "ftol": 1e-15, "gtol": 1e-15}
     runs = [least_squares(errors, at, x_scale="jac", bounds=bounds, **accuracy) for at in starts]
     found = sorted((run for run in runs if run.success), key=lambda run: run.cost)
     if not found:
@@ -143,6 +143,6 @@ def _least(
         size = np.linalg.svd(run.jac, compute_uv=False)
         # a parameter without effect, as of an element of no stiffness, is no fit of all of them
         # ratio of the sensitivities of the residuals below which a parameter is not determined
-        if size[-1] > 1e-7 * size[0]:
+        if size[-1] > 1e-7 * max(1.0, size[0]):
             return np.asarray(run.x)
     raise InputError("fit: the curve does not determine all parameters; give more of them")
