@@ -59,6 +59,7 @@ def test_extremes_of_several_loads_do_not_depend_on_their_units() -> None:
         ({"cycle": 1, "leg": 0, "s": "half"}, "s has to be of type Real or None, not str"),
         ({"cycle": 1, "load": "least"}, "minimum"),
         ({"cycle": 1, "load": 0.123, "leg": 0}, "the nearest is leg 0"),
+        ({"cycle": 1, "load": 0.25, "s": 1.0, "leg": 1}, "no such instant is stored"),
         ({"cycle": 1, "load": 0.5 * (1.0 + 0.25)}, "say which leg"),
         ({"cycle": 1, "s": 0.5}, "say which leg"),
     ],

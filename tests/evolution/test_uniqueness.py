@@ -50,10 +50,9 @@ def test_nodes_that_reach_their_limits_together_are_undecided_together(
     """
     system = pair(-0.5, b, 1.0)
     corners = [(0, 0), (1, 0), (1, 1), (0.9, 1.8)] if turn else [(0, 0), (1, 0), (1, 2)]
-    record = evolve(system, table(system, corners), options)
-    unique = record.uniqueness
-    assert unique is not None and unique.certified == (solutions == 1)
-    assert unique.solutions == solutions
+    loop = [corners[-1], (1, 0), (1, -1), corners[-1]]  # undecided again, what is told is the first
+    unique = found(system, table(system, corners, loop, 1), options)
+    assert unique.certified == (solutions == 1) and unique.solutions == solutions
     if solutions > 1:
         assert unique.nodes.tolist() == [0, 1]
         assert (unique.leg, unique.s) == ((2, 0.0) if turn else (1, pytest.approx(0.5)))

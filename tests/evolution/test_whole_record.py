@@ -175,7 +175,7 @@ def test_half_a_contact_is_recorded_as_the_whole_one_that_it_stands_for() -> Non
         assert np.array_equal(held, np.zeros(len(held), bool) if b.held is None else b.held)
         for key in ("dissipation_first_loading", "released"):
             assert getattr(b, key) == 2.0 * getattr(a, key), key
-        assert (a.jumps, a.sweeps) == (b.jumps, b.sweeps)
+        assert (a.jumps, a.sweeps, len(b.events.s)) == (b.jumps, b.sweeps, b.n_events)
         doubts = [rf.given(record.uniqueness).nodes for record in (a, b)]
         assert np.array_equal(doubts[1], np.flatnonzero(np.isin(index, doubts[0])))
         seen += Counter(axis=int(axis.any()), edges=len(edges) - 1, jumps=a.jumps)
