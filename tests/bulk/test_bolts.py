@@ -150,7 +150,7 @@ def test_bolt_in_one_body_prestresses_it() -> None:
         loads=(rf.Load("heat", thermal_strain=0.01),),
         supports=(rf.Support("y", edge="top"),),
         contacts=(rf.Contact(friction=0.0),),
-        bolts=(rf.Bolt("tie", "left", "right", 0.1, axis=(1.0, 0.0), stiffness=3.0),),
+        bolts=(rf.Bolt("tie", "left", "right", 0.1, axis=(2.0, 0.0), stiffness=3.0),),
         history=rf.HistoryOptions(kind="monotonic"),
         probes=(rf.Probe("s", points=((0.3, 0.4),)),),
     )

@@ -39,7 +39,8 @@ def evolve(
 
 
 @pytest.mark.parametrize(
-    ("f", "cohesion", "limit"), [(1.0, None, 1.0), (0.0, 1.0, None), (0.2, 0.5, 1.0)]
+    ("f", "cohesion", "limit"),
+    [(1.0, None, 1.0), (0.0, 1.0, None), (0.0, 2.0, 1.0), (0.2, 0.5, 1.0)],
 )
 def test_shear_lag_with_constant_shear(
     f: float, cohesion: float | None, limit: float | None

@@ -100,6 +100,10 @@ def test_slip_of_a_settled_cycle_that_is_negligible_is_shown_as_stick() -> None:
         k = np.flatnonzero(place)[np.abs(samples.s[place] - s).argmin()]
         limit = record.f[node] * samples.P[k, node]
         assert abs(samples.Q[k, node]) == pytest.approx(limit, rel=0.02)
+    # where the loop runs twice in a cycle they reach it first in the first of both
+    twice = replace(cyclic(30), loop=np.array([[1.0], [1 / 3], [1.0], [1 / 3], [1.0]]))
+    again = limit_nodes(evolve(block_system(24, 6), twice), 30)
+    assert np.array_equal([again.node, again.leg], [found.node, found.leg])
     # an edge of a millionth of the slips shows what it would show alone
     edge = (record.x > 0.0).astype(np.int64)
     tables = {

@@ -21,7 +21,7 @@ from small import cyclic, small_system, table
 
 import receding_fenicsx as rf
 from receding_fenicsx.measures.limit_nodes import limit_nodes
-from receding_fenicsx.output.plots.series import slip_lines
+from receding_fenicsx.output.plots.series import fitted_cycles, slip_lines
 from receding_fenicsx.output.plots.zone_map import timelines_of, zone_map
 from receding_fenicsx.output.report.summary import report_html
 from receding_fenicsx.scene.history import leg_number
@@ -87,7 +87,9 @@ def test_slip_lines_find_the_power_that_the_slip_follows() -> None:
     cycles = replace(
         found.cycles, slip_increment=slip, dissipation=N, dissipation_density=np.zeros_like(slip)
     )
-    lines = slip_lines(replace(found, cycles=cycles), unit=2.0)
+    made = replace(found, cycles=cycles)
+    lines = slip_lines(made, unit=2.0)
+    assert fitted_cycles(made).tolist() == [*range(4, 21)]
     assert [line.x for line in lines] == pytest.approx([0.5, 0.6, 0.7, 0.8])
     for line in lines:
         assert line.fit.exponent == pytest.approx(-2.5, abs=1e-12)

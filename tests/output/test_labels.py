@@ -147,7 +147,8 @@ def test_curves_have_the_values_of_the_record() -> None:
 def test_figures_of_harmonic_loads_are_drawn_over_their_phase() -> None:
     found = fretting("harmonic")
     figure = rf.figures.cycle_maps(found, 3)
-    _, loads = figure.axes
+    zones, loads = figure.axes
+    assert sum(zones.get_xlim()) == 0.0  # both halves, which differ
     Q, bulk = curve(loads, 1), curve(loads, 2)
     assert Q[:, 0] == pytest.approx(np.cos(np.radians(Q[:, 1])), abs=1e-12)
     # over its largest, 0.1 + 0.3

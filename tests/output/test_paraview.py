@@ -130,6 +130,7 @@ def test_each_contact_edge_moves_with_its_own_body() -> None:
     ((grid, _),) = grids(scene, 1.0).values()
     nodes, moved = np.flatnonzero(grid.at_points["state"]), grid.at_points["displacement"]
     assert set(grid.points[nodes, 1]) == {0.0, 2.0}
+    assert np.count_nonzero(grid.in_cells["part"] == 0) == len(nodes) - 2  # two chains of lines
     compared = 0
     for node in nodes:
         body = 1 if grid.points[node, 1] else 2

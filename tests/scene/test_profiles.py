@@ -25,6 +25,7 @@ GAP = '[[load]]\nname = "g"\nedge = "bottom"\ngap = 0.1\n[history.constant]\ng =
     [
         "-2, 0.0\n0, 0.1\n2, 0.0\n",
         "measured on Monday\n\nvalue ; s ; x\nmm;s;mm\n0;1;-2\n0.1;2;0\n0;3;2\n",
+        "Gap,X\n0,-2\n0.1,0\n0,2\n",
         '"x","gap / mm"\r\n-2,0\r\n0,0.1\r\n2,0\r\n',
         "\ufeffposition in mm, from the left\tgap\n-2\t0\n0\t.1\n2\t0",
     ],

@@ -68,8 +68,10 @@ def test_a_spring_that_is_moved_obeys_the_closed_form_of_a_slider(tmp_path: Path
     """Driven by U through k against friction f: D = 4 f (U - f/k), largest force min(k U, f)."""
     k, f, U = 2.5, 0.4, np.array([0.1, 0.5, 1.3])
     system = small_system(np.diag([k, 2.0]), {"P": [0.0, 1.0], "U": [-k, 0.0]}, f)
-    # held in contact the spring takes k U: the conjugate of a prescribed displacement is its force
-    system = replace(system, load_compliance=np.diag([0.0, k]), load_sign=np.array([-1.0, 1.0]))
+    # held in contact the spring takes k U: the conjugate of a prescribed displacement is its force,
+    # to which P adds 3
+    compliance = np.array([[0.0, 3.0], [3.0, k]])
+    system = replace(system, load_compliance=compliance, load_sign=np.array([-1.0, 1.0]))
     rf.joint_curve(system, "U", U[:2], tmp_path / "out")
     assert system.local_stiffness[0] == k  # a property that is computed when it is asked for
     curve = rf.joint_curve(system, "U", U, tmp_path / "out", options=rf.StudyOptions(resume=True))

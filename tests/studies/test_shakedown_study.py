@@ -1,6 +1,7 @@
 """Shakedown studies of scenes: command, files, two meshes, diagram, exact cycles, many starts."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -217,6 +218,7 @@ def test_whether_it_slips_for_ever_depends_on_the_start_between_the_limits_only(
     assert np.abs(random[:10]).max() < 0.05 * one < 0.3 * one < np.abs(random[-10:]).max()
     low, high = states.interval
     assert low == 0.0 < high
+    assert np.isnan(replace(states, kind=("not reached",) * 41).interval).all()
     assert states.counts.keys() == {"shakedown", "cyclic slip"}
     counted = ", ".join(f"{count} {kind}" for kind, count in states.counts.items())
     assert [" ".join(line.split()) for line in repr(states).splitlines()] == [
