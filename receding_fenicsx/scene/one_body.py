@@ -34,13 +34,13 @@ def part_of(scene: Scene, body: Body) -> Scene:
         contacts = [replace(contact, interference=None) for contact in contacts]
     loads = scene.given if scene.others else scene.loads
     bolts = [replace(b, head=own(b.head) or "", nut=own(b.nut) or "") for b in scene.bolts]
-    mesh = replace(scene.mesh, refine=places_on(scene, body))
+    mesh, material = replace(scene.mesh, refine=places_on(scene, body)), scene.material_of(body)
     return replace(
         scene,
         body=body,
         others=(),
-        material=replace(scene.material_of(body), name=""),
-        materials=scene.surface_materials(body),
+        material=replace(material, name=""),
+        materials=(material,) if body.material else scene.surface_materials(body),
         mesh=replace(mesh, contact_elements=contact_elements(scene, body)),
         contacts=tuple(contacts),
         ties=(),

@@ -13,6 +13,7 @@ from kinds import EVEN, UNEVEN
 from random_scenes import random_scene, rewritten
 from replay import objections
 from small import assert_same_bits, named_loads
+from test_refusals import changed
 
 import receding_fenicsx as rf
 from receding_fenicsx.output.plots.series import loop_of
@@ -65,6 +66,21 @@ def test_names_orders_shares_and_cuts_do_not_matter(name: str) -> None:
 def test_a_shear_limit_that_is_never_met_changes_nothing(name: str) -> None:
     limited = [replace(each, shear_limit=each.shear_limit or 1e6) for each in KINDS[name].contacts]
     Image().check(played(replace(KINDS[name], contacts=tuple(limited))), record(name), 1e-7)
+
+
+@pytest.mark.parametrize("row", Path(__file__).with_name("alike.txt").read_text().splitlines()[1:])
+def test_a_scene_written_otherwise_has_the_same_record(
+    row: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    base, _, both = row.partition(": ")
+    found = []
+    for changes in both.split(" == "):
+        files, values, _ = changed(base, changes)
+        for name, text in files.items():
+            Path(name).write_text(text)
+        found.append(played(rf.read_scene("scene.toml", values)))
+    Image().check(*found, 1e-7)
 
 
 @pytest.mark.parametrize("seed", [58, 83, 92])
