@@ -10,12 +10,12 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 from bodies import CELLS
-from kinds import EVEN, UNEVEN
+from kinds import EVEN, UNEVEN, pair
 
 import receding_fenicsx as rf
 from receding_fenicsx.bulk import _dolfinx
 from receding_fenicsx.bulk.elasticity import reference
-from receding_fenicsx.bulk.fields import Fields, fields_at
+from receding_fenicsx.bulk.fields import Fields, fields_at, gather_fields, solve_fields
 from receding_fenicsx.bulk.from_scene import bulk_of
 from receding_fenicsx.evolution.replay import turning_point
 from receding_fenicsx.timing import Timer
@@ -130,6 +130,22 @@ def test_stresses_at_probes_follow_hookes_law(name: str) -> None:
         size = np.abs(known).max()
         tolerance = 1e-4 if body.is_half_plane else 1e-8
         assert np.abs(stress[:, 0] - known).max() < tolerance * size
+
+
+def test_quadrilaterals_beside_triangles_are_two_triangles_of_the_same_stresses() -> None:
+    load, below = rf.Load("T", "a.left", traction=(0.02, 0.0)), rf.Body("b", shape="half-plane")
+    held = rf.Support("xy", edge="b.far")
+    scene = pair(load, cell="quadrilateral", others=(below,), supports=(held,), probes=())
+    bodies = bulk_of(scene, MPI.COMM_SELF, Timer(None))
+    nodes = rf.given(rf.condense(scene, MPI.COMM_SELF)).n
+    parts = solve_fields(bodies, np.ones(2), np.random.default_rng(1).standard_normal(2 * nodes))
+    alone, both = (rf.given(gather_fields(some)) for some in (parts[:1], parts))
+    bodies.destroy()
+    own = rf.given(both.body)[both.cells[:, 0]] == 0
+    around = [[set(cell) <= set(quad) for quad in alone.cells] for cell in both.cells[own]]
+    assert np.all(np.sum(around, axis=0) == 2)
+    for name, stress in alone.cell_stress.items():
+        assert np.array_equal(both.cell_stress[name][own], stress[np.argmax(around, axis=1)])
 
 
 def test_windows_of_half_planes_are_where_and_as_large_as_asked_for() -> None:

@@ -52,6 +52,8 @@ def test_round_off_does_not_name_a_node_that_comes_to_its_limit_at_the_end_of_a_
         assert table_.state.ravel().tolist() == [1, 1, forward, 1, 1]
         assert record.samples.state.ravel().tolist() == [1, 1, forward, 1, 1]
         assert record.events.leg.tolist() == [2, 3] and record.n_events == 2
+        # of the ten steps the two that move the node take a second sweep
+        assert record.sweeps == (12 if solver else 0)
     slipped = [[0, 0], [1, 0], [1, pull], [1, pull + 1e-6 * side]]
     assert evolve(node, table(node, slipped)).turning_points.state[-1] == forward
 

@@ -7,7 +7,7 @@ from typing import Any
 import models
 import numpy as np
 import pytest
-from drawn_text import REPORTS, check_figures
+from drawn_text import REPORTS, check_curves, check_figures
 from matplotlib.collections import LineCollection
 from matplotlib.colors import to_rgba, to_rgba_array
 from matplotlib.figure import Figure
@@ -125,4 +125,6 @@ def test_a_search_draws_twice_its_estimates_over_its_seconds(
     drawn: list[tuple[str, Figure]] = []
     monkeypatch.setattr(style, "save", lambda figure, path: drawn.append((path.name, figure)))
     draw_search({"way": way, "tolerance": 0.01}, tmp_path)
+    lines = [np.nan, np.nan], [0.04, 0.016], [np.nan, 0.008]
+    check_curves(drawn[0][1].axes[0], *(([2.0, 7.0], y) for y in lines), ([0.0, 1.0], 0.01))
     check_figures(drawn, REPORTS / "search.txt")

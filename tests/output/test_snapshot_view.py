@@ -49,6 +49,13 @@ def seen(scene: rf.Scene, row: int = 1) -> tuple[View, Fields, rf.Record] | None
     return None if made is None else (*made, record)
 
 
+def above_top(view: View, ends: np.ndarray) -> np.ndarray:
+    """How far ends of arrows lie above the deformed top."""
+    edge = view.moved[np.isclose(view.points[:, 1], 1.0)]
+    edge = edge[np.argsort(edge[:, 0])]
+    return ends[:, 1] - np.interp(ends[:, 0], *edge.T)
+
+
 @pytest.mark.parametrize("symmetry", ["auto", "none"])
 def test_view_is_over_the_height_and_the_pressure_that_acts(symmetry: str) -> None:
     made = seen(replace(BLOCK, solver=rf.SolverOptions(symmetry=symmetry)))
@@ -82,10 +89,7 @@ def test_view_is_over_the_height_and_the_pressure_that_acts(symmetry: str) -> No
         np.broadcast_to([0.0, -0.08], load.heads.shape), abs=1e-12
     )
     # they end 0.02 of it above the deformed edge
-    edge = view.moved[np.isclose(view.points[:, 1], 1.0)]
-    edge = edge[np.argsort(edge[:, 0])]
-    tips = np.interp(load.heads[:, 0], *edge.T) + 0.02
-    assert load.heads[:, 1] == pytest.approx(tips, abs=2e-3)
+    assert above_top(view, load.heads) == pytest.approx(0.02, abs=2e-3)
     # forward is where the record slips forward
     assert np.array_equal(view.strips[0].state, table.state[1])
 
@@ -100,6 +104,7 @@ def test_a_pull_by_a_pressure_with_a_negative_factor_is_a_tension_in_the_picture
     assert np.all(view.strips[0].state == rf.State.SEPARATION)
     above = np.isclose(view.points[:, 1], 1.0) & (np.abs(view.points[:, 0]) < 0.8)
     assert view.stress["syy"][above] == pytest.approx(1.0, abs=0.1)
+    assert above_top(view, view.arrows[0].tails) == pytest.approx(0.02, abs=2e-3)
 
 
 def test_pictures_are_in_the_units_of_the_scene() -> None:

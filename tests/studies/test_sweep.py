@@ -172,7 +172,11 @@ def test_shares_played_apart_at_the_same_time_and_killed_make_the_same_table(
     assert share(1) == undisturbed
     assert (out / "sweep.csv").read_bytes() == (whole / "sweep.csv").read_bytes()
     assert sum(len(lines(out, f"cases.{k}-of-3.jsonl")) for k in (1, 2, 3)) == 6
-    # without shares it goes on with what all of them have finished
+    # without shares it goes on with what all of them have finished, though a later one failed in it
+    later = runner.CaseFile(out, "cases.9.jsonl")
+    for identity in (known := later.read()):
+        later.add(runner.Case(identity), runner.Outcome({}, "its process died", final=False))
+    assert later.read() == known
     monkeypatch.setattr(runner, "play", lambda *_: pytest.fail("played again"))
     assert rf.sweep(scene(), OVER, out, options=rf.StudyOptions(resume=True)) == undisturbed
 
