@@ -74,13 +74,13 @@ def test_a_scene_written_otherwise_has_the_same_record(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     base, _, both = row.partition(": ")
-    found = []
+    records = []
     for changes in both.split(" == "):
         files, values, _ = changed(base, changes)
         for name, text in files.items():
             Path(name).write_text(text)
-        found.append(played(rf.read_scene("scene.toml", values)))
-    Image().check(*found, 1e-7)
+        records.append(played(rf.read_scene("scene.toml", values)))
+    Image().check(records[0], records[1], 1e-7)
 
 
 @pytest.mark.parametrize("seed", [58, 83, 92])

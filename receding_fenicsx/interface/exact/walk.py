@@ -342,12 +342,7 @@ class Walk:
         counts = path.counts.tolist()
         events, ties = counts[kernel_data.EVENTS], counts[kernel_data.TIES]
         stops, samples = counts[kernel_data.STOPS], counts[kernel_data.SAMPLES]
-        sampled = [
-            (s, self._refined(self._at(y, problem.load(s), state), problem.load(s)))
-            for s, y, state in zip(
-                problem.samples[:samples], path.sample, path.sample_state, strict=False
-            )
-        ]
+        sampled = zip(problem.samples[:samples], path.sample, path.sample_state, strict=False)
         made = []
         if problem.samples:
             made = [(problem.s_start, problem.start.u)] + [
@@ -360,7 +355,7 @@ class Walk:
             work=float(path.work.sum()),
             residual=self.residual,
             force_scale=self.force_scale,
-            samples=sampled,
+            samples=[(s, self._at(y, problem.load(s), state)) for s, y, state in sampled],
             events=_changes(path.event_at[:events], path.event[:events]),
             stops=made,
             ties=_changes(path.tie_at[:ties], path.tie[:ties]),
