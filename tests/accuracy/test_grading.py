@@ -9,6 +9,7 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 from demo_runs import DEMOS, sheared_block
+from images import played
 
 import receding_fenicsx as rf
 from receding_fenicsx.bulk.stack import contact_of
@@ -60,14 +61,6 @@ def test_sizes_of_a_graded_family_are_in_proportion() -> None:
 
 
 # -- meshes graded by a coarser run ---------------------------------------------------------------
-
-BARE = rf.OutputOptions(samples_per_leg=1, cycles=())
-
-
-def played(scene: rf.Scene) -> rf.Record:
-    """Play a scene on this rank alone."""
-    system = rf.given(rf.condense(scene, MPI.COMM_SELF))
-    return rf.evolve(system, replace(scene, output=BARE))
 
 
 @pytest.mark.one_rank

@@ -8,11 +8,11 @@ import models
 import numpy as np
 import pytest
 from demo_runs import sheared_block
+from images import played as solve
 from small import cyclic
 
 import receding_fenicsx as rf
 from receding_fenicsx.errors import MeshMisfit
-from receding_fenicsx.evolution.evolve import evolve_bare
 from receding_fenicsx.measures.ends import contact_betas, half_width_estimates
 from receding_fenicsx.reference.closed_forms import BLOCK
 from receding_fenicsx.studies import run as study
@@ -30,12 +30,6 @@ def scene_of(elements: int = 64, *overrides: str) -> rf.Scene:
     wanted = [f"mesh.contact_elements={elements}", "history.cycles=3", *overrides]
     scene = rf.read_scene(DEMOS / "block.toml", wanted)
     return replace(scene, history=replace(scene.history, until=None))
-
-
-def solve(scene: rf.Scene) -> rf.Record:
-    system = study.condense(scene, MPI.COMM_SELF)
-    assert system is not None
-    return evolve_bare(system, scene)
 
 
 # -- the formula ----------------------------------------------------------------------------------

@@ -1,13 +1,13 @@
 """Titles, labels and units of the figures of scenes of several loads."""
 
-from functools import cache
+from functools import cache, partial
 from typing import Any
 
 from mpi4py import MPI
 
 import numpy as np
 import pytest
-from drawn_text import REPORTS, check_figures
+from drawn_text import REPORTS, check_curves, check_figures
 from matplotlib.axes import Axes
 
 import receding_fenicsx as rf
@@ -92,24 +92,14 @@ def curve(axes: Axes, n: int) -> np.ndarray:
     return np.array(lines[n].get_data(), dtype=float).T
 
 
-def check_curves(axes: Axes, *known: tuple[np.ndarray, np.ndarray]) -> None:
-    """Assert that the curves of axes, without guides and dots, are these in this order."""
-    lines = [line for line in axes.lines if len(line.get_xdata()) > 2]  # type: ignore[arg-type]
-    drawn = [line.get_xydata() for line in lines if line.get_linestyle() != "None"]
-    for points, wanted in zip(drawn, (np.stack(pair, axis=1) for pair in known), strict=True):
-        assert np.abs((points - wanted) / np.abs(wanted).max(axis=0)).max() < 1e-9
-
-
 def test_curves_have_the_values_of_the_record() -> None:
     """Those of the legends' names, as the known texts tell."""
-    found = fretting("table")
+    found, check = fretting("table"), partial(check_curves, guides=False)
     moment, d, used = found.at(3, leg=0), found.cycles.dissipation_density, found.weight > 0.0
     x, nodes = found.x[used], [7, 20]
-    check_curves(
-        rf.figures.tractions(found, moment).axes[1], (x, moment.p[used]), (x, moment.q[used])
-    )
+    check(rf.figures.tractions(found, moment).axes[1], (x, moment.p[used]), (x, moment.q[used]))
     density = rf.figures.dissipation_density(found).axes[0]
-    check_curves(density, (x, d[0][used]), (x, d[-1][used]))
+    check(density, (x, d[0][used]), (x, d[-1][used]))
     loops = [rf.loop_of(found, cycle) for cycle in range(4)]
     figure = rf.figures.hysteresis(found, range(4))
     for k, (left, right) in enumerate(zip(figure.axes[::2], figure.axes[1::2], strict=True)):
@@ -117,16 +107,16 @@ def test_curves_have_the_values_of_the_record() -> None:
         size, unit = ((800.0, 800.0), (320.0, 320.0), (100.0, -100.0))[k]
         load = [loop.load[:, k] * size for loop in loops]
         moved = [loop.displacement[:, k] / unit for loop in loops]
-        check_curves(left, *zip(moved, load, strict=True))
+        check(left, *zip(moved, load, strict=True))
         # less the straight line between the extreme loads of the last loop; no first loading
         ends = [load[-1].argmin(), load[-1].argmax()]
         chord = np.polyfit(load[-1][ends], moved[-1][ends], 1)
         bent = [(u - np.polyval(chord, one), one) for u, one in zip(moved, load, strict=True)]
-        check_curves(right, *bent[1:])
+        check(right, *bent[1:])
     above = rf.figures.trajectories(found, nodes, range(4)).axes
     for n, node in enumerate(nodes):
-        check_curves(above[n], *((loop.q[:, node], loop.p[:, node]) for loop in loops))
-        check_curves(above[n + 2], *((loop.v[:, node], loop.w[:, node]) for loop in loops))
+        check(above[n], *((loop.q[:, node], loop.p[:, node]) for loop in loops))
+        check(above[n + 2], *((loop.v[:, node], loop.w[:, node]) for loop in loops))
     corner, path = found.probe("corner"), found.probe("path")
     stress = [np.dstack([one.stress, one.von_mises]) for one in (corner, path)]
     panels = rf.figures.probe_stresses(found, "corner").axes
@@ -135,11 +125,11 @@ def test_curves_have_the_values_of_the_record() -> None:
         begun = np.append(0.0, (corner.leg + corner.s)[rows])
         before = stress[0][rows[0] - 1, 0] if cycle else np.zeros(5)
         drawn = np.vstack([before, stress[0][rows, 0]]).T
-        check_curves(axes, *((begun, values) for values in drawn))
+        check(axes, *((begun, values) for values in drawn))
     along = np.append(0.0, np.cumsum(np.hypot(*np.diff(path.points, axis=0).T)))
     (end,) = np.flatnonzero((path.cycle == 3) & (path.leg == 2) & (path.s == 1.0))
     panel = rf.figures.probe_stresses(found, "path").axes[-1]
-    check_curves(panel, *((along, values) for values in stress[1][end].T))
+    check(panel, *((along, values) for values in stress[1][end].T))
     with pytest.raises(rf.InputError, match="'pth': is not in the record; did you mean 'path'"):
         rf.figures.probe_stresses(found, "pth")
 

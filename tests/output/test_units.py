@@ -7,24 +7,17 @@ import re
 from dataclasses import replace
 from functools import cache
 
-from mpi4py import MPI
-
 import numpy as np
 import pytest
 from drawn_text import REPORTS, check_figures
+from images import played
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.text import Text
 
 import receding_fenicsx as rf
-from receding_fenicsx.output.plots.labels import (
-    Scales,
-    kind_of,
-    length_of,
-    three_digits,
-)
-from receding_fenicsx.studies import run as study
+from receding_fenicsx.output.plots.labels import Scales, kind_of, length_of, three_digits
 
 pytestmark = pytest.mark.one_rank
 
@@ -53,9 +46,7 @@ def scene_of(kinematics: str, p: float, h: float, E: float, largest: float) -> r
 @cache
 def run(kinematics: str, *units: float) -> rf.Record:
     """Condense and play a scene; in units 1, 1, 1, 1 unless others are given."""
-    scene = scene_of(kinematics, *(units or (1.0, 1.0, 1.0, 1.0)))
-    system = rf.given(study.condense(scene, MPI.COMM_SELF))
-    return rf.evolve(system, scene)
+    return played(scene_of(kinematics, *(units or (1.0, 1.0, 1.0, 1.0))))
 
 
 def odd(kinematics: str) -> rf.Record:
