@@ -5,7 +5,6 @@ from mpi4py import MPI
 import pytest
 
 import receding_fenicsx as rf
-from receding_fenicsx.mpi import on_all, on_root
 
 comm = MPI.COMM_WORLD
 
@@ -20,22 +19,22 @@ def test_an_error_of_some_ranks_is_raised_on_all_by_its_own_words_or_the_lowest(
         return comm.rank
 
     if min(failing) >= comm.size:
-        assert on_all(comm, work) == comm.rank
+        assert rf.on_all(comm, work) == comm.rank
         return
     told = comm.rank if comm.rank in failing else min(failing)
     with pytest.raises(rf.InputError, match=f"rank {told} fails"):
-        on_all(comm, work)
+        rf.on_all(comm, work)
 
 
 def test_rank_0_alone_works_and_its_errors_are_those_of_all() -> None:
     worked: list[int] = []
-    assert on_root(comm, lambda: worked.append(7) or 3) == (3 if comm.rank == 0 else None)  # type: ignore[func-returns-value]
+    assert rf.on_root(comm, lambda: worked.append(7) or 3) == (3 if comm.rank == 0 else None)  # type: ignore[func-returns-value]
     assert worked == [7] * (comm.rank == 0)
-    assert on_root(None, lambda: 5) == 5  # a process without MPI
+    assert rf.on_root(None, lambda: 5) == 5  # a process without MPI
 
     def stopped() -> None:
         raise rf.Interrupted("kept", 143)
 
     with pytest.raises(rf.Interrupted, match="kept") as caught:
-        on_root(comm, stopped)
+        rf.on_root(comm, stopped)
     assert caught.value.exit_code == 143

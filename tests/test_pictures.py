@@ -14,7 +14,6 @@ import pytest
 
 import receding_fenicsx as rf
 from receding_fenicsx import read_scene, workers
-from receding_fenicsx.mpi import on_root
 from receding_fenicsx.pictures import begin_figures
 from receding_fenicsx.studies import run as study
 from receding_fenicsx.timing import Countdown
@@ -50,7 +49,7 @@ def test_pictures_of_a_run_are_counted_and_those_in_pdf_are_the_figures(
             assert sum("snapshots" in name for name in pictures) == count
             assert any(h.startswith(f"pictures of the body: {count - 1} of {count}") for h in heard)
 
-    on_root(COMM, compare)
+    rf.on_root(COMM, compare)
 
 
 @pytest.mark.one_rank

@@ -17,7 +17,6 @@ from drawn_text import REPORTS, check_words
 
 import receding_fenicsx as rf
 from receding_fenicsx import cli
-from receding_fenicsx.environment import child_environment
 
 pytestmark = pytest.mark.one_rank
 
@@ -176,7 +175,7 @@ def run_program(folder: Path, program: str) -> str:
     run = subprocess.run(
         [sys.executable, "program.py"],
         cwd=folder,
-        env=child_environment() | {"PYTHONPATH": os.pathsep.join(paths)},
+        env=rf.child_environment() | {"PYTHONPATH": os.pathsep.join(paths)},
         capture_output=True,
         text=True,
         check=False,
@@ -223,7 +222,8 @@ def test_a_body_condensed_out_of_core_is_the_same(beside_demos: Path) -> None:
     systems = [rf.read_system("FILE.h5")]
     subprocess.run(
         [sys.executable, "-m", "receding_fenicsx", *words, "--overwrite"],
-        env=child_environment() | {"PETSC_OPTIONS": options, "MUMPS_OOC_TMPDIR": str(beside_demos)},
+        env=rf.child_environment()
+        | {"PETSC_OPTIONS": options, "MUMPS_OOC_TMPDIR": str(beside_demos)},
         check=True,
     )
     systems.append(rf.read_system("FILE.h5"))
@@ -291,7 +291,7 @@ def test_commands_of_the_documents_run(
     (program,) = (text for text in programs("docs/usage.md") if "pyvista" in text)
     # in a process of its own: DOLFINx and VTK do not go well together
     done = subprocess.run(
-        [sys.executable, "-c", program], capture_output=True, text=True, env=child_environment()
+        [sys.executable, "-c", program], capture_output=True, text=True, env=rf.child_environment()
     )
     assert "contact nodes" in done.stdout, done.stderr
 
@@ -308,7 +308,7 @@ def test_scripts_of_the_documents_run(tmp_path: Path, line: str) -> None:
         pytest.importorskip("furo")
     root = shlex.quote(str(ROOT))
     placed = re.sub(r"(?<=\s)(demos|docs|\.venv)/", lambda m: f"{root}/{m[0]}", line)
-    environment = child_environment()
+    environment = rf.child_environment()
     environment["RECEDING_ENV"] = "pypi" if prefix.name == ".venv-pypi" else "debian"
     for name in ("PYTHONPATH", "VIRTUAL_ENV"):
         environment.pop(name, None)

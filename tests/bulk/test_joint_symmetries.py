@@ -19,7 +19,6 @@ from receding_fenicsx.bulk.fields import probe_matrix
 from receding_fenicsx.bulk.from_scene import bulk_of
 from receding_fenicsx.bulk.mesh.meshing import raw_meshes
 from receding_fenicsx.bulk.stack import Stack
-from receding_fenicsx.mpi import on_root
 from receding_fenicsx.timing import Timer
 
 comm = MPI.COMM_WORLD
@@ -137,7 +136,7 @@ def test_any_number_of_ranks_gives_the_same_system_and_history(
             assert getattr(together, key) == pytest.approx(known, abs=1e-11 * size), key
         Image().check(rf.evolve(together, scene), record, 1e-9)
 
-    on_root(comm, compare)
+    rf.on_root(comm, compare)
 
 
 def on_meshes(scene: rf.Scene, meshes: list[Any], image: Image, folder: Path) -> rf.Scene:

@@ -16,8 +16,6 @@ from small import assert_same_bits, named_loads
 from test_refusals import changed
 
 import receding_fenicsx as rf
-from receding_fenicsx.output.plots.series import loop_of
-from receding_fenicsx.store.hdf5 import write_record
 from receding_fenicsx.studies.sweep import measure_record
 
 pytestmark = pytest.mark.one_rank
@@ -108,7 +106,7 @@ def test_a_record_keeps_all_laws_and_loops_enclose_the_dissipation(name: str) ->
     assert found.cycles.dissipation_density @ found.weight == pytest.approx(D, abs=1e-12)
     if name in KINDS and abs(D[1] - D[0]) < 1e-6 * D[0]:  # a closed loop
         fine = replace(KINDS[name], output=rf.OutputOptions(200, (2,)))
-        loop = loop_of(rf.evolve(systems(name), fine), 2)
+        loop = rf.loop_of(rf.evolve(systems(name), fine), 2)
         assert loop.area().sum() == pytest.approx(D[-1], rel=0.01)
 
 
@@ -139,6 +137,6 @@ def test_scene_system_and_record_are_read_as_they_were_written(name: str, tmp_pa
     assert rf.from_toml(rf.to_toml(scene)) == scene
     rf.write_system(tmp_path / "system.h5", system)
     read = rf.read_system(tmp_path / "system.h5", scene)
-    write_record(tmp_path / "record.h5", found)
+    rf.write_record(tmp_path / "record.h5", found)
     assert_same_bits(read, system)
     assert_same_bits(rf.read_record(tmp_path / "record.h5"), found)

@@ -15,11 +15,6 @@ from receding_fenicsx.arrays import Array
 from receding_fenicsx.bulk.body import Bulk
 from receding_fenicsx.bulk.from_scene import bulk_of
 from receding_fenicsx.bulk.mesh.user_mesh import gmsh_model
-from receding_fenicsx.mpi import on_root
-from receding_fenicsx.scene.history import history_from_scene
-from receding_fenicsx.scene.model import Body, Contact, Load, Material, MeshOptions, Scene
-from receding_fenicsx.scene.toml_file import from_toml, to_toml
-from receding_fenicsx.studies.run import condense
 from receding_fenicsx.timing import Timer
 
 comm = MPI.COMM_WORLD
@@ -40,20 +35,20 @@ ROOFS = {
 }
 
 
-def arch(path: Path, text: str, load: Load, kinematics: str = "plane strain") -> Scene:
+def arch(path: Path, text: str, load: rf.Load, kinematics: str = "plane strain") -> rf.Scene:
     """A body on a straight foot below a curved roof that carries a load."""
-    on_root(comm, lambda: path.write_text(text))
+    rf.on_root(comm, lambda: path.write_text(text))
     comm.barrier()
-    return Scene(
-        body=Body(mesh=str(path)),
-        material=Material(1.0, 0.3, kinematics),
-        mesh=MeshOptions(8, "triangle", 1, 1.3),
-        contacts=(Contact("foot"),),
+    return rf.Scene(
+        body=rf.Body(mesh=str(path)),
+        material=rf.Material(1.0, 0.3, kinematics),
+        mesh=rf.MeshOptions(8, "triangle", 1, 1.3),
+        contacts=(rf.Contact("foot"),),
         loads=(load,),
     )
 
 
-def forces(scene: Scene) -> Array:
+def forces(scene: rf.Scene) -> Array:
     """Nodal forces (n, 2) of the first load, and the places (n, 2) of their nodes, side by side."""
     (bulk,) = bulk_of(scene, comm, Timer()).parts
     assert isinstance(bulk, Bulk)
@@ -73,7 +68,7 @@ def test_pressure_x_on_any_curve_has_the_resultant_of_gauss_theorem(
     With y = 2 along the chord: the x component is -(area above y = 2), the y component 0 less
     the chord's -integral of x dx = 0 from end to end, whatever the curve.
     """
-    scene = arch(shared_tmp_path / "arch.geo", ARCH % ROOFS[kind], Load("p", "roof", pressure="x"))
+    scene = arch(shared_tmp_path / "a.geo", ARCH % ROOFS[kind], rf.Load("p", "roof", pressure="x"))
     found = forces(replace(scene, mesh=replace(scene.mesh, degree=degree)))
     assert found[:, 1].sum() == pytest.approx(0.0, abs=1e-11)
     area = {"circle": 2.0 * np.pi, "ellipse": np.pi}[kind]
@@ -86,7 +81,7 @@ def test_uniform_pressure_is_left_as_it_is_on_the_chords(
 ) -> None:
     """A polygon under hydrostatic pressure needs the forces of its own sides, at every node."""
     text = ARCH % ROOFS["circle"] if kinematics == "plane strain" else BALL
-    pressure = Load("p", "roof", pressure=1.0)
+    pressure = rf.Load("p", "roof", pressure=1.0)
     scene = arch(shared_tmp_path / "body.geo", text, pressure, kinematics)
     true, chords = forces(scene), forces(saved(scene, shared_tmp_path / "body.msh"))
     assert np.abs(ordered(true) - ordered(chords)).max() < 1e-13
@@ -101,7 +96,7 @@ Mesh.MeshSizeMax = 0.7;
 """
 
 
-def saved(scene: Scene, path: Path) -> Scene:
+def saved(scene: rf.Scene, path: Path) -> rf.Scene:
     """The scene on the mesh of its .geo file, of which nothing but the chords is known."""
 
     def write() -> None:
@@ -111,9 +106,9 @@ def saved(scene: Scene, path: Path) -> Scene:
             gmsh.option.setNumber("Mesh.MshFileVersion", 2.2)
             gmsh.write(str(path))
 
-    on_root(comm, write)
+    rf.on_root(comm, write)
     comm.barrier()
-    return replace(scene, body=Body(mesh=str(path)))
+    return replace(scene, body=rf.Body(mesh=str(path)))
 
 
 def ordered(found: Array) -> Array:
@@ -127,7 +122,7 @@ def test_traction_along_the_axis_on_a_ball_counts_its_true_area(
     degree: int, shared_tmp_path: Path
 ) -> None:
     """A hemisphere of radius 3 has the area 18 pi; its chords fall short by the square of h."""
-    load = Load("t", "roof", traction=(0.0, -1.0))
+    load = rf.Load("t", "roof", traction=(0.0, -1.0))
     scene = arch(shared_tmp_path / "ball.geo", BALL, load, "axisymmetric")
     scene = replace(scene, mesh=replace(scene.mesh, degree=degree))
     resultant = -2.0 * np.pi * forces(scene)[:, 1].sum()
@@ -151,8 +146,8 @@ Physical Surface("body") = {{3}};
 Mesh.MeshSizeMax = 0.5; Mesh.ScalingFactor = {scale};
 """
     for load, expected in (
-        (Load("p", "roof", pressure="x"), (np.pi * scale**2, 0.0)),
-        (Load("t", "roof", traction=(0.0, 1.0)), (0.0, 2.0 * np.pi * scale)),
+        (rf.Load("p", "roof", pressure="x"), (np.pi * scale**2, 0.0)),
+        (rf.Load("t", "roof", traction=(0.0, 1.0)), (0.0, 2.0 * np.pi * scale)),
     ):
         scene = arch(shared_tmp_path / "bore.geo", text, load)
         assert forces(scene)[:, :2].sum(axis=0) == pytest.approx(expected, abs=1e-10)
@@ -188,7 +183,7 @@ def test_unit_loads_have_resultant_and_moment_of_the_load_at_their_positions(
 ) -> None:
     """Wherever their ends and the kinks of a table lie between the vertices."""
     wheel = replace(WHEEL, pressure=pressure, travel=(-1.0, 1.13), steps=7)
-    system = condense(strip(wheel), comm)
+    system = rf.condense(strip(wheel), comm)
     if system is None:
         return
     assert system.load_names == ("weight", *(f"wheel {k}" for k in range(8)))
@@ -206,13 +201,13 @@ def test_loads_are_put_on_travel_and_are_taken_off() -> None:
     )
     wheel = replace(WHEEL, travel=drag.travel, steps=3)
     scene = strip(wheel, drag)
-    history = history_from_scene(scene)
+    history = rf.history_from_scene(scene)
     assert history.load_names == ("weight", *(f"wheel {k}" for k in range(4)))
     hats = np.vstack([np.zeros(4), np.eye(4), np.zeros(4)])
     assert np.array_equal(history.loop, np.column_stack([np.ones(6), hats]))
     assert [unit.travel for unit in wheel.units] == [(-1.0,), (0.0,), (1.0,), (0.0,)]
     assert np.array_equal(history.path[1:], history.loop) and not history.path[0].any()
-    assert from_toml(to_toml(scene)) == scene
+    assert rf.from_toml(rf.to_toml(scene)) == scene
     # a uniform pressure over 1: (2 sqrt(1e-3))^2 / 4 = 1e-3
     assert len(replace(WHEEL, steps=None).units) == 1 + 32
 
@@ -221,7 +216,7 @@ def test_the_interpolated_load_converges_with_the_square_of_the_steps() -> None:
     """The forces that a load between two positions leaves on the contact, all of it held."""
     off = []
     for steps in (8, 32):
-        system = condense(strip(replace(WHEEL, steps=steps)), comm)
+        system = rf.condense(strip(replace(WHEEL, steps=steps)), comm)
         if system is None:
             continue
         unit = system.r_star[1:]

@@ -15,7 +15,6 @@ import receding_fenicsx as rf
 from receding_fenicsx.bulk.closures import _across
 from receding_fenicsx.bulk.from_scene import bulk_of
 from receding_fenicsx.modal import _modes
-from receding_fenicsx.mpi import on_root
 from receding_fenicsx.scene.symmetry import is_half_meshed
 from receding_fenicsx.timing import Timer
 
@@ -104,7 +103,7 @@ COAT, CORE = rf.Material(10.0, 0.3, name="coat"), rf.Material(1.0, 0.2, name="co
 def two(folder: Path, **parts: object) -> rf.Scene:
     """A coat of 1 below a core of 1, 4 long, pressed unevenly onto a plane."""
     path = folder / "two.geo"
-    on_root(comm, lambda: path.write_text(TWO))
+    rf.on_root(comm, lambda: path.write_text(TWO))
     scene = rf.Scene(
         body=rf.Body(mesh=str(path)),
         materials=(COAT, CORE),

@@ -16,7 +16,6 @@ from ways import TooMany
 import receding_fenicsx as rf
 from receding_fenicsx.evolution import branches
 from receding_fenicsx.evolution.evolve import continue_history
-from receding_fenicsx.evolution.replay import state_at
 from receding_fenicsx.interface.law import BACKWARD, SEPARATION, STICK
 
 pytestmark = pytest.mark.one_rank
@@ -56,7 +55,7 @@ def test_states_on_a_branch_are_found_again_between_its_turning_points() -> None
         record, samples = branch.record, branch.record.samples
         for row in range(0, len(samples.s), 9):
             where = int(samples.cycle[row]), int(samples.leg[row]), float(samples.s[row])
-            found = state_at(record, system, history, rf.SolverOptions(), where)
+            found = rf.state_at(record, system, history, rf.SolverOptions(), where)
             assert found.v == pytest.approx(samples.v[row], abs=1e-12), (branch.taken, where)
             assert np.array_equal(found.state.state, samples.state[row])
 

@@ -15,7 +15,6 @@ from replay import objections
 from small import assert_same_bits, small_system, table
 
 import receding_fenicsx as rf
-from receding_fenicsx.evolution.replay import state_at
 from receding_fenicsx.interface.system import ProbeMatrix, eliminate_tangential
 
 pytestmark = pytest.mark.one_rank
@@ -195,7 +194,7 @@ def test_a_state_between_turning_points_is_found_again() -> None:
         size = np.abs([record.turning_points.v, record.turning_points.w]).max()
         for row in np.random.default_rng(number).integers(len(table.s), size=3):
             where = int(table.cycle[row]), int(table.leg[row]), float(table.s[row])
-            found = state_at(record, p.system, p.history, p.solver, where)
+            found = rf.state_at(record, p.system, p.history, p.solver, where)
             assert near(found.v, table.v[row], size) and near(found.state.w, table.w[row], size)
             assert np.array_equal(found.state.state, table.state[row]), (number, where)
             compared[record.method] += 1

@@ -10,10 +10,7 @@ from small import named_loads, small_system, table
 
 import receding_fenicsx as rf
 from receding_fenicsx.evolution.problem import problem_of_history, with_profiles
-from receding_fenicsx.interface.branches.critical_friction import critical_friction
 from receding_fenicsx.interface.gauss_seidel.compliance_form import step_problem
-from receding_fenicsx.measures.ends import half_width_estimates
-from receding_fenicsx.mpi import given
 from receding_fenicsx.studies.wear.steps import NodePairs, advance
 
 pytestmark = pytest.mark.one_rank
@@ -122,14 +119,14 @@ def test_a_bond_forms_in_contact_and_breaks_without_shear_alone() -> None:
 
 def test_tractions_of_a_block_keep_the_shear_limit_and_zones_end_at_nodes() -> None:
     changes = ["mesh.contact_elements=24", "history.cycles=2", "output.samples_per_leg=3"]
-    half = given(rf.run(rf.read_scene(BLOCK, [*changes, "contact.shear_limit=0.2 - 0.02*x**2"])))
+    half = rf.given(rf.run(rf.read_scene(BLOCK, [*changes, "contact.shear_limit=0.2 - 0.02*x**2"])))
     limit = 0.2 - 0.02 * half.x**2
     q = np.abs(half.turning_points.q)
     assert np.all(q <= limit * (1.0 + 1e-9)) and np.any(q >= limit * (1.0 - 1e-9))
     # zone ends and tractions are those of the nodes: laws of the ends are known for cones only
     p, shear = rf.recovered_tractions(half, half.at(1))
     assert np.array_equal(p, half.at(1).p) and np.array_equal(shear, half.at(1).q)
-    assert not half_width_estimates(half, 0)["stick_half_width_estimate"]["fitted"]
+    assert not rf.half_width_estimates(half, 0)["stick_half_width_estimate"]["fitted"]
 
 
 def test_a_support_that_carries_a_node_leaves_it_no_limit() -> None:
@@ -145,7 +142,7 @@ def test_what_knows_cones_only_refuses_in_one_line() -> None:
     cyclic = table(system, [[0, 0], [1, 0]], [[1, 0], [1, 1], [1, 0]], 8)
     refused = {
         "branch": lambda: rf.evolve(system, cyclic, rf.SolverOptions(branch="least dissipation")),
-        "shear_limit, cohesion": lambda: critical_friction(system),
+        "shear_limit, cohesion": lambda: rf.critical_friction(system),
         "shear limit or cohesion": lambda: step_problem(system, np.ones(2)),
     }
     for words, run in refused.items():

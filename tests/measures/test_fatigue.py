@@ -14,7 +14,6 @@ from scipy.optimize import brentq, minimize
 import receding_fenicsx as rf
 from receding_fenicsx.evolution.record_data import Limit
 from receding_fenicsx.measures.fatigue import averaged, fatigue_summary, life, smallest_sphere
-from receding_fenicsx.mpi import given
 
 pytestmark = pytest.mark.one_rank
 
@@ -41,7 +40,7 @@ def cylinders(size: float | None = None, elements: int = 80, bulk: float = 0.0) 
     if size is not None:
         places = tuple(rf.Refinement(size, (s * A - 2 * size, s * A + 2 * size)) for s in (-1, 1))
         scene = replace(scene, mesh=replace(scene.mesh, refine=places))
-    return given(rf.run(scene))
+    return rf.given(rf.run(scene))
 
 
 def cracked(elements: int) -> rf.Record:
@@ -50,7 +49,7 @@ def cracked(elements: int) -> rf.Record:
     text = text.replace('"inside"', '"crack"') + "threshold = 0.1\nfatigue_limit = 0.2\n"
     text = CYLINDERS.read_text() + text + "average = 0.2\nstrength = 4.0\n"
     changes = [f"mesh.contact_elements={elements}", "material.upper.young=300.0"]
-    return given(rf.run(rf.from_toml(text, changes)))
+    return rf.given(rf.run(rf.from_toml(text, changes)))
 
 
 @pytest.fixture(scope="module")
@@ -215,7 +214,7 @@ def test_parameters_of_a_cycle_depend_on_it_and_on_its_start_alone(
         replace(record, limit=Limit(True, last, last, 0.0, 1, "", jumps)) for jumps in (False, True)
     )
     for known, kept in ((record, 1), (played, 1), (jumped, 0)):
-        probes, points = given(known.probes), known.turning_points
+        probes, points = rf.given(known.probes), known.turning_points
         early, rows = np.flatnonzero(probes.cycle < last), np.flatnonzero(points.cycle < last)
         for keep in (kept, 0):
             stress, v = probes.stress.copy(), points.v.copy()

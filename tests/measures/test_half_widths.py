@@ -12,28 +12,20 @@ from models import block_system, pushed_block
 from small import cyclic, table
 
 import receding_fenicsx as rf
-from receding_fenicsx.evolution.evolve import evolve
-from receding_fenicsx.interface.measures.zone_ends import dundurs_beta
 from receding_fenicsx.measures.ends import contact_betas, half_width_estimates, half_widths
 from receding_fenicsx.measures.limit_nodes import limit_nodes, shown_states
 from receding_fenicsx.output.report.summary import SECTIONS, report_html, summarise
-from receding_fenicsx.scene.model import (
-    Contact,
-    HistoryOptions,
-    OutputOptions,
-    SolverOptions,
-)
 from receding_fenicsx.store.run_folder import write_summary
 
 pytestmark = pytest.mark.one_rank
 
-BETA = dundurs_beta((2.0, 0.3, "plane strain"))
+BETA = rf.dundurs_beta((2.0, 0.3, "plane strain"))
 KEYS = ("contact_half_width_estimate", "stick_half_width_estimate")
 
 
 @pytest.mark.parametrize("quarters", [1, 2, 3])
 def test_a_block_on_any_edge_has_the_ends_of_zones_of_one_lying_on_it(quarters: int) -> None:
-    foot, cycle = Contact(friction=0.35), HistoryOptions(cycles=1)
+    foot, cycle = rf.Contact(friction=0.35), rf.HistoryOptions(cycles=1)
     lying = block(degree=2, elements=160, contacts=(foot,), history=cycle)
     known, image = played(lying), Image(quarters=quarters)
     assert contact_betas(known) == pytest.approx((BETA,))
@@ -43,7 +35,7 @@ def test_a_block_on_any_edge_has_the_ends_of_zones_of_one_lying_on_it(quarters: 
 
 def test_a_contact_off_the_middle_has_zones_and_no_half_width(tmp_path: Path) -> None:
     body = pushed_block()
-    summary = summarise(evolve(body, table(body, [[0, 0], [1, 0], [1, 0.45]])))
+    summary = summarise(rf.evolve(body, table(body, [[0, 0], [1, 0], [1, 0.45]])))
     pressed, pushed = summary["turning_points"]
     assert pressed["contact_half_width"] > pressed["stick_half_width"] > 0.0
     assert all(pressed[key] is not None for key in KEYS)
@@ -60,8 +52,8 @@ def test_a_contact_off_the_middle_has_zones_and_no_half_width(tmp_path: Path) ->
 
 @pytest.mark.parametrize("method", ["events", "gauss-seidel"])
 def test_a_contact_without_force_has_no_half_width(method: str) -> None:
-    solver = SolverOptions(method=method, steps_per_leg=10)
-    record = evolve(block_system(16, 4), cyclic(1, minimum=0.0), solver)
+    solver = rf.SolverOptions(method=method, steps_per_leg=10)
+    record = rf.evolve(block_system(16, 4), cyclic(1, minimum=0.0), solver)
     loaded, unloaded, again = summarise(record)["turning_points"]
     turned = replace(record, f=0.0 * record.f, f_backward=record.f)
     assert half_widths(turned, 0) == half_widths(record, 0)
@@ -72,7 +64,7 @@ def test_a_contact_without_force_has_no_half_width(method: str) -> None:
 
 
 def test_slip_of_a_settled_cycle_that_is_negligible_is_shown_as_stick() -> None:
-    record = evolve(block_system(24, 6), cyclic(60), output=OutputOptions(cycles="all"))
+    record = rf.evolve(block_system(24, 6), cyclic(60), output=rf.OutputOptions(cycles="all"))
     assert record.steady.kind == "cyclic slip"
     last, samples = len(record.cycles.dissipation), record.samples
     rows = samples.cycle == last
@@ -102,7 +94,7 @@ def test_slip_of_a_settled_cycle_that_is_negligible_is_shown_as_stick() -> None:
         assert abs(samples.Q[k, node]) == pytest.approx(limit, rel=0.02)
     # where the loop runs twice in a cycle they reach it first in the first of both
     twice = replace(cyclic(30), loop=np.array([[1.0], [1 / 3], [1.0], [1 / 3], [1.0]]))
-    again = limit_nodes(evolve(block_system(24, 6), twice), 30)
+    again = limit_nodes(rf.evolve(block_system(24, 6), twice), 30)
     assert np.array_equal([again.node, again.leg], [found.node, found.leg])
     # an edge of a millionth of the slips shows what it would show alone
     edge = (record.x > 0.0).astype(np.int64)

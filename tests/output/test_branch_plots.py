@@ -14,9 +14,7 @@ from matplotlib.figure import Figure
 from small import cyclic, small_system, table
 
 import receding_fenicsx as rf
-from receding_fenicsx.interface.law import State
 from receding_fenicsx.interface.mirror import mirror_of
-from receding_fenicsx.output.plots import style
 from receding_fenicsx.output.plots.study_plots import draw_search
 from receding_fenicsx.output.snapshots import draw
 from receding_fenicsx.output.snapshots.page import compose
@@ -57,7 +55,7 @@ def test_a_mode_is_drawn_with_its_own_numbers() -> None:
     check_figures([("slip mode", figure)], REPORTS / "slip_mode.txt")
     above, below = figure.axes
     area, *fans = above.collections
-    for sign, state in ((1.0, State.FORWARD_SLIP), (-1.0, State.BACKWARD_SLIP)):
+    for sign, state in ((1.0, rf.State.FORWARD_SLIP), (-1.0, rf.State.BACKWARD_SLIP)):
         own = signs == sign
         colour = rf.style.STATE_COLOURS[state]
         lines = (c for c in fans if isinstance(c, LineCollection))
@@ -123,7 +121,7 @@ def test_a_search_draws_twice_its_estimates_over_its_seconds(
         for seconds, level in zip((2.0, 5.0), errors, strict=True)
     ]
     drawn: list[tuple[str, Figure]] = []
-    monkeypatch.setattr(style, "save", lambda figure, path: drawn.append((path.name, figure)))
+    monkeypatch.setattr(rf.style, "save", lambda figure, path: drawn.append((path.name, figure)))
     draw_search({"way": way, "tolerance": 0.01}, tmp_path)
     lines = [np.nan, np.nan], [0.04, 0.016], [np.nan, 0.008]
     check_curves(drawn[0][1].axes[0], *(([2.0, 7.0], y) for y in lines), ([0.0, 1.0], 0.01))

@@ -7,7 +7,6 @@ import pytest
 from demo_runs import demo
 
 import receding_fenicsx as rf
-from receding_fenicsx.measures.ends import half_width_estimates
 from receding_fenicsx.reference import closed_forms
 
 TESTS = Path(__file__).parents[1]
@@ -39,7 +38,7 @@ def test_interval_of_the_half_width_holds_the_known_one_and_shrinks_with_the_ele
     for nodes, growth in ((96, 1.15), (160, 1.1), (240, 1.07)):
         changes = [f"mesh.degree={degree}", f"mesh.cell={cell}"]
         record = block["solve"](closed_forms.BLOCK, 4.0, nodes * 2 // degree, growth, *changes)
-        found = half_width_estimates(record, -1)["contact_half_width_estimate"]
+        found = rf.half_width_estimates(record, -1)["contact_half_width_estimate"]
         spacing = record.x[1] - record.x[0]
         low, high = found["interval"]
         assert low <= closed_forms.BLOCK.half_width <= high

@@ -9,7 +9,6 @@ from small import small_system
 
 import receding_fenicsx as rf
 from receding_fenicsx.scene.history import History, evenly_spaced, history_from_scene, leg_number
-from receding_fenicsx.scene.toml_file import from_toml, to_toml
 
 pytestmark = pytest.mark.one_rank
 
@@ -22,8 +21,8 @@ OPPOSITE = [[1.5, -0.25], [0.5, 0.25], [1.5, -0.25]]
 
 
 def made(history: str, *changes: str, body: str = BODY) -> History:
-    scene = from_toml(f"{body}[history]\n{history}", changes)
-    assert from_toml(to_toml(scene)) == scene
+    scene = rf.from_toml(f"{body}[history]\n{history}", changes)
+    assert rf.from_toml(rf.to_toml(scene)) == scene
     found = history_from_scene(scene)
     assert found.load_names == tuple(load.name for load in scene.loads)
     assert found.cycles == (scene.history.cycles if len(found.loop) else 0)

@@ -10,7 +10,6 @@ from typing import Any
 import pytest
 
 import receding_fenicsx as rf
-from receding_fenicsx.errors import InputError
 from receding_fenicsx.evolution.journal import JOURNAL
 from receding_fenicsx.store.run_folder import CORNERS, SCENE, SYSTEM, has_run, part_of, run_folder
 from receding_fenicsx.store.workspace import FolderKind, locked, resumable
@@ -82,7 +81,7 @@ def test_folder_appears_whole_or_not_at_all_and_is_replaced_when_asked(
     with opened(tmp_path / "empty") as folder:
         (folder / name).touch()
     late = tmp_path / "late"
-    with pytest.raises(InputError, match="already exists"), opened(late) as folder:
+    with pytest.raises(rf.InputError, match="already exists"), opened(late) as folder:
         (folder / name).write_text("mine")
         late.mkdir()  # meanwhile
         (late / name).write_text("of another")
@@ -202,7 +201,7 @@ def test_only_results_of_the_kind_are_replaced_or_continued_and_only_when_asked(
     if isinstance(answer, bool):
         assert kind.check(tmp_path, **how) == answer
         return
-    with pytest.raises(InputError, match=answer):
+    with pytest.raises(rf.InputError, match=answer):
         kind.check(tmp_path, **how)
     assert all((tmp_path / name).read_text() == "mine" for name in files)
 
@@ -215,7 +214,7 @@ def test_one_at_a_time_or_those_that_share(name: str, tmp_path: Path) -> None:
                 with locked(tmp_path / name, shared=True):
                     pass
             for _ in range(2):  # a refusal has not taken the lock away
-                with pytest.raises(InputError, match="is using"), locked(tmp_path / name):
+                with pytest.raises(rf.InputError, match="is using"), locked(tmp_path / name):
                     pass
 
 

@@ -17,7 +17,6 @@ from small import small_system
 import receding_fenicsx as rf
 from receding_fenicsx import cli
 from receding_fenicsx.studies.joint.curve import Backbone, first_loading, joint_figure, loop_numbers
-from receding_fenicsx.studies.sweep import SweepTable
 
 ROOT = Path(__file__).parents[2]
 CYLINDERS = ROOT / "demos" / "half_planes.toml"
@@ -143,7 +142,7 @@ def test_the_figure_draws_damping_ratio_and_frequency_of_a_mode_else_d_and_stiff
     # by Masing's rule 8 times the work, where nothing moves
     backbone = Backbone(np.append(0.0, a), np.zeros(4), np.append(0.0, masing / 8.0), 1.5, "")
     tables = [
-        SweepTable(
+        rf.SweepTable(
             ("amplitude",),
             (tuple(a),),
             tuple(

@@ -10,7 +10,6 @@ from bodies import block
 
 import receding_fenicsx as rf
 from receding_fenicsx import cli
-from receding_fenicsx.mpi import on_root
 
 SCENE = rf.to_toml(block(elements=8, history=rf.HistoryOptions(cycles=200, until="limit")))
 COMM = MPI.COMM_WORLD
@@ -19,7 +18,7 @@ COMM = MPI.COMM_WORLD
 @pytest.fixture
 def scene(shared_tmp_path: Path) -> Path:
     file = shared_tmp_path / "scene.toml"
-    on_root(COMM, lambda: file.write_text(SCENE))
+    rf.on_root(COMM, lambda: file.write_text(SCENE))
     return file
 
 
@@ -68,7 +67,7 @@ def test_a_run_that_its_limit_has_ended_is_not_played_again(
     # plain cycles do not begin where the limit has jumped to
     plain = SCENE.replace('until = "limit"', "").replace("cycles = 200", "cycles = 3")
     COMM.Barrier()
-    on_root(COMM, lambda: scene.write_text(plain))
+    rf.on_root(COMM, lambda: scene.write_text(plain))
     assert cli.main([*run, "--resume"]) == 0
     COMM.Barrier()
     record = rf.read_record(out / "record.h5")

@@ -17,7 +17,6 @@ import receding_fenicsx as rf
 from receding_fenicsx import cli
 from receding_fenicsx.errors import MeshMisfit
 from receding_fenicsx.evolution.problem import problem_of_scene
-from receding_fenicsx.studies.runner import StudyOptions
 from receding_fenicsx.studies.wear.steps import Convected, NodePairs, advance
 from receding_fenicsx.studies.wear.study import figures
 
@@ -46,7 +45,7 @@ def partial(elements: int, Q: float, *changes: str) -> rf.Scene:
 
 
 def worn(
-    scene: rf.Scene, out: Path | None = None, options: StudyOptions = StudyOptions()
+    scene: rf.Scene, out: Path | None = None, options: rf.StudyOptions = rf.StudyOptions()
 ) -> rf.WearStudy:
     """Return the study of a scene on one rank."""
     return rf.given(rf.wear(scene, out, options))
@@ -201,7 +200,7 @@ def test_a_kill_or_failure_and_resume_repeat_an_undisturbed_study_bit_by_bit(
 ) -> None:
     scene = cylinders(40, "wear.cycles=5000", "wear.share=0.3")
     said: list[str] = []
-    whole = worn(scene, tmp_path / "whole", StudyOptions(progress=said.append))
+    whole = worn(scene, tmp_path / "whole", rf.StudyOptions(progress=said.append))
     for depth in whole.depth_max[1:]:
         assert any(f", depth {depth:.4g}" in text for text in said), (depth, said)
 
@@ -216,7 +215,7 @@ def test_a_kill_or_failure_and_resume_repeat_an_undisturbed_study_bit_by_bit(
             rf.wear(scene, tmp_path / "cut")
     with open(tmp_path / "cut" / "cases.jsonl", "ab") as file:
         file.write(b"torn")
-    again = worn(scene, tmp_path / "cut", StudyOptions(resume=True))
+    again = worn(scene, tmp_path / "cut", rf.StudyOptions(resume=True))
     assert again.rows.tobytes() == whole.rows.tobytes()
     rows = list(csv.DictReader((tmp_path / "cut" / "wear.csv").read_text().splitlines()))
     assert len(rows) == len(whole.rows) and len(rows[0]) == 7
@@ -251,7 +250,7 @@ def test_a_kill_or_failure_and_resume_repeat_an_undisturbed_study_bit_by_bit(
     # a study for more or fewer cycles has its steps, but for the last one, which ends the study
     for cycles in (6000.0, 3000.0):
         changed = replace(scene, wear=replace(scene.wear, cycles=int(cycles)))
-        other = worn(changed, tmp_path / "cut", StudyOptions(resume=True))
+        other = worn(changed, tmp_path / "cut", rf.StudyOptions(resume=True))
         shared = min(len(other.rows), len(whole.rows)) - 1
         assert other.cycles[-1] == cycles and 5000.0 not in other.cycles
         assert other.rows[:shared].tobytes() == whole.rows[:shared].tobytes()
@@ -418,7 +417,7 @@ def test_a_study_that_cannot_be_written_or_shared_is_refused_before_it_condenses
     with pytest.raises(rf.InputError, match="exists as a wear study"):
         rf.wear(scene, tmp_path)
     with pytest.raises(rf.InputError, match="depend on each other; leave the shard out"):
-        rf.wear(scene, tmp_path / "new", StudyOptions(shard=(1, 2)))
+        rf.wear(scene, tmp_path / "new", rf.StudyOptions(shard=(1, 2)))
 
 
 @pytest.mark.parametrize(

@@ -12,8 +12,6 @@ from bodies import block, everything, make_mesh
 
 import receding_fenicsx as rf
 from receding_fenicsx.bulk.mesh.user_mesh import read_user_meshes
-from receding_fenicsx.errors import InputError
-from receding_fenicsx.scene.model import Contact, Load, Support
 
 comm = MPI.COMM_WORLD
 
@@ -22,18 +20,18 @@ comm = MPI.COMM_WORLD
     ("loads", "ends"),
     [
         ((), []),
-        ((Load("a", "top", (-1.0, 1.0), pressure=1.0),), [(1.0, 1.0)]),
+        ((rf.Load("a", "top", (-1.0, 1.0), pressure=1.0),), [(1.0, 1.0)]),
         (
             (
-                Load("a", "top", (-1.2, 0.3), pressure=1.0),
-                Load("b", "right", (-0.1, 0.5), pressure=1.0),
+                rf.Load("a", "top", (-1.2, 0.3), pressure=1.0),
+                rf.Load("b", "right", (-0.1, 0.5), pressure=1.0),
             ),
             [(1.2, 1.0), (0.3, 1.0), (2.0, 0.4), (2.0, 1.0)],
         ),
     ],
 )
 def test_triangles_grow_from_contact_and_ends_of_loads(
-    loads: tuple[Load, ...], ends: list[tuple[float, float]]
+    loads: tuple[rf.Load, ...], ends: list[tuple[float, float]]
 ) -> None:
     points, cells = everything(make_mesh(comm, block(elements=80, growth=1.25, loads=loads), True))
     corners = points[cells]
@@ -48,8 +46,8 @@ def test_triangles_grow_from_contact_and_ends_of_loads(
 
 def test_layers_of_quadrilaterals_shrink_towards_ends_of_loads() -> None:
     loads = (
-        Load("a", "top", (-1.0, 1.0), pressure=1.0),
-        Load("b", "right", (0.1, 0.3), pressure=1.0),
+        rf.Load("a", "top", (-1.0, 1.0), pressure=1.0),
+        rf.Load("b", "right", (0.1, 0.3), pressure=1.0),
     )
     scene = block("quadrilateral", elements=160, growth=1.3, loads=loads)
     points, _ = everything(make_mesh(comm, scene, True))
@@ -65,11 +63,11 @@ def test_vertices_lie_at_ends_of_spans_and_at_points(half: bool) -> None:
     wanted = [(0.77, 1.0), (2.0, 0.31), (1.5, 0.0), (0.31, 0.47), (0.0, 0.2), (0.0, 0.61)]
     scene = block(
         loads=(
-            Load("a", "top", (-0.77, 0.77), pressure=1.0),
-            Load("b", "right", (-0.19, 0.1), pressure=1.0),
+            rf.Load("a", "top", (-0.77, 0.77), pressure=1.0),
+            rf.Load("b", "right", (-0.19, 0.1), pressure=1.0),
         ),
-        contacts=(Contact(span=(-1.5, 1.5)),),
-        supports=tuple(Support("x", point=at) for at in (*wanted[3:], (-0.31, 0.47))),
+        contacts=(rf.Contact(span=(-1.5, 1.5)),),
+        supports=tuple(rf.Support("x", point=at) for at in (*wanted[3:], (-0.31, 0.47))),
     )
     points, _ = everything(make_mesh(comm, scene, half))
     for x, y in wanted:
@@ -79,8 +77,8 @@ def test_vertices_lie_at_ends_of_spans_and_at_points(half: bool) -> None:
 
 
 def test_side_contact_has_no_half() -> None:
-    with pytest.raises(InputError, match="no half at x >= 0"):
-        make_mesh(comm, block(contacts=(Contact(edge="left"),), loads=()), True)
+    with pytest.raises(rf.InputError, match="no half at x >= 0"):
+        make_mesh(comm, block(contacts=(rf.Contact(edge="left"),), loads=()), True)
 
 
 def test_a_gmsh_session_of_the_user_survives() -> None:
