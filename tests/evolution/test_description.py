@@ -8,6 +8,7 @@ from xml.etree import ElementTree as ET
 import models
 import numpy as np
 import pytest
+from small import cyclic
 
 import receding_fenicsx as rf
 from receding_fenicsx.evolution.description import STATE_COLOURS
@@ -25,8 +26,7 @@ def system() -> rf.ContactSystem:
 
 @cache
 def record() -> rf.Record:
-    loop = np.array([[1.0], [0.25], [1.0]])
-    return rf.evolve(system(), rf.History(("p0",), np.array([[0.0], [1.0]]), loop, 9))
+    return rf.evolve(system(), cyclic(9, 0.25))
 
 
 def long_scene() -> rf.Scene:

@@ -1,3 +1,4 @@
+from collections.abc import Sequence
 from dataclasses import replace
 from itertools import product
 from typing import Any
@@ -149,46 +150,32 @@ def test_a_leg_that_breaks_its_energy_identity_is_an_error(monkeypatch: pytest.M
     assert evolve(BLOCK, cyclic(1), steps).energy_error_max == 1e-5
 
 
+def along(path: list[float], loop: Sequence[float] = ()) -> dict[str, Any]:
+    return {"history": table(BLOCK, path, loop, 1)}
+
+
 @pytest.mark.parametrize(
-    ("given", "words"),
-    [
-        ({"initial_slip": np.zeros(5)}, r"initial_slip has shape \(5,\), expected \(41,\)"),
-        (
-            {"initial_slip": np.where(np.arange(41) == 7, np.nan, 0.0)},
-            "slip of node 7 is not finite",
-        ),
-        (
-            {"solver": SolverOptions(method="newton")},
-            '"newton": is unknown; use one of events, gaus',
-        ),
-        (
-            {"history": replace(cyclic(1), load_names=("q0",))},
-            r"drives \('q0',\), the system has \('p0',\)",
-        ),
-    ],
+    ("words", "given"),
+    {
+        r"initial_slip has shape \(5,\), expected \(41,\)": {"initial_slip": np.zeros(5)},
+        "slip of node 7 is not finite": {"initial_slip": np.where(np.arange(41) == 7, np.nan, 0.0)},
+        '"newton": is unknown; use one of events, gaus': {"solver": SolverOptions(method="newton")},
+        r"drives \('q0',\), the system has \('p0',\)": {
+            "history": replace(cyclic(1), load_names=("q0",))
+        },
+        r"path starts at \w+ = 0\.5; insert a row of zeros": along([0.5, 1.0]),
+        r"path has shape \(1, 1\), expected at least 2 rows of 1 load factors": along([0.0]),
+        r"row 1 of the history's path, \w+ = nan, is not finite": along([0.0, np.nan]),
+        "row 1 of the history's loop": along([0.0, 1.0], [1.0, np.inf, 1.0]),
+        r"runs from \w+ = 0\.5 to \w+ = 0\.5: start and end it": along([0, 1], [0.5, 0.2, 0.5]),
+        r"loop runs from \w+ = 1 to \w+ = 0\.2": along([0.0, 1.0], [1.0, 0.2]),
+    }.items(),
 )
-def test_arguments_that_do_not_fit_are_refused(given: dict[str, Any], words: str) -> None:
+def test_arguments_and_histories_that_do_not_fit_are_refused(
+    words: str, given: dict[str, Any]
+) -> None:
     with pytest.raises(InputError, match=words):
         evolve(BLOCK, **({"history": cyclic(1)} | given))
-
-
-@pytest.mark.parametrize(
-    ("path", "loop", "words"),
-    [
-        ([0.5, 1.0], [], r"path starts at \w+ = 0\.5; insert a row of zeros"),
-        ([0.0], [], r"path has shape \(1, 1\), expected at least 2 rows of 1 load factors"),
-        ([0.0, np.nan], [], r"row 1 of the history's path, \w+ = nan, is not finite"),
-        ([0.0, 1.0], [1.0, np.inf, 1.0], "row 1 of the history's loop"),
-        ([0.0, 1.0], [0.5, 0.2, 0.5], r"loop runs from \w+ = 0\.5 to \w+ = 0\.5: start and end it"),
-        ([0.0, 1.0], [1.0, 0.2], r"loop runs from \w+ = 1 to \w+ = 0\.2"),
-    ],
-)
-def test_a_history_that_cannot_be_played_is_refused(
-    path: list[float], loop: list[float], words: str
-) -> None:
-    system = laid_down(0.3)
-    with pytest.raises(InputError, match=words):
-        evolve(system, table(system, path, loop, 1))
 
 
 def laid_down(gap: float) -> ContactSystem:

@@ -6,22 +6,18 @@ from functools import cache
 import models
 import numpy as np
 import pytest
-from small import random_system, table
+from small import cyclic, random_system, table
 
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.evolution.evolve import evolve
 from receding_fenicsx.evolution.record import Record
-from receding_fenicsx.scene.history import History
 
 pytestmark = pytest.mark.one_rank
-
-LOOP = np.array([[1.0], [0.25], [1.0]])
 
 
 @cache
 def record() -> Record:
-    system = models.block_system(20, 10, half=True)
-    return evolve(system, History(("p0",), np.array([[0.0], [1.0]]), LOOP, 3))
+    return evolve(models.block_system(20, 10), cyclic(3, 0.25))
 
 
 def test_turning_points_are_found_by_the_size_of_the_load() -> None:

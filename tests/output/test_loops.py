@@ -18,8 +18,7 @@ CYCLES = 25
 
 @cache
 def record() -> rf.Record:
-    system = models.block_system(40, 20, half=True)
-    return rf.evolve(system, cyclic(CYCLES))
+    return rf.evolve(models.block_system(40, 20), cyclic(CYCLES))
 
 
 def test_path_of_a_cycle_goes_from_turning_point_to_turning_point() -> None:
