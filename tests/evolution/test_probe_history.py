@@ -14,6 +14,8 @@ from bodies import block
 import receding_fenicsx as rf
 from receding_fenicsx.store.run_folder import write_probes
 
+pytestmark = pytest.mark.one_rank
+
 BLOCK = rf.to_toml(
     block(
         degree=2,
@@ -33,16 +35,13 @@ def small(*overrides: str) -> rf.Scene:
 
 
 @cache
-def solved() -> tuple[rf.ContactSystem, rf.Record] | None:
-    system = rf.condense(small())
-    return None if system is None else (system, rf.evolve(system, small()))
+def solved() -> tuple[rf.ContactSystem, rf.Record]:
+    system = rf.given(rf.condense(small()))
+    return system, rf.evolve(system, small())
 
 
 def test_a_probe_that_is_not_in_the_record_is_refused(tmp_path: Path) -> None:
-    found = solved()
-    if found is None:
-        return
-    record = found[1]
+    _, record = solved()
     with pytest.raises(rf.InputError, match="'dep': is not in the record; did you mean 'deep'"):
         record.probe("dep")
     rf.write_record(tmp_path / "r.h5", replace(record, probes=None))
@@ -51,10 +50,7 @@ def test_a_probe_that_is_not_in_the_record_is_refused(tmp_path: Path) -> None:
 
 
 def test_table_and_file_have_a_row_for_each_instant_and_point(tmp_path: Path) -> None:
-    found = solved()
-    if found is None:
-        return
-    record = found[1]
+    _, record = solved()
     assert write_probes(tmp_path / "probes", record) == [
         tmp_path / "probes" / f"{name}.csv" for name in ("deep", "edge")
     ]
@@ -77,10 +73,7 @@ def test_table_and_file_have_a_row_for_each_instant_and_point(tmp_path: Path) ->
 
 
 def test_system_with_other_probes_is_refused() -> None:
-    found = solved()
-    if found is None:
-        return
-    system, _ = found
+    system, _ = solved()
     moved = replace(small(), probes=(rf.Probe("deep", point=(0.5, 0.25)), small().probes[1]))
     for wrong, scene in ((replace(system, probes=None), small()), (system, moved)):
         with pytest.raises(rf.InputError, match="condensed with other probes"):

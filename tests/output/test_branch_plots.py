@@ -81,31 +81,28 @@ def test_body_in_a_slip_mode_has_its_picture(
 
     monkeypatch.setattr(draw, "compose", noted)
     scene = rf.read_scene(BLOCK, ["mesh.contact_elements=8", "history.cycles=1"])
-    system, critical = rf.condense(scene), None
-    if system is not None:
-        critical = rf.critical_friction(system, rf.evolve(system, scene).at(cycle=0).state)
+    system = rf.given(rf.condense(scene))
+    critical = rf.critical_friction(system, rf.evolve(system, scene).at(cycle=0).state)
     file = rf.draw_slip_mode(scene, critical, shared_tmp_path / "mode.png")
-    if critical is not None and system is not None:
-        assert file is not None and file.is_file()
-        ((view, page),) = drawn
-        assert any(f"{critical.factor:.4g}" in text.get_text() for text in page.texts)
-        shape = np.reshape(critical.mode, (2, -1)).T
-        apart = np.abs(view.points[:, None] - system.points[::2]).max(axis=2)
-        corner = apart.argmin(axis=0)  # nodes between the vertices are not drawn
-        assert apart.min(axis=0).max() < 1e-9
-        drawn_mode = (view.moved - view.points)[corner] / view.factor
-        assert drawn_mode == pytest.approx(shape[::2], abs=1e-9)
-        # changes at the friction of the mode; the node on the axis has no shear
-        (tractions,) = [axes for axes in page.axes if "$p$" in str(axes.get_ylabel())]
-        p, q = (np.asarray(line.get_ydata()) for line in tractions.lines[-2:])
-        slips = np.abs(q) > 1e-9
-        assert slips.sum() > 4
-        assert np.abs(q[slips]) == pytest.approx(critical.factor * 0.35 * np.abs(p[slips]))
+    assert file is not None and file.is_file()
+    ((view, page),) = drawn
+    assert any(f"{critical.factor:.4g}" in text.get_text() for text in page.texts)
+    shape = np.reshape(critical.mode, (2, -1)).T
+    apart = np.abs(view.points[:, None] - system.points[::2]).max(axis=2)
+    corner = apart.argmin(axis=0)  # nodes between the vertices are not drawn
+    assert apart.min(axis=0).max() < 1e-9
+    drawn_mode = (view.moved - view.points)[corner] / view.factor
+    assert drawn_mode == pytest.approx(shape[::2], abs=1e-9)
+    # changes at the friction of the mode; the node on the axis has no shear
+    (tractions,) = [axes for axes in page.axes if "$p$" in str(axes.get_ylabel())]
+    p, q = (np.asarray(line.get_ydata()) for line in tractions.lines[-2:])
+    slips = np.abs(q) > 1e-9
+    assert slips.sum() > 4
+    assert np.abs(q[slips]) == pytest.approx(critical.factor * 0.35 * np.abs(p[slips]))
     coarser = rf.read_scene(BLOCK, ["mesh.contact_elements=4"])
     with pytest.raises(rf.InputError, match="slip mode: a mode of the scene's 5 contact nodes"):
         rf.draw_slip_mode(coarser, critical, shared_tmp_path / "other.png")
-    if critical is not None:
-        critical = replace(critical, mode=0.0 * critical.mode)
+    critical = replace(critical, mode=0.0 * critical.mode)
     with pytest.raises(rf.InputError, match="with largest entry 0"):
         rf.draw_slip_mode(scene, critical, shared_tmp_path / "other.png")
     assert not (shared_tmp_path / "other.png").exists()

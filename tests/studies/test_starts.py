@@ -22,11 +22,12 @@ def scene(shared_tmp_path: Path) -> Path:
     return file
 
 
-def test_a_run_reports_the_limits_from_many_starts(
+def test_a_run_reports_the_limits_from_many_starts_in_this_process_or_others(
     scene: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     out = scene.parent / "out"
-    assert cli.main(["run", str(scene), "--out", str(out), "--starts=6", "--pictures=none"]) == 0
+    run = ["run", str(scene), "--out", str(out), "--starts=6", "--pictures=none"]
+    assert cli.main(run) == 0
     limit = json.loads((out / "summary.json").read_text())["limit"]
     starts, record = limit["starts"], rf.read_record(out / "record.h5")
     assert starts["count"] == 6 == sum(starts["kinds"].values())
@@ -39,6 +40,9 @@ def test_a_run_reports_the_limits_from_many_starts(
     assert ("limits from 6 initial slips" in capsys.readouterr().out) == (COMM.rank == 0)
     assert "limits from 6 initial slips" in (out / "report.html").read_text()
     assert cli.main(["run", str(scene), "--out", str(out), "--resume", "--starts=1"]) == 2
+    if COMM.size == 1:
+        assert cli.main([*run, "--overwrite", "--workers=2"]) == 0
+        assert json.loads((out / "summary.json").read_text())["limit"]["starts"] == starts
 
 
 def test_a_start_that_fails_is_reported_beside_the_others(scene: Path) -> None:
@@ -72,14 +76,3 @@ def test_a_run_that_its_limit_has_ended_is_not_played_again(
     COMM.Barrier()
     record = rf.read_record(out / "record.h5")
     assert record.limit is None and len(record.cycles.dissipation) == 3
-
-
-def test_starts_of_a_run_are_found_by_other_processes_alike(scene: Path) -> None:
-    if COMM.size == 1:
-        found = []
-        for workers in (None, 2):
-            out = scene.parent / f"out{workers}"
-            options = rf.RunOptions(pictures=False, starts=5, workers=workers)
-            rf.run(rf.read_scene(scene), out, options)
-            found.append(json.loads((out / "summary.json").read_text())["limit"]["starts"])
-        assert found[0] == found[1]

@@ -129,12 +129,11 @@ def test_exact_cycles_agree_with_the_limits(seed: int) -> None:
 def test_limits_do_not_depend_on_units(factor: float) -> None:
     system, mean, corners = random_case(1)
     expected = rf.shakedown_limits(system, mean, corners)
-    stiffer = replace(system, K=factor * system.K)
-    found = rf.shakedown_limits(stiffer, mean, corners)
-    assert (found.lower, found.upper) == pytest.approx((expected.lower, expected.upper), rel=1e-9)
-    stronger = replace(system, r_star=factor * system.r_star)
-    found = rf.shakedown_limits(stronger, mean, corners)
-    assert (found.lower, found.upper) == pytest.approx((expected.lower, expected.upper), rel=1e-9)
+    known = pytest.approx((expected.lower, expected.upper), rel=1e-9)
+    for name in ("K", "r_star"):
+        larger = replace(system, **{name: factor * getattr(system, name)})
+        found = rf.shakedown_limits(larger, mean, corners)
+        assert (found.lower, found.upper) == known, name
     scaled = [{name: factor * value for name, value in corner.items()} for corner in corners]
     found = rf.shakedown_limits(system, mean, scaled)
     assert found.upper == pytest.approx(expected.upper / factor, rel=1e-9)
