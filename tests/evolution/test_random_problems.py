@@ -65,16 +65,16 @@ def test_accepted_answers_keep_the_laws_and_refusals_are_true(family: str, numbe
 SINGLE = {
     # unloaded, open on one of two edges; loads without a resultant leave the bodies free; in 1294
     # and 20203 the loads of a leg cancel up to round-off, in 954 all contact forces vanish; the
-    # guide of 951078 is as steep as the friction; 1200078 is wedged between two nodes; 99000291
-    # slips where it has almost no stiffness; 71000032 is halved in load steps, two of which the
-    # exact path begins at one state; the load of 71000428 presses nothing; all forces of 98001664
-    # vanish together with its loads; 121001320 turns at once, and is seen but once before its loads
+    # guides of 951078 and 200000708 are as steep as friction; 1200078 is wedged; 99000291 slips
+    # where it has almost no stiffness; 71000032 is halved in load steps, two of which the exact
+    # path begins at one state; the load of 71000428 presses nothing; all forces of 98001664 vanish
+    # together with its loads; 121001320 turns at once, and is seen but once before its loads
     # are reversed
     "guided bodies that come off an edge or float": (
         oblique,
         "181 298 340 422 437 549 595 600 954 1294 2153 2402 2522 2563 2578 2592 3813 4013 20203 "
         "560562 562071 605252 951078 1200078 99000291 71000032 71000428 74000044 "
-        "98001664 121001320 140000082 140000258 140000605 140001707",
+        "98001664 121001320 140000082 140000258 140000605 140001707 200000708",
         {ACCEPTED, REFUSED},
     ),
     # near-singular bodies unloaded, feet that slip apart, levers, balanced and hanging bodies

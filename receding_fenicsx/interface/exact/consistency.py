@@ -108,10 +108,12 @@ class ConsistentStates:
         if segment is None and self._widen_limits(before):
             point.state[:] = before
             segment, exhausted = self._pivoted(before)
-        # where round-off alone says that a node slips on without resistance, it may rest; nodes
-        # without force may leave the body free to move where no load drives it
+        # where round-off alone says that a node slips on without resistance, it may rest, also one
+        # that lands; nodes without force may leave the body free to move where no load drives it
         rests = np.where(before == SEPARATION, before, STICK)
-        for state in (rests, np.where(self._without_pressure(), SEPARATION, before)):
+        gap = slice(segments.system.n, 2 * segments.system.n)
+        lands = np.where(point.y[gap] <= self.on_limit[gap], STICK, before)
+        for state in (rests, lands, np.where(self._without_pressure(), SEPARATION, before)):
             if segment is None:
                 point.state[:] = state
                 with suppress(SingularExchange):
