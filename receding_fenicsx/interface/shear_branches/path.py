@@ -31,6 +31,7 @@ from receding_fenicsx.interface.tolerances import (
     END_TOLERANCE,
     JUMP_STEP,
     STEP_ON_LIMIT,
+    UNLOADING_ROUND_OFF,
 )
 
 
@@ -145,6 +146,8 @@ class BranchedPath:
             # said where no other branch leads on
             ended = error if isinstance(error, NoEquilibrium) and at == end else None
             error = None if wrong else error
+            if at >= target - UNLOADING_ROUND_OFF and not np.any(whole.load(target)):
+                at, error, wrong = target, None, []
             if at > s + END_TOLERANCE or (error is None and not wrong):
                 if error is None and at >= target - END_TOLERANCE:
                     at = target
