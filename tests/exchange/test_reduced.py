@@ -115,3 +115,5 @@ def test_the_command_writes_what_the_function_returns(
         assert np.array_equal(file["M"], model.M) and np.array_equal(file["C"], model.C)
         assert "C q" in file.attrs["description"]
     assert cli.main(["export", str(scene), "--reduced", "--out", str(out)]) == 2
+    with pytest.raises(rf.InputError, match="exists"):
+        model.save(out)

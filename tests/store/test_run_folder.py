@@ -218,8 +218,12 @@ def test_one_at_a_time_or_those_that_share(name: str, tmp_path: Path) -> None:
                     pass
 
 
-def test_an_interruption_tells_nothing_of_resuming_where_there_is_nothing(tmp_path: Path) -> None:
+def test_an_interruption_keeps_its_code_and_tells_how_to_go_on_where_it_can(tmp_path: Path) -> None:
     signalled = KeyboardInterrupt()
     with pytest.raises(KeyboardInterrupt) as bare, resumable(tmp_path, "here", file="system.h5"):
         raise signalled
     assert bare.value is signalled
+    with pytest.raises(rf.Interrupted, match=r"here; .* --resume") as told:
+        with resumable(tmp_path, "here"):
+            raise SystemExit(143)
+    assert told.value.exit_code == 143
