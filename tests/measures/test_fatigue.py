@@ -170,6 +170,12 @@ def test_means_and_lives_are_those_of_known_functions() -> None:
     assert life(0.0, 2e5, options) == np.inf and life(swt, 2e5, rf.FatigueOptions()) is None
 
 
+def test_parameters_along_a_crack_are_drawn_over_its_depth(record_with_a_crack: rf.Record) -> None:
+    swt = rf.fatigue(record_with_a_crack)["crack"]["swt"].value
+    drawn = rf.figures.fatigue_along(record_with_a_crack, "crack").axes[0]
+    check_curves(drawn, (np.linspace(0.0, 0.6, 30), swt))
+
+
 def test_pylife_has_the_lives_of_the_same_line(record_with_a_crack: rf.Record) -> None:
     pytest.importorskip("pylife")
     record, b = record_with_a_crack, -0.09
