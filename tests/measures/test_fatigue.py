@@ -170,8 +170,15 @@ def test_means_and_lives_are_those_of_known_functions() -> None:
     assert life(0.0, 2e5, options) == np.inf and life(swt, 2e5, rf.FatigueOptions()) is None
 
 
-def test_parameters_along_a_crack_are_drawn_over_its_depth(record_with_a_crack: rf.Record) -> None:
+def test_parameters_along_a_crack_are_those_of_its_body_and_drawn_over_its_depth(
+    record_with_a_crack: rf.Record,
+) -> None:
     swt = rf.fatigue(record_with_a_crack)["crack"]["swt"].value
+    probe, last = record_with_a_crack.probe("crack"), len(record_with_a_crack.cycles.dissipation)
+    lower = rf.fatigue_at(
+        probe.stress[probe.cycle == last], rf.Material(E, NU), rf.FatigueOptions()
+    )
+    assert swt == pytest.approx(lower["swt"].value, rel=1e-9)
     drawn = rf.figures.fatigue_along(record_with_a_crack, "crack").axes[0]
     check_curves(drawn, (np.linspace(0.0, 0.6, 30), swt))
 
