@@ -386,8 +386,8 @@ def around(legs: int, cycles: int = 2) -> rf.Record:
     return rf.evolve(system, history, output=rf.OutputOptions(samples_per_leg=2, cycles="all"))
 
 
-@pytest.mark.parametrize("unit", [1e-3, 1.0, 1e3])
-def test_the_largest_load_does_not_depend_on_the_unit_of_one_of_several(unit: float) -> None:
+@pytest.mark.parametrize("unit", [1e-3, -1.0, 1e3])
+def test_the_largest_load_does_not_depend_on_unit_and_sign_of_one_of_several(unit: float) -> None:
     loads = {"a": np.repeat([0.1, 1.0], 2), "b": np.repeat([0.02, 0.05], 2) / unit}
     system = small_system(np.kron([[2.0, 0.3], [0.3, 1.0]], np.eye(2)), loads, 0.5)
     path = np.array([[0.0, 0.0], [1.0, 5.0], [0.6, 6.0]]) * [1.0, unit]
