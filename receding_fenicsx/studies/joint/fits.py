@@ -142,7 +142,7 @@ def _least(
     for run in found:
         size = np.linalg.svd(run.jac, compute_uv=False)
         # a parameter without effect, as of an element of no stiffness, is no fit of all of them
-        # ratio of the sensitivities of the residuals below which a parameter is not determined
+        # sensitivity of relative errors, over the largest or 1, below which it is not determined
         if size[-1] > 1e-7 * max(1.0, size[0]):
             return np.asarray(run.x)
     raise InputError("fit: the curve does not determine all parameters; give more of them")
