@@ -34,7 +34,8 @@ def part_of(scene: Scene, body: Body) -> Scene:
         contacts = [replace(contact, interference=None) for contact in contacts]
     loads = scene.given if scene.others else scene.loads
     bolts = [replace(b, head=own(b.head) or "", nut=own(b.nut) or "") for b in scene.bolts]
-    mesh, material = replace(scene.mesh, refine=places_on(scene, body)), scene.material_of(body)
+    mesh = replace(scene.mesh, refine=places_on(scene, body))
+    material = scene.material_of(body)
     return replace(
         scene,
         body=body,

@@ -96,8 +96,7 @@ SINGLE = {
     # off its only node with friction
     "other friction backward": (FAMILIES["directed"], "150400111 160000920", {ACCEPTED}),
     # a body that was displaced far comes to rest; round-off of such displacements is no jump,
-    # one that vanishes in the limit is, and one in 120000696 among crossings of events' places;
-    # what is sampled in, moved far, is refined as ends are
+    # one that vanishes in the limit is, and one in 120000696 among crossings of events' places
     "in the limit": (limited, "1200155 1200094 71000467 1110647 120000696", {ACCEPTED}),
     # springs of 1e-8 to 1e-9 of K carry loads a hundred times the force scale of open contacts;
     # what 98000836, 98001255 and 120000045 dissipate is the work of forces on round-off
