@@ -146,8 +146,9 @@ class BranchedPath:
             # said where no other branch leads on
             ended = error if isinstance(error, NoEquilibrium) and at == end else None
             error = None if wrong else error
-            if at >= target - UNLOADING_ROUND_OFF and not np.any(whole.load(target)):
-                at, error, wrong = target, None, []
+            unloads = at >= target - UNLOADING_ROUND_OFF and not np.any(whole.load(target))
+            if error is not None and unloads:
+                at, error = target, None
             if at > s + END_TOLERANCE or (error is None and not wrong):
                 if error is None and at >= target - END_TOLERANCE:
                     at = target
