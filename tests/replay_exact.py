@@ -471,18 +471,21 @@ def _jump(
             return None
         v_ref[i] = seen[0][1].v[seen[0][2]][i]
     load = leg.load(s)
-    after = here.solve(load, v_ref, u)
-    for _ in range(8):  # the branches are those behind the jump
-        capped = body.above_kink(body.reactions(load, after)[n:], here.sign) > 0.0
-        if not body.branched or np.array_equal(capped, body.capped):
-            break
-        body.capped = capped
+    before_it, slipping = body.capped & (here.sign != 0.0), np.flatnonzero(here.sign)[:8]
+    kept_or_other = product((False, True), repeat=len(slipping)) if body.branched else ()
+    for choice in (before_it[slipping], *kept_or_other):  # the branches are those behind the jump
+        body.capped = before_it.copy()
+        body.capped[slipping] = choice
         here = body.states(later[0][1])
         after = here.solve(load, v_ref, u)
-    change, r = after - u, body.reactions(load, after)
-    dv = np.where(here.touches & (old != OPEN), change[:n], 0.0)
-    slid = body.rubs & (np.abs(dv) * body.k[:n] > JUMP_LAW * leg.force) & ~(here.stuck & moved)
-    off = body.off_limit(r[:n], r[n:], dv)
+        change, r = after - u, body.reactions(load, after)
+        dv = np.where(here.touches & (old != OPEN), change[:n], 0.0)
+        slid = body.rubs & (np.abs(dv) * body.k[:n] > JUMP_LAW * leg.force) & ~(here.stuck & moved)
+        off = body.off_limit(r[:n], r[n:], dv)
+        above = body.above_kink(r[n:], here.sign) > 0.0
+        worst = max(off[slid].max(initial=0.0), -_margins(run, load, later[0][1], after).min())
+        if np.array_equal(above, body.capped) and worst <= JUMP_LAW * leg.force:
+            break
     over = (off, np.full(n, JUMP_LAW * leg.force), slid)
     run.check(leg.place(s), "a node slips against friction in a jump", over)
     work = float(load @ body.r_star @ change)

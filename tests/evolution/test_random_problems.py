@@ -103,12 +103,13 @@ SINGLE = {
     # of displacements; in 61000644, 61001002 and 98001488 a load step ends where the loads of its
     # leg cancel but for round-off; 120001380 lands while it almost stands still;
     # 121000130 has no stiffness but that of the springs; three nodes of 160000189 open at once, but
-    # for 1e-12; 160000593 is moved 1e6 off; a node of 190001426 slides along its cone at no force
+    # for 1e-12; 160000593 is moved 1e6 off; a node of 190001426 slides along its cone at no force,
+    # one of 210001271 closes as no load is passed, on a rotation 4e-6 as stiff as the rest
     "bodies lifted off soft springs": (
         sprung,
         "60000067 60000434 60000475 60000604 60001026 61000048 61000717 74000586 61000644 "
         "61001002 98000836 98001255 98001488 101000225 101000485 101000499 "
-        "120001380 120000045 121000130 160000189 160000593 190001426",
+        "120001380 120000045 121000130 160000189 160000593 190001426 210001271",
         {ACCEPTED},
     ),
     # one of two bonds opens and presses the other; loads that press nothing; a free body unloaded
@@ -118,11 +119,14 @@ SINGLE = {
     # unloaded nodes in 141000291 and 141000339 do not break where others press them least, open
     # ones in 190000935 form none; 141000323 lands in the last round-off of a piece; sweeps of
     # 160001574 end short of the law; a node of 170000323 changes branches within a load step, one
-    # of 210001065 and of 220001330 in the round-off of unloading
+    # of 210001065 and of 220001330 in the round-off of unloading; 210001186 and 220000051 begin on
+    # seven and eight unloaded nodes, whose bonds are tried in all sets;
+    # a jump of 240000090 and 240001789 has two sets of branches
     "shear limits and cohesion": (
         capped,
         "98400228 99400018 99400084 99400121 130000329 130000475 130000566 140000383 140000834 "
-        "141000291 141000339 141000323 160001574 170000323 190000935 210001065 220001330",
+        "141000291 141000339 141000323 160001574 170000323 190000935 210001065 220001330 "
+        "210001186 220000051 240000090 240001789",
         {ACCEPTED, REFUSED},
     ),
     # springs slide the body back in the last 1e-9 of unloading: no continuation, or a jump

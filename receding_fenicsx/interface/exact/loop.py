@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from receding_fenicsx.arrays import Array, Ints
 from receding_fenicsx.interface.exact import kernel, kernel_data
-from receding_fenicsx.interface.exact.balance import summed
 from receding_fenicsx.interface.exact.legs import LegProblem, widen
 from receding_fenicsx.interface.exact.pivot_matrix import Matrix, SingularExchange, apply_pending
 from receding_fenicsx.interface.exact.segments import (
@@ -23,7 +22,7 @@ from receding_fenicsx.interface.exact.segments import (
 from receding_fenicsx.interface.exact.tableau import KINDS
 from receding_fenicsx.interface.law import SEPARATION, STICK
 from receding_fenicsx.interface.system import ContactState
-from receding_fenicsx.interface.tolerances import ACCEPTED_RESIDUAL, RATE_TOLERANCE
+from receding_fenicsx.interface.tolerances import RATE_TOLERANCE
 
 FIRST_ENTRIES = 256
 """Sets of states for which there is memory at first."""
@@ -134,8 +133,8 @@ class Loop:
         self._ways: dict[bytes, Any] = {}
         self.memory = self._new_memory(FIRST_ENTRIES)
         self._unlimited = np.tile(~(segments.frictional | segments.smooth), 4)
-        # up to a tenth of the residual accepted at an event errors stay on the way
-        self._accepted = 0.1 * summed(n, ACCEPTED_RESIDUAL)
+        # errors of a hundred round-offs a freedom stay on the way
+        self._accepted = 100.0 * EPSILON * 2 * n
         self.sets = ActiveSets(segments)
         self.last: tuple[ContactState, Array] | None = None
         self._asked: set[bytes] = set()

@@ -41,6 +41,7 @@ class Tried:
     def __init__(self, cones: Cones) -> None:
         """Start with nothing tried."""
         self.cones, self.keys, self.left = cones, set[bytes](), list[Branches]()
+        self.most = 4 * cones.system.n + 16  # sets to try
 
     def following(self, now: Branches, wrong: list[tuple[int, int]]) -> Branches | None:
         """Return a set of branches that was not tried, None where all of them were.
@@ -51,7 +52,7 @@ class Tried:
         if wrong:
             choices = wrong, *([one] for one in wrong)
             self.left += [self.cones.passed(now, some) for some in reversed(choices)]
-        while self.left and len(self.keys) <= 4 * len(now.branch) + 16:
+        while self.left and len(self.keys) <= self.most:
             new = self.left.pop()
             if new.key not in self.keys:
                 return new
@@ -179,7 +180,8 @@ class BranchedPath:
             new = tried.following(now, wrong)
             if new is None:
                 slack = self._slack(leg.end, leg.force_scale)
-                tried.left += self._sets_of_bonds(now, leg.end, slack)
+                sets = self._sets_of_bonds(now, leg.end, slack)
+                tried.left, tried.most = sets, tried.most + len(sets)
                 new = tried.following(now, [])
             if new is None:
                 lost = lost or self._no_branch(wrong[0][1], load)
@@ -283,7 +285,7 @@ class BranchedPath:
         gap = np.diagonal(system.K)[system.n :] * (system.g0 + here.w)
         loose = np.maximum(np.abs([here.Q, here.P]).max(axis=0), gap) <= slack
         nodes = np.flatnonzero(self.cones.cohesive & loose)
-        kinds = product((FORMS, BREAKS), repeat=len(nodes)) if len(nodes) <= 6 else ()
+        kinds = product((FORMS, BREAKS), repeat=len(nodes)) if len(nodes) <= 8 else ()
         return [self.cones.passed(now, list(zip(some, nodes, strict=True))) for some in kinds]
 
     def _no_branch(self, node: int, load: Array) -> NoQuasiStaticContinuation:
