@@ -273,46 +273,6 @@ def turned(path: Path, old: str, new: str) -> None:
     path.write_text(text.replace(old, new, 1))
 
 
-def at(A: np.ndarray, i: int, j: int, value: float) -> np.ndarray:
-    """Return a matrix like A that has one entry."""
-    one = np.zeros_like(A)
-    one[i, j] = value
-    return one
-
-
-def indefinite(A: np.ndarray) -> np.ndarray:
-    u = np.sin(np.arange(len(A)) ** 2)
-    return A - 5.0 * np.outer(A @ u, A @ u) / (u @ A @ u)
-
-
-@pytest.mark.parametrize(
-    ("change", "told"),
-    [
-        (lambda A: A + at(A, 3, 4, 0.1), "is not symmetric"),
-        (indefinite, "is indefinite"),
-        (lambda A: np.pad(A[:-2, :-2], (0, 2)), "singular with the contact held"),
-        (lambda A: A + at(A, 0, 0, 1e-9), "too few digits"),
-    ],
-)
-def test_bad_matrices_are_refused(change: Any, told: str, tmp_path: Path) -> None:
-    block = Block()
-    block.A = change(block.A)
-    path = specification(tmp_path, block)
-    with pytest.raises(rf.InputError, match=told):
-        rf.import_system(path)
-
-
-def test_a_triangle_of_the_wrong_length_is_refused(tmp_path: Path) -> None:
-    block = Block()
-    for n, told in (
-        (5, "15 entries for the triangle of 6 freedoms"),
-        (6, "node [4-7] has no freedom [12] in the stiffness"),
-    ):
-        name = write_user_element(tmp_path, block.A[:n, :n], block.freedoms[:6], False)
-        with pytest.raises(rf.InputError, match=told):
-            rf.import_system(specification(tmp_path, block, name))
-
-
 def test_exported_matrices_can_be_imported_again(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
