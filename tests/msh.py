@@ -29,15 +29,8 @@ def turned(points: Array, degrees: float, shift: tuple[float, float] = (0.0, 0.0
     return points @ np.array([[c, s], [-s, c]]) + np.array(shift)
 
 
-def write_msh(
-    path: Path,
-    points: Array,
-    cells: list[Ints],
-    edges: dict[str, Ints],
-    spots: dict[str, Ints] | None = None,
-    surfaces: list[str] | None = None,
-) -> Path:
-    """Write a mesh file: points of the cells of each surface, facets and points of each group.
+def write_msh(path: Path, points: Array, cells: list[Ints], edges: dict[str, Ints]) -> Path:
+    """Write a mesh file: points of the cells of each surface, and facets of each group.
 
     Cells are triangles, quadrilaterals or triangles of second order.
     """
@@ -47,18 +40,16 @@ def write_msh(
     def add(dim: int, name: str, elements: Ints) -> None:
         tag = len(names) + 1
         names.append(f'{dim} {tag} "{name}"')
-        kinds = {0: {1: 15}, 1: {2: 1}, 2: {3: 2, 4: 3, 6: 9}}
+        kinds = {1: {2: 1}, 2: {3: 2, 4: 3, 6: 9}}
         for nodes in elements:
             kind = kinds[dim][len(nodes)]
             text = " ".join(str(i + 1) for i in nodes)
             rows.append(f"{len(rows) + 1} {kind} 2 {tag} {tag} {text}")
 
-    for name, nodes in (spots or {}).items():
-        add(0, name, np.reshape(nodes, (-1, 1)))
     for name, facets in edges.items():
         add(1, name, facets)
-    for i, part in enumerate(cells):
-        add(2, (surfaces or ["body", "rest", "more"])[i], part)
+    for name, part in zip(("body", "rest"), cells, strict=False):
+        add(2, name, part)
     flat = np.column_stack([points, np.zeros((len(points), 3 - points.shape[1]))])
     lines = ["$MeshFormat", "2.2 0 8", "$EndMeshFormat"]
     lines += ["$PhysicalNames", str(len(names)), *names, "$EndPhysicalNames"]

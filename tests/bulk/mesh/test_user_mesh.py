@@ -8,7 +8,7 @@ from mpi4py import MPI
 
 import numpy as np
 import pytest
-from bodies import CELLS, block, built, make_mesh
+from bodies import CELLS, block, make_mesh
 from geo import RECTANGLE
 from msh import Array, Ints, rectangle, turned, write_msh
 
@@ -29,21 +29,12 @@ def system_of(scene: Scene) -> ContactSystem | None:
     return on_root(comm, lambda: with_profiles(scene, given(system)))
 
 
-def file_of(
-    scene: Scene,
-    path: Path,
-    change: Callable[[Array], Array] = lambda points: points,
-    spots: dict[str, tuple[float, float]] | None = None,
-) -> Scene:
+def file_of(scene: Scene, path: Path, change: Callable[[Array], Array]) -> Scene:
     """The scene with the mesh of its rectangle, changed, as the user's file."""
 
     def write() -> None:
         mesh = rectangle(scene)
-        near = {
-            name: np.array([np.argmin(np.hypot(*(mesh.points - place).T))])
-            for name, place in (spots or {}).items()
-        }
-        write_msh(path, change(mesh.points), [mesh.cells], mesh.edges, near)
+        write_msh(path, change(mesh.points), [mesh.cells], mesh.edges)
 
     on_root(comm, write)
     comm.barrier()
@@ -79,20 +70,6 @@ def test_turned_body_has_the_same_condensed_system(
     # a rigid motion of one is a combination of rigid motions of the other
     left = np.linalg.lstsq(expected.rigid, found.rigid, rcond=None)[1]
     assert found.rigid.shape == (2 * found.n, 3) and np.all(left < 1e-20)
-
-
-def test_supports_on_named_points_hold_them(shared_tmp_path: Path) -> None:
-    scene = block(supports=(Support("xy", point=(0.0, 1.0)), Support("x", point=(-2.0, 0.0))))
-    spots = {"pin": (0.0, 1.0), "corner": (-2.0, 0.0)}
-    user = file_of(scene, shared_tmp_path / "block.msh", spots=spots)
-    named = (Support("xy", point="pin"), Support("x", point="corner"))
-    expected, found = system_of(scene), system_of(replace(user, supports=named))
-    if expected is not None and found is not None:
-        assert np.array_equal(found.held, expected.held) and found.held.sum() == 1
-        assert np.abs(found.K - expected.K).max() < 1e-12 * np.abs(expected.K).max()
-        assert found.rigid.shape[1] == 0
-    with pytest.raises(InputError, match=r"no group of points 'pni'; did you mean 'pin'\?"):
-        built(replace(user, supports=(Support("x", point="pni"),)))
 
 
 GEO = (
