@@ -78,6 +78,7 @@ def test_a_scene_written_otherwise_has_the_same_record(
         for name, text in files.items():
             Path(name).write_text(text)
         records.append(played(rf.read_scene("scene.toml", values)))
+    assert records[1].turning_points.P.any()
     Image().check(records[0], records[1], 1e-7)
 
 

@@ -1,6 +1,5 @@
 """One load on several edges: several tables of one name act together under one load factor."""
 
-from collections.abc import Callable
 from dataclasses import replace
 
 from mpi4py import MPI
@@ -62,27 +61,3 @@ def test_load_of_several_parts_is_their_sum(case: str) -> None:
     np.testing.assert_allclose(
         one.load_compliance, compliance, atol=1e-11 * np.abs(compliance).max()
     )
-
-
-@pytest.mark.parametrize(
-    "load",
-    [
-        lambda s: rf.Load("L", "top", displacement=("0.1*x", f"-0.1*(1 + {s})")),
-        lambda s: rf.Load("L", "top", traction=(f"1 + {s}", 0.5)),
-        lambda s: rf.Load("L", "bottom", gap=f"0.1*(1 + {s})"),
-    ],
-    ids=["displacement", "traction", "gap"],
-)
-def test_halves_of_an_edge_are_the_whole_edge(load: Callable[[str], rf.Load]) -> None:
-    """The moved node in the middle belongs to both halves."""
-    parts = (("0*x", (-2.0, 0.0)), ("x", (0.0, 2.0)))
-    whole, halves = load("max(x, 0)"), tuple(replace(load(s), span=span) for s, span in parts)
-    even, alone = rf.SolverOptions(symmetry="none"), rf.HistoryOptions(kind="monotonic")
-    one, two = (
-        system_of(block("quadrilateral", growth=1.0, loads=loads, solver=even, history=alone))
-        for loads in ((whole,), halves)
-    )
-    scale = np.abs(one.r_star).max()
-    np.testing.assert_allclose(two.r_star, one.r_star, atol=1e-10 * scale)
-    np.testing.assert_allclose(two.load_compliance, one.load_compliance, rtol=1e-9)
-    np.testing.assert_allclose(two.K, one.K, atol=1e-10 * np.abs(one.K).max())
