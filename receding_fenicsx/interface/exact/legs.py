@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any, Protocol
 
 import numpy as np
@@ -47,6 +48,11 @@ class LegProblem:
         pairs = zip(*(end.tolist() for end in self.ends), strict=True)
         loads = [(a, b, (1.0 - s) * a + s * b) for a, b in pairs]
         return np.array([x if abs(x) > 4e-15 * max(abs(a), abs(b)) else 0.0 for a, b, x in loads])
+
+    @cached_property
+    def way(self) -> bytes:
+        """What its direction has as its own."""
+        return direction_key(self.ends[1] - self.ends[0])
 
     def place(self, s: float) -> float:
         """Return where s lies on the leg of the history."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from hashlib import blake2b
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -98,6 +99,12 @@ class ActiveSets:
         return change
 
 
+def _mark(direction: Array) -> Any:
+    """Return a number that tells a direction of loading (n_loads,) from others."""
+    digest = blake2b((direction + 0.0).tobytes(), digest_size=8).digest()
+    return np.frombuffer(digest, dtype=np.uint64)[0]
+
+
 class Loop:
     """The compiled loop of one contact; keeps the rates of known states from leg to leg.
 
@@ -114,8 +121,6 @@ class Loop:
         """Prepare for the contact of ``segments``, whose tableau is shared."""
         self.segments, self.system = segments, segments.system
         system, n = segments.system, segments.system.n
-        random = np.random.default_rng(0)
-        self._random = random
         self.contact = kernel_data.Contact(
             frictional=segments.frictional.copy(),
             smooth=segments.smooth.copy(),
@@ -126,11 +131,10 @@ class Loop:
             sums_of_load=np.array(segments.balance.on_load.T, order="C"),
             r_star=np.array(system.r_star, order="C"),
             exchanges=KINDS,
-            marks=random.integers(0, 2**63, (n, 5), dtype=np.uint64),
+            marks=np.random.default_rng(0).integers(0, 2**63, (n, 5), dtype=np.uint64),
             rate_tolerance=RATE_TOLERANCE,
             imbalances=(UNREFINABLE_ROUND_OFFS * EPSILON, RATE_TOLERANCE),
         )
-        self._ways: dict[bytes, Any] = {}
         self.memory = self._new_memory(FIRST_ENTRIES)
         self._unlimited = np.tile(~(segments.frictional | segments.smooth), 4)
         # errors of a hundred round-offs a freedom stay on the way
@@ -176,17 +180,11 @@ class Loop:
     def way(self, problem: LegProblem, end: float) -> kernel_data.Way:
         """Return a leg up to a place, as the loop takes it."""
         a, b = problem.ends
-        marks = []
-        for direction in (b - a, a - b):
-            key = (direction + 0.0).tobytes()
-            if key not in self._ways:
-                self._ways[key] = self._random.integers(0, 2**63, dtype=np.uint64)
-            marks.append(self._ways[key])
         return kernel_data.Way(
             start=a.copy(),
             direction=b - a,
-            mark=marks[0],
-            back=marks[1],
+            mark=_mark(b - a),
+            back=_mark(a - b),
             on_limit=np.where(self._unlimited, -1.0, self.segments.limit * problem.force_scale),
             accepted=self._accepted * problem.force_scale,
             sample_at=np.array(problem.samples),

@@ -14,7 +14,6 @@ from receding_fenicsx.interface.exact.jumps import add_jump, check_jumps, find_j
 from receding_fenicsx.interface.exact.legs import (
     Chooser,
     LegProblem,
-    direction_key,
     evenly_spaced,
     unchanged,
 )
@@ -105,7 +104,7 @@ class EventPath:
         start, (a, b) = problem.start, problem.ends
         change, r_star = b - a, self.system.r_star
         # held reactions that cancel but for round-off change nothing
-        if direction_key(change) not in self._directions and (
+        if problem.way not in self._directions and (
             np.abs(change @ r_star).max() <= 1e-13 * (np.abs(change) @ np.abs(r_star)).max()
         ):
             y, scale = self.segments.values(start), problem.force_scale
@@ -176,11 +175,10 @@ class EventPath:
 
     def _walk(self, problem: LegProblem) -> Leg:
         """Follow one leg from event to event."""
-        walk, (a, b), resolved = self.walk(problem), problem.ends, self._low_friction_node is None
-        way = direction_key(b - a)
-        if way in self._directions and not self.segments.is_loose:
+        walk, resolved = self.walk(problem), self._low_friction_node is None
+        if problem.way in self._directions and not self.segments.is_loose:
             walk.loop.leave_out(problem.start.state, self._changed, self._opened)
-        short = stops_short(self.segments, b)
+        short = stops_short(self.segments, problem.ends[1])
         try:
             walk.run(1.0 - REMAINING_LOAD if short else 1.0)
         except NoQuasiStaticContinuation:
@@ -188,7 +186,7 @@ class EventPath:
                 raise
             return self._jump(walk, problem)
         leg = walk.finish(at_rest=short)
-        self._remember(way, leg)
+        self._remember(problem.way, leg)
         return leg
 
     def _jump(self, walk: Walk, problem: LegProblem) -> Leg:
@@ -199,12 +197,13 @@ class EventPath:
         s = walk.s + JUMP_STEP
         if s >= 1.0:
             raise no_state_beyond(self.system, place)
-        (a, b), load = problem.ends, problem.load(s)
+        load = problem.load(s)
         leg.stops.append((walk.s, leg.end.u))
         add_jump(leg, (walk.s, s), find_jump(self.segments, leg.end, load, place))
-        rest = self.trace(problem.piece(leg.end, (load, b), leg.force_scale, (s, 1.0), jumps=1))
+        ends = load, problem.ends[1]
+        rest = self.trace(problem.piece(leg.end, ends, leg.force_scale, (s, 1.0), jumps=1))
         leg.add(rest.placed(1.0 - s, s))
-        self._remember(direction_key(b - a), leg)
+        self._remember(problem.way, leg)
         return leg
 
     def _remember(self, way: bytes, leg: Leg) -> None:
