@@ -267,10 +267,9 @@ def _own_round_off(run: Replay, leg: Leg, here: States, load: Array, u: Array) -
 def _rolls(
     run: Replay, leg: Leg, before: tuple[float, Array], change: Array, s_zero: float
 ) -> bool:
-    """Return whether an unloaded body moves as a rigid one, which costs nothing."""
+    """Return whether a body without contact forces moves as a rigid one, which costs nothing."""
     s, u = before
-    unloaded = s == 0.0 and not np.any(leg.ends[0])
-    if not unloaded and not abs(s - s_zero) <= PLACE:
+    if s > 0.0 and not abs(s - s_zero) <= PLACE:
         return False
     forces = np.abs([run.body.reactions(leg.load(s), u), run.body.K @ change])
     return bool(forces.max() <= LAW * leg.force)

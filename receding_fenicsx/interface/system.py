@@ -440,6 +440,10 @@ def eliminate_tangential(system: ContactSystem) -> ContactSystem:
     slip_map = np.zeros((n, n + len(system.load_names)))
     slip_map[free] = mapped
     K = system.K[n:, n:] + K_tn.T @ mapped[:, :n]
+    by_slip = (K_tn.T @ mapped[:, n:]).T
+    r_star = system.r_star[:, n:] + by_slip
+    # free expansion is not felt but for its round-off
+    r_star[np.abs(r_star) <= 1e-12 * np.abs(by_slip).max(axis=1, keepdims=True)] = 0.0
     compliance = system.load_compliance
     if compliance.size:
         # the loads also move through the slip that they cause by themselves
@@ -447,7 +451,7 @@ def eliminate_tangential(system: ContactSystem) -> ContactSystem:
     return replace(
         system,
         K=0.5 * (K + K.T),
-        r_star=system.r_star[:, n:] + (K_tn.T @ mapped[:, n:]).T,
+        r_star=r_star,
         kind="normal",
         slip_map=slip_map,
         load_compliance=compliance,

@@ -1,5 +1,7 @@
 """Body forces and thermal strains, against closed forms, halves and wholes, and work."""
 
+from dataclasses import replace
+
 from mpi4py import MPI
 
 import numpy as np
@@ -114,3 +116,32 @@ def test_rotating_shaft_between_smooth_plates(degree: int) -> None:
 
 
 # -- halves, wholes, pairs, work -----------------------------------------------------------------
+
+
+FIELDS = ("0.01", "0.01*y", "-0.01*y", "0.01*(1-y)", "0.01*x", "0.01*x**2*y", "0.01*sin(3*x)*y")
+
+
+@pytest.mark.one_rank
+@pytest.mark.parametrize("method", ["events", "gauss-seidel"])
+@pytest.mark.parametrize("left", [-1.0, -0.3])
+@pytest.mark.parametrize("field", FIELDS)
+def test_a_free_body_that_is_heated_first_rests_where_it_is_pressed(
+    field: str, left: float, method: str
+) -> None:
+    """Without friction the end does not depend on what came first, heat or pressure."""
+
+    def pressures(f: float, *rows: tuple[float, float]) -> Array:
+        loads = (
+            rf.Load("heat", thermal_strain=field),
+            rf.Load("p", "top", (left, 1.0), pressure=1.0),
+        )
+        history = rf.HistoryOptions("table", columns=("heat", "p"), rows=rows)
+        scene = block(contacts=(rf.Contact(friction=f),), history=history)
+        solver = rf.SolverOptions(method=method, steps_per_leg=4)
+        return played(replace(scene, loads=loads, solver=solver)).turning_points.P
+
+    heated, pressed = (pressures(0.0, first, (1.0, 1.0))[-1] for first in ((1.0, 0.0), (0.0, 1.0)))
+    np.testing.assert_allclose(heated, pressed, atol=1e-9)
+    cooled = (1.0, 0.0), (1.0, 1.0), (0.0, 0.0), (1.0, 0.0), (-1.0, 0.0), (-1.0, 1.0)
+    sums = pressures(0.3, *cooled).sum(axis=1)
+    np.testing.assert_allclose(sums, (1.0 - left) * np.array([0, 1, 0, 0, 0, 1]), atol=1e-9)

@@ -138,7 +138,7 @@ class LimitSearch:
         Cycles to come in which releases have another order than in this one are played.
         """
         loop = self.problem.history.loop
-        if carries_nothing(start, force) or any(
+        if carries_nothing(self._model, start, loop[0], force) or any(
             zero_crossing(self._model, leg) for leg in pairwise(loop)
         ):
             raise NoLimit("the contact is unloaded in the cycle, and begins anew")

@@ -1,4 +1,4 @@
-"""Rolling: rigid motions along which an unloaded body comes to rest.
+"""Rolling: rigid motions along which a body without contact forces comes to rest.
 
 A crowned body with gaps that is pressed beside the nodes which touch first rolls, as a rigid body
 and without forces, until it rests below the load. With the rigid motions R c that leave the contact
@@ -16,6 +16,8 @@ import scipy.optimize
 from numpy.typing import NDArray
 
 from receding_fenicsx.arrays import Array
+from receding_fenicsx.interface.equilibrium import RESULTANT
+from receding_fenicsx.interface.exact.rest import carries_nothing
 from receding_fenicsx.interface.law import State
 from receding_fenicsx.interface.system import ContactState, ContactSystem, has_rigid
 from receding_fenicsx.interface.tolerances import RIGID_TOLERANCE
@@ -24,33 +26,40 @@ GAP_TOLERANCE = 1e-10
 """Gap, over the largest one, up to which a node touches."""
 
 
-def at_rest(system: ContactSystem, start: ContactState, direction: Array) -> ContactState:
-    """Roll an unloaded body to where it rests under the first load.
+def at_rest(
+    system: ContactSystem, start: ContactState, ends: tuple[Array, Array], force_scale: float
+) -> ContactState:
+    """Roll a body without contact forces to where it rests under the loads that come.
 
     Args:
         system: the condensed body in 2N form.
-        start: an unloaded state. A body that is free to fall has to touch somewhere.
-        direction: (n_loads,) change of the load factors on the leg that begins here.
+        start: a state. A body that is free to fall has to touch somewhere at first.
+        ends: (n_loads,) load factors at both ends of the leg that begins here.
+        force_scale: largest nodal force so far.
 
     Returns:
-        The state from which the leg begins; ``start`` where the body rests already, or where the
-        loads lift it off, which following the leg will find.
+        The state from which the leg begins; ``start`` where forces act or the body rests already,
+        or where the loads lift it off, which following the leg will find.
     """
+    if not system.rigid.shape[1] or not carries_nothing(system, start, ends[0], force_scale):
+        return start
     n, held = system.n, system.held
     _, size, right = np.linalg.svd(system.rigid[:n][~held[:n]], full_matrices=True)
     R = system.rigid @ right[np.count_nonzero(size > RIGID_TOLERANCE) :].T
-    pressed = direction @ system.r_star
+    pressed = (ends[1] - ends[0]) @ system.r_star
     gap = np.maximum(system.g0 + start.w, 0.0)
     nodes = np.flatnonzero(~held[n:])
     largest, force = float(gap.max(initial=0.0)), float(np.abs(pressed).sum())
-    falls = not np.any(gap[nodes] == 0.0) and has_rigid(system.rigid, np.repeat([0.0, 1.0], n))
+    falls = np.all(system.g0[nodes] > 0.0) and has_rigid(system.rigid, np.repeat([0.0, 1.0], n))
     if R.shape[1] == 0 or largest == 0.0 or force == 0.0 or falls:
         return start
     # gaps and forces are counted in their largest
     cost, normal, room = pressed @ R / force, R[n + nodes], gap[nodes] / largest
+    cost[np.abs(cost) <= RESULTANT] = 0.0
     c = _lowest(cost, normal, room)
-    # less potential gained is none
-    if c is None or cost @ c >= -1e-9:
+    # less potential gained is none, but where the body floats
+    least = 1e-9 if np.any(start.state[nodes] != State.SEPARATION) else 0.0
+    if c is None or cost @ c >= -least:
         return start
     u = start.u + largest * (R @ c)
     left = system.g0 + u[n:]

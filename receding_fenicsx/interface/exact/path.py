@@ -111,23 +111,26 @@ class EventPath:
             leg = unchanged(problem)
             leg.ties = ties_at(self.segments, 0.0, y, start.state, scale)
             return leg
-        if not a.any() and carries_nothing(start, problem.force_scale):
-            if is_at_rest(self.system, a) and is_closed(self.segments, start, problem.force_scale):
+        scale = problem.force_scale
+        if is_at_rest(self.system, a) and carries_nothing(self.system, start, a, scale):
+            if is_closed(self.segments, start, scale):
                 return self._from_rest(problem)
-            resting = at_rest(self.system, start, b)
-            leg = self._pressed_leg(problem.piece(resting, (a, b), problem.force_scale, (0.0, 1.0)))
+        resting = at_rest(self.system, start, (a, b), scale)
+        if resting is not start:
+            problem = problem.piece(resting, (a, b), scale, (0.0, 1.0))
+        s0 = zero_crossing(self.system, problem.ends)
+        if s0 is None:
+            leg = self._pressed_leg(problem)
+        else:
+            zero = np.zeros_like(a)
+            first = self.trace(problem.piece(resting, (a, zero), scale, (0.0, s0)))
+            second = self.trace(problem.piece(first.end, (zero, b), first.force_scale, (s0, 1.0)))
+            leg = first.placed(s0)
+            leg.add(second.placed(1.0 - s0, s0))
+        if resting is not start:
             turned = Changes.between(0.0, start.state, resting.state)
             leg.events = Changes.joined(turned, leg.events)
             leg.stops = [(0.0, resting.u), *leg.stops]
-            return leg
-        s0 = zero_crossing(self.system, problem.ends)
-        if s0 is None:
-            return self._pressed_leg(problem)
-        zero = np.zeros_like(a)
-        first = self.trace(problem.piece(start, (a, zero), problem.force_scale, (0.0, s0)))
-        second = self.trace(problem.piece(first.end, (zero, b), first.force_scale, (s0, 1.0)))
-        leg = first.placed(s0)
-        leg.add(second.placed(1.0 - s0, s0))
         return leg
 
     def _from_rest(self, problem: LegProblem) -> Leg:

@@ -18,7 +18,7 @@ import numpy as np
 
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.errors import NoEquilibrium, SolveError
-from receding_fenicsx.interface.equilibrium import Limit
+from receding_fenicsx.interface.equilibrium import RESULTANT, Limit
 from receding_fenicsx.interface.exact.legs import LegProblem
 from receding_fenicsx.interface.exact.segments import EPSILON, Segments, States
 from receding_fenicsx.interface.exact.static import solve_static
@@ -45,9 +45,16 @@ UNLOADING_REFINEMENTS = 16
 displacements before must vanish there, and near-singular bodies gain little in a step."""
 
 
-def carries_nothing(state: ContactState, force_scale: float) -> bool:
-    """Return whether all reactions are round-off."""
-    return float(np.abs(state.r).max(initial=0.0)) <= UNLOADED_FORCE * force_scale
+def carries_nothing(
+    system: ContactSystem, state: ContactState, load: Array, force_scale: float
+) -> bool:
+    """Return whether all contact forces under a load are round-off, also of its resultant."""
+    force = float(np.abs(state.r[~system.held]).max(initial=0.0))
+    none = UNLOADED_FORCE * force_scale
+    if none < force <= 1e5 * none:
+        held = float(np.abs(load @ system.r_star).sum())
+        none = max(reachable(system, state.u, force_scale) * force_scale, 10.0 * RESULTANT * held)
+    return force <= none
 
 
 def is_at_rest(system: ContactSystem, load: Array) -> bool:

@@ -20,7 +20,6 @@ from receding_fenicsx.interface.exact.jumps import add_jump, check_jumps, find_j
 from receding_fenicsx.interface.exact.legs import LegProblem, unchanged
 from receding_fenicsx.interface.exact.path import EventPath
 from receding_fenicsx.interface.exact.rest import (
-    carries_nothing,
     is_at_rest,
     is_closed,
     stops_short,
@@ -81,9 +80,7 @@ class GaussSeidelPath:
 
         NotConverged: a step's sweeps ran out.
         """
-        resting = start
-        if carries_nothing(start, force_scale) and not np.any(ends[0]):
-            resting = at_rest(self.system, start, ends[1])
+        resting = at_rest(self.system, start, ends, force_scale)
         problem = LegProblem(resting, ends, force_scale)
         leg = unchanged(problem)
         leg.events = Changes.between(0.0, start.state, resting.state)

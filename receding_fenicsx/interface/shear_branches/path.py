@@ -19,7 +19,7 @@ from receding_fenicsx.interface.exact.jumps import (
 )
 from receding_fenicsx.interface.exact.legs import LegProblem, evenly_spaced, unchanged
 from receding_fenicsx.interface.exact.path import EventPath
-from receding_fenicsx.interface.exact.rest import carries_nothing, zero_crossing
+from receding_fenicsx.interface.exact.rest import zero_crossing
 from receding_fenicsx.interface.gauss_seidel.sweeps import GaussSeidelOptions
 from receding_fenicsx.interface.law import SEPARATION
 from receding_fenicsx.interface.load_steps.path import GaussSeidelPath
@@ -95,10 +95,10 @@ class BranchedPath:
         leg = Leg(start, np.zeros(self.system.n), force_scale=scale, stops=[(0.0, start.u)])
         s = 0.0
         for target in sorted(targets | {zero_crossing(self.system, ends) or 1.0, 1.0}):
-            unloaded = not np.any(whole.load(s)) and carries_nothing(leg.end, scale)
-            if unloaded and (s == 0.0 or self.sweeps is None):
-                # a body with gaps rolls to where it rests
-                resting = at_rest(self.system, leg.end, ends[1])
+            resting = leg.end
+            if s == 0.0 or self.sweeps is None:
+                resting = at_rest(self.system, leg.end, (whole.load(s), ends[1]), scale)
+            if resting is not leg.end:
                 turned = Changes.between(s, leg.end.state, resting.state)
                 leg.events = Changes.joined(leg.events, turned)
                 leg.stops.append((s, resting.u))

@@ -138,7 +138,7 @@ class UniquenessWatch:
         if not at_rest and not a.any():
             gap = segments.values(start)[n : 2 * n]
             near = system.held[n:] | (gap <= segments.limit[n : 2 * n] * scale)
-            at_rest = bool(near.all()) and carries_nothing(start, scale)
+            at_rest = bool(near.all()) and carries_nothing(system, start, a, scale)
         if at_rest:
             key = start.u.tobytes(), b.tobytes()
             if key not in self._judged:
@@ -153,7 +153,7 @@ class UniquenessWatch:
             state, events, ties = leg.end.state, *[Changes.none()] * 2
         new = self._rates(place, b - a, (state, events, ties))
         free = system.rigid.shape[1] > 0 and bool(b.any())
-        self.floats = free and carries_nothing(leg.end, scale)
+        self.floats = free and carries_nothing(system, leg.end, b, scale)
         if self.floats:  # nothing says where
             self.found = self.found.with_doubt((*place, 1.0), ())
         if new:
