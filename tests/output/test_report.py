@@ -21,8 +21,8 @@ from small import cyclic
 import receding_fenicsx as rf
 from receding_fenicsx.evolution.record_data import Limit, PathUniqueness, Steady
 from receding_fenicsx.interface.branches.choice import Choice
-from receding_fenicsx.output.report.contact import console_table, extremes_of, uniqueness_rows
-from receding_fenicsx.output.report.run import loose_warnings, tell_errors
+from receding_fenicsx.output.report import contact
+from receding_fenicsx.output.report.run import loose_warnings, steady_state, tell_steady
 from receding_fenicsx.output.report.summary import SECTIONS, report_html
 from receding_fenicsx.store.run_folder import write_summary
 
@@ -64,7 +64,7 @@ PICTURES = {
     "figures/slip_per_cycle": "power of N",
     "figures/zones_by_cycle": "all sampled cycles",
     "figures/dissipation_per_cycle": "Dissipation",
-    "figures/dissipation_density": "along the contact edge",
+    "figures/left/dissipation_density": "along the contact edge",
     "figures/hysteresis": "work-conjugate displacements",
     "figures/trajectories": "Paths of single nodes",
     "figures/tractions_last_cycle": "the turning points of the last cycle",
@@ -81,7 +81,7 @@ def test_report_holds_every_picture_over_its_own_words_and_nothing_from_outside(
     shades = {}
     for k, name in enumerate(PICTURES):
         path = tmp_path / f"{name}.png"
-        path.parent.mkdir(exist_ok=True)
+        path.parent.mkdir(parents=True, exist_ok=True)
         # each of a grey of its own; two are as wide as the page
         shades[path.stem] = 20 * k
         size = (2244, 30) if "snapshots" in name or "hysteresis" in name else (1060, 40)
@@ -101,6 +101,7 @@ def test_report_holds_every_picture_over_its_own_words_and_nothing_from_outside(
         with Image.open(io.BytesIO(base64.b64decode(data))) as image:
             pixels = np.asarray(image.convert("L"))
             assert image.format == kind.upper()
+            assert image.width == (1122 if kind == "jpeg" else 2244 if wide else 1060)
         assert np.abs(pixels.astype(int) - shades[name]).max() <= 2, name
         assert words[name] in unescape(caption), name
         assert bool(wide) == (kind == "jpeg" or name == "hysteresis"), name
@@ -114,10 +115,14 @@ def test_report_holds_every_picture_over_its_own_words_and_nothing_from_outside(
     ]
 
 
-def test_round_off_is_no_traction() -> None:
-    point = {"p_max": 2.0e7, "q_min": -1.3e-8, "q_max": 3.0}
-    assert extremes_of(point) == [2.0e7, 0.0, 3.0]
-    assert extremes_of({"p_max": 0.0, "q_min": 0.0, "q_max": 0.0}) == [0.0, 0.0, 0.0]
+def test_numbers_have_five_digits_of_the_largest_on_any_edge_and_no_round_off() -> None:
+    point = {"p_max": 2.0e7, "q_min": -1.3e-8, "q_max": 3.0e-4}
+    assert contact.extremes_of(point) == [2.0e7, 0.0, 3.0e-4]
+    assert contact.extremes_of({"p_max": 0.0, "q_min": 0.0, "q_max": 0.0}) == [0.0, 0.0, 0.0]
+    shown = {0.05: "0.050000", 99.5: "99.5000", 123.456: "123.46", 3e5: "3.0000e+05"}
+    for x, text in shown.items():
+        points = [{"zones": [["stick", -end, 0.0]]} for end in (1e-3, x)]
+        assert f"{x:{contact.length_format({'turning_points': points})}}" == text
 
 
 NUMBER = re.compile(r"(?<![\w.])-?\d+(?:\.\d+)?(?:e[-+]\d+)?(?!\.?\w)")
@@ -213,9 +218,36 @@ def test_console_has_ten_lines_of_100_columns_and_warnings_first(full: bool, war
 def test_the_short_table_has_the_last_cycle_then_the_first_loading_and_the_largest_shear() -> None:
     _, summary = run()
     points = [{**point, "q_min": -0.7531, "q_max": 0.25} for point in summary["turning_points"]]
-    _, *rows = console_table({**summary, "turning_points": points}, 3)
+    _, *rows = contact.console_table({**summary, "turning_points": points}, 3)
     assert [row.split()[0] for row in rows] == ["0", "22", "22"]
     assert all("0.7531" in row for row in rows)
+    # ends of zones are fitted in the first 20 cycles and the last
+    assert {p["cycle"] for p in points if "zone_ends" not in p} == {21}
+    # of several edges all at an instant, or none
+    both = [{**point, "edge": edge} for point in points for edge in ("left", "right")]
+    _, *rows = contact.console_table({**summary, "turning_points": both}, 5)
+    pairs = [("left", "22"), ("right", "22")]
+    assert [tuple(row.split()[:2]) for row in rows] == 2 * pairs
+    # fitted half widths where all are
+    own = [p["contact_half_width"] for p in points[-2:]]
+    for fitted, shown in ((True, [7.0, 7.0]), (False, own)):
+        for k, every in ((-2, True), (-1, fitted)):
+            points[k] |= {"contact_half_width_estimate": {"value": 7.0, "fitted": every}}
+        _, *rows = contact.console_table({**summary, "turning_points": points}, 2)
+        assert [float(row.split()[2]) for row in rows] == pytest.approx(shown, abs=1e-4)
+
+
+@pytest.mark.parametrize("legs", [12, 13])
+def test_of_a_cycle_of_many_legs_the_extremes_of_each_load_and_the_end_are_told(legs: int) -> None:
+    """The load c rests, the last leg of the cycle ends between the extremes of a and b."""
+    a, b = np.sin(1.0 + np.arange(legs)), np.cos(0.5 * np.arange(legs) - 1.0)
+    loads = [{"a": float(x), "b": float(y), "c": 2.0} for x, y in zip(a, b, strict=True)]
+    every = [(c, k, load) for c in (0, 1, 2, 5) for k, load in enumerate(loads)]
+    points = [{"cycle": c, "leg": k, "load": load} for c, k, load in every]
+    told = contact.headline_points({"turning_points": points})
+    kept = {a.argmin(), a.argmax(), b.argmin(), b.argmax(), legs - 1} if legs > 12 else range(legs)
+    expected = [(c, k) for c in (0, 1, 5) for k in sorted(kept)]
+    assert [(point["cycle"], point["leg"]) for point in told] == expected
 
 
 def test_all_sections_of_the_page_are_those_of_the_text() -> None:
@@ -241,8 +273,11 @@ def test_run_without_cycles_or_costs_has_a_report_too() -> None:
 UNSURE = PathUniqueness(False, 1.25, 3, 2, 1, 0.375, np.array([4, 6]), 5, True)
 
 
-def test_every_key_of_the_summary_is_what_the_record_holds() -> None:
+def test_every_key_of_the_summary_is_what_the_record_holds(monkeypatch: pytest.MonkeyPatch) -> None:
     """Of a whole body, a record with made-up numbers that all differ."""
+    nodes = {25: [8, 9, 24], 14: [1, 2, 4, 5, 6], 11: [0, 1, 3]}
+    at_limit: Any = lambda part, _: SimpleNamespace(node=np.array(nodes[len(part.x)]))  # noqa: E731
+    monkeypatch.setattr(contact, "limit_nodes", at_limit)
     found = rf.evolve(models.block_system(24, 6, half=False), cyclic(4))
     slip = np.random.default_rng(1).standard_normal(found.cycles.slip_increment.shape)
     cycles = dataclasses.replace(
@@ -273,7 +308,13 @@ def test_every_key_of_the_summary_is_what_the_record_holds() -> None:
         largest = ends.p[k].max(), ends.q[k].min(), ends.q[k].max()
         assert (point["p_max"], point["q_min"], point["q_max"]) == largest
         assert list(map(tuple, point["zones"])) == rf.zones(found.x, ends.state[k])
-    assert len(points) == 9 and summary.pop("limit_without_slip") is not None
+    x = found.x.tolist()
+    assert len(points) == 9
+    assert summary.pop("limit_without_slip") == [[x[8], x[9]], [x[24], x[24]]]
+    edge = np.repeat([0, 1], [14, 11])
+    several = contact.checks(dataclasses.replace(made, edge=edge, edge_names=("a", "b")))
+    spans = ("a", 1, 2), ("a", 4, 6), ("b", 14, 15), ("b", 17, 17)
+    assert several["limit_without_slip"] == [[x[a], x[b], name] for name, a, b in spans]
     gained = slip[-2:].mean(axis=0)
     assert summary == {
         **numbers,
@@ -305,6 +346,9 @@ def test_every_key_of_the_summary_is_what_the_record_holds() -> None:
         },
         "branch": {"rule": "first", "choices": [vars(choice) for choice in choices]},
     }
+    lost = dataclasses.replace(rf.given(made.limit), reached=False, unique=-1)  # not examined
+    limit = rf.summarise(dataclasses.replace(made, limit=lost))["limit"]
+    assert [limit[key] for key in ("reached", "period", "unique")] == [False, None, None]
     # of half a body
     half = dataclasses.replace(made, half=True, modelled_nodes=13, modelled_dofs=25)
     model = rf.summarise(half)
@@ -314,8 +358,14 @@ def test_every_key_of_the_summary_is_what_the_record_holds() -> None:
     unsure = dataclasses.replace(UNSURE, first_loading=0)
     model = rf.summarise(dataclasses.replace(half, uniqueness=unsure))
     assert model["uniqueness"]["first_loading"] is None
-    head, words = uniqueness_rows(model)[0]
+    head, words = contact.uniqueness_rows(model)[0]
     assert head == "only path from its start" and "among mirror-symmetric paths" in words
+    # a doubt about all nodes together names none
+    nowhere = dataclasses.replace(unsure, nodes=np.array([], dtype=int))
+    model = rf.summarise(dataclasses.replace(half, uniqueness=nowhere))
+    assert dict(contact.uniqueness_rows(model))["first doubt"].startswith(
+        "cycle 2, leg 1, s = 0.375; at most"
+    )
 
 
 def test_a_bolt_that_pushes_has_its_warning_and_a_tight_one_none() -> None:
@@ -344,9 +394,18 @@ def test_no_ratio_is_told_of_a_dissipation_that_is_round_off(
     assert (record.cycles.dissipation[0] > 1e-3) == dissipates
 
 
-def test_the_largest_two_errors_are_told() -> None:
-    numbers = {"stick_left": 0.2, "p_max": 0.1, "D": 0.3}
-    errors = {name: {"value": 1.0, "error": e, "relative": e} for name, e in numbers.items()}
-    assert tell_errors({"errors": errors}).lines == [
-        "largest estimated relative space errors: D 3.0e-01, stick_left 2.0e-01"
-    ]
+def test_the_polygon_of_a_harmonic_history_has_the_last_estimate_and_the_tolerance() -> None:
+    drives = {"p0": rf.Harmonic(1.0, 0.5), "q": rf.Harmonic(0.0, 0.5, 90.0)}
+    loads = (*SCENE.loads, rf.Load("q", "top", traction=(1.0, 0.0)))
+    doubling = np.array([[16, 0.02], [32, 0.004]])
+    for tolerance in (None, 0.01):
+        history = rf.HistoryOptions("harmonic", harmonic=drives, corners=32, tolerance=tolerance)
+        text = rf.to_toml(dataclasses.replace(SCENE, loads=loads, history=history))
+        found = dataclasses.replace(run()[0], scene_toml=text, doubling=doubling)
+        polygon = steady_state(found)["harmonic"]
+        known = {"corners": 32, "error_estimate": 0.004, "tolerance": tolerance or 1e-3}
+        assert polygon == {**known, "doubling": doubling.tolist()}
+    unknown = np.nan, "unknown, the history ended early"
+    for estimate, words in ((0.0, "none, a straight line"), unknown):
+        told = tell_steady({**run()[1], "harmonic": {**polygon, "error_estimate": estimate}})
+        assert told.lines[-1].endswith(f"error of the dissipation per cycle {words}")

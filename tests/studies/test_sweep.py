@@ -301,6 +301,7 @@ def test_a_case_whose_process_dies_is_a_row_and_is_tried_again(
     [
         (["a.b=1,2.5,true"], [1, 2.5, True]),
         (["a.b=0.1:0.3:3"], [0.1, 0.2, 0.3]),
+        (["a.b=0:1:3,1.0:3:3"], [0.0, 0.5, 1.0, 1.0, 2.0, 3.0]),
         (["a.b=10:30:3, 99"], [10, 20, 30, 99]),  # alone TOML would read a time of day
         (["a.b=[-1.0, 1.0],[0.0, 2.0]"], [[-1.0, 1.0], [0.0, 2.0]]),
         (['a.b={file = "gap.csv"}, "0.1*max(x, 0)"'], [{"file": "gap.csv"}, "0.1*max(x, 0)"]),
