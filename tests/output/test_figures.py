@@ -25,6 +25,7 @@ from receding_fenicsx.output.plots.series import fitted_cycles, slip_lines
 from receding_fenicsx.output.plots.zone_map import timelines_of, zone_map
 from receding_fenicsx.output.report.summary import report_html
 from receding_fenicsx.scene.history import leg_number
+from receding_fenicsx.studies.sweep import measure_record
 
 pytestmark = pytest.mark.one_rank
 
@@ -287,6 +288,9 @@ def test_files_captions_and_tables_of_two_edges_are_what_is_known(
     page = report_html(summary, "", [path for path in made if path.suffix == ".png"])
     captions = re.findall(r"<figcaption>(.*?)</figcaption>", page)
     texts = rf.run_table(summary, everything=True), rf.run_table(summary)
+    last = zip(2 * ["minimum"] + 2 * ["maximum"], summary["turning_points"][-4:], strict=True)
+    known = {f"p_max_at_{load}.{point['edge']}": point["p_max"] for load, point in last}
+    assert known.items() <= measure_record(record).items() and len(known) == 4
     files = [str(path.relative_to(tmp_path)) for path in made]
     check_words([*files, *captions, *"\n".join(texts).splitlines()], REPORTS / "edges.txt")
 

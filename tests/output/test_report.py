@@ -226,8 +226,7 @@ def test_the_short_table_has_the_last_cycle_then_the_first_loading_and_the_large
     # of several edges all at an instant, or none
     both = [{**point, "edge": edge} for point in points for edge in ("left", "right")]
     _, *rows = contact.console_table({**summary, "turning_points": both}, 5)
-    pairs = [("left", "22"), ("right", "22")]
-    assert [tuple(row.split()[:2]) for row in rows] == 2 * pairs
+    assert [row.split()[:2] for row in rows] == 2 * [["left", "22"], ["right", "22"]]
     # fitted half widths where all are
     own = [p["contact_half_width"] for p in points[-2:]]
     for fitted, shown in ((True, [7.0, 7.0]), (False, own)):
@@ -244,10 +243,9 @@ def test_of_a_cycle_of_many_legs_the_extremes_of_each_load_and_the_end_are_told(
     loads = [{"a": float(x), "b": float(y), "c": 2.0} for x, y in zip(a, b, strict=True)]
     every = [(c, k, load) for c in (0, 1, 2, 5) for k, load in enumerate(loads)]
     points = [{"cycle": c, "leg": k, "load": load} for c, k, load in every]
-    told = contact.headline_points({"turning_points": points})
+    told = [(p["cycle"], p["leg"]) for p in contact.headline_points({"turning_points": points})]
     kept = {a.argmin(), a.argmax(), b.argmin(), b.argmax(), legs - 1} if legs > 12 else range(legs)
-    expected = [(c, k) for c in (0, 1, 5) for k in sorted(kept)]
-    assert [(point["cycle"], point["leg"]) for point in told] == expected
+    assert told == [(c, k) for c in (0, 1, 5) for k in sorted(kept)]
 
 
 def test_all_sections_of_the_page_are_those_of_the_text() -> None:
@@ -309,8 +307,7 @@ def test_every_key_of_the_summary_is_what_the_record_holds(monkeypatch: pytest.M
         assert (point["p_max"], point["q_min"], point["q_max"]) == largest
         assert list(map(tuple, point["zones"])) == rf.zones(found.x, ends.state[k])
     x = found.x.tolist()
-    assert len(points) == 9
-    assert summary.pop("limit_without_slip") == [[x[8], x[9]], [x[24], x[24]]]
+    assert (len(points), summary.pop("limit_without_slip")) == (9, [x[8:10], 2 * x[24:]])
     edge = np.repeat([0, 1], [14, 11])
     several = contact.checks(dataclasses.replace(made, edge=edge, edge_names=("a", "b")))
     spans = ("a", 1, 2), ("a", 4, 6), ("b", 14, 15), ("b", 17, 17)
@@ -360,12 +357,6 @@ def test_every_key_of_the_summary_is_what_the_record_holds(monkeypatch: pytest.M
     assert model["uniqueness"]["first_loading"] is None
     head, words = contact.uniqueness_rows(model)[0]
     assert head == "only path from its start" and "among mirror-symmetric paths" in words
-    # a doubt about all nodes together names none
-    nowhere = dataclasses.replace(unsure, nodes=np.array([], dtype=int))
-    model = rf.summarise(dataclasses.replace(half, uniqueness=nowhere))
-    assert dict(contact.uniqueness_rows(model))["first doubt"].startswith(
-        "cycle 2, leg 1, s = 0.375; at most"
-    )
 
 
 def test_a_bolt_that_pushes_has_its_warning_and_a_tight_one_none() -> None:
@@ -405,7 +396,6 @@ def test_the_polygon_of_a_harmonic_history_has_the_last_estimate_and_the_toleran
         polygon = steady_state(found)["harmonic"]
         known = {"corners": 32, "error_estimate": 0.004, "tolerance": tolerance or 1e-3}
         assert polygon == {**known, "doubling": doubling.tolist()}
-    unknown = np.nan, "unknown, the history ended early"
-    for estimate, words in ((0.0, "none, a straight line"), unknown):
+    for estimate, words in ((0.0, "none, a straight line"), (np.nan, "unknown, the history")):
         told = tell_steady({**run()[1], "harmonic": {**polygon, "error_estimate": estimate}})
-        assert told.lines[-1].endswith(f"error of the dissipation per cycle {words}")
+        assert f"error of the dissipation per cycle {words}" in told.lines[-1]

@@ -123,7 +123,7 @@ def test_pictures_are_in_the_units_of_the_scene() -> None:
 
 @pytest.mark.one_rank
 @pytest.mark.parametrize("axisymmetric", [True, False])
-def test_a_platen_has_the_arrows_of_its_mean_pressure(axisymmetric: bool) -> None:
+def test_arrows_of_all_kinds_of_loads_are_what_acts_in_a_section_too(axisymmetric: bool) -> None:
     width, force = 3.0, 7.0
     area = np.pi * (0.5 * width) ** 2 if axisymmetric else width
     scene = rf.Scene(
@@ -132,11 +132,17 @@ def test_a_platen_has_the_arrows_of_its_mean_pressure(axisymmetric: bool) -> Non
         loads=(
             rf.Load("F", "top", platen=True, force=(0.0, -force)),
             rf.Load("p", "top", pressure=force / area),
+            rf.Load("s", "top", traction=("x", 0.0)),
+            rf.Load("g", "top", pressure="2 + x"),
         ),
     )
-    (at, _, platen), (there, _, pressure) = (_traction(scene, load, 0.3) for load in scene.loads)
-    assert np.array_equal(at, there) and platen == pytest.approx(pressure)
-    assert pressure[:, 1] == pytest.approx(-force / area)
+    x = np.linspace(-0.5 * width, 0.5 * width, 11)
+    none, away = 0.0 * x, np.abs(x) if axisymmetric else x
+    sizes = none + force / area, none + force / area, none, 2.0 + away
+    for load, p, q in zip(scene.loads, sizes, (none, none, x, none), strict=True):
+        at, _, found = _traction(scene, load, 0.3)
+        assert at == pytest.approx(np.stack([x, 1.0 + none], axis=1))
+        assert found == pytest.approx(np.stack([q, -p], axis=1))
 
 
 @pytest.mark.one_rank
