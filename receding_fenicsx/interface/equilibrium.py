@@ -73,6 +73,11 @@ def is_balanced(system: ContactSystem, load: Array, end: ContactState) -> bool:
     return carried <= RESULTANT * float(np.abs(end.r).sum() + np.abs(elastic).sum())
 
 
+def of_round_off(system: ContactSystem, load: Array) -> float:
+    """Return the contact force that the round-off of the resultant of loads may leave."""
+    return 10.0 * RESULTANT * float(np.abs(load @ system.r_star).sum())
+
+
 def _reach(system: ContactSystem, a: Array, b: Array, bounded: bool = True) -> float:
     """Return the largest s in [0, 1] with balancing reactions."""
     n, R = system.n, system.rigid

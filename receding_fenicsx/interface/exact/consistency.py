@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.errors import SolveError
-from receding_fenicsx.interface.equilibrium import Limit
+from receding_fenicsx.interface.equilibrium import Limit, of_round_off
 from receding_fenicsx.interface.exact.free_motions import middle
 from receding_fenicsx.interface.exact.jumps import explain
 from receding_fenicsx.interface.exact.legs import PathPoint
@@ -124,13 +124,13 @@ class ConsistentStates:
         return segment
 
     def _without_pressure(self) -> NDArray[np.bool_]:
-        """Return the nodes whose pressure is no more than the residual that is accepted."""
+        """Return the nodes whose pressure is round-off, or the residual that is accepted."""
         segments, (A, B) = self.segments, self.point.y.reshape(4, -1)[2:]
         opening = np.where(segments.frictional, segments.friction.opening(np.ones(len(A))), 1.0)
         P = (A + np.where(segments.frictional, B, 0.0)) / opening
-        return (segments.frictional | segments.smooth) & (
-            P <= ACCEPTED_RESIDUAL * self.point.problem.force_scale
-        )
+        none = ACCEPTED_RESIDUAL * self.point.problem.force_scale
+        none = max(none, of_round_off(segments.system, self.point.load))
+        return (segments.frictional | segments.smooth) & (P <= none)
 
     def _widen_limits(self, before: States) -> bool:
         """Count nodes as on a limit up to larger distances; return whether more of them are.

@@ -18,7 +18,7 @@ import numpy as np
 
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.errors import NoEquilibrium, SolveError
-from receding_fenicsx.interface.equilibrium import RESULTANT, Limit
+from receding_fenicsx.interface.equilibrium import Limit, of_round_off
 from receding_fenicsx.interface.exact.legs import LegProblem
 from receding_fenicsx.interface.exact.segments import EPSILON, Segments, States
 from receding_fenicsx.interface.exact.static import solve_static
@@ -52,8 +52,8 @@ def carries_nothing(
     force = float(np.abs(state.r[~system.held]).max(initial=0.0))
     none = UNLOADED_FORCE * force_scale
     if none < force <= 1e5 * none:
-        held = float(np.abs(load @ system.r_star).sum())
-        none = max(reachable(system, state.u, force_scale) * force_scale, 10.0 * RESULTANT * held)
+        of_u = reachable(system, state.u, force_scale) * force_scale
+        none = max(of_u, of_round_off(system, load))
     return force <= none
 
 
