@@ -124,25 +124,25 @@ def test_pictures_are_in_the_units_of_the_scene() -> None:
 @pytest.mark.one_rank
 @pytest.mark.parametrize("axisymmetric", [True, False])
 def test_arrows_of_all_kinds_of_loads_are_what_acts_in_a_section_too(axisymmetric: bool) -> None:
-    width, force = 3.0, 7.0
-    area = np.pi * (0.5 * width) ** 2 if axisymmetric else width
+    area = np.pi * 1.5**2 if axisymmetric else 3.0
     scene = rf.Scene(
-        body=rf.Body(width=width, height=1.0),
+        body=rf.Body(width=3.0, height=1.0),
         material=rf.Material(kinematics="axisymmetric" if axisymmetric else "plane strain"),
         loads=(
-            rf.Load("F", "top", platen=True, force=(0.0, -force)),
-            rf.Load("p", "top", pressure=force / area),
+            rf.Load("F", "top", platen=True, force=(0.0, -7.0)),
+            rf.Load("p", "top", pressure=7.0 / area),
             rf.Load("s", "top", traction=("x", 0.0)),
             rf.Load("g", "top", pressure="2 + x"),
         ),
     )
-    x = np.linspace(-0.5 * width, 0.5 * width, 11)
-    none, away = 0.0 * x, np.abs(x) if axisymmetric else x
-    sizes = none + force / area, none + force / area, none, 2.0 + away
-    for load, p, q in zip(scene.loads, sizes, (none, none, x, none), strict=True):
+    moved = rf.Load("m", "top", (-0.5, 0.5), pressure="2 + x", travel=(1.25,))
+    x, there = np.linspace(-1.5, 1.5, 11), np.linspace(0.75, 1.5, 4)
+    mean, away = 0.0 * x + 7.0 / area, np.abs if axisymmetric else np.positive
+    sizes = mean, mean, 0.0 * x, 2.0 + away(x), 2.0 + away(there - 1.25)
+    for load, r, p in zip((*scene.loads, moved), (x, x, x, x, there), sizes, strict=True):
+        q = r * (load.name == "s")
         at, _, found = _traction(scene, load, 0.3)
-        assert at == pytest.approx(np.stack([x, 1.0 + none], axis=1))
-        assert found == pytest.approx(np.stack([q, -p], axis=1))
+        assert np.hstack([at, found]) == pytest.approx(np.stack([r, 1.0 + 0.0 * r, q, -p], axis=1))
 
 
 @pytest.mark.one_rank
