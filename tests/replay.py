@@ -237,6 +237,11 @@ def _check_places(run: Replay) -> None:
             if not np.all((apart <= 8 * EPS * np.abs(line).max()) & (s >= 0.0) & (s <= 1.0)):
                 place = f"cycle {cycle}, leg {leg}"
                 run.object(place, f"a load of the {name} is not the history's")
+    samples = record.samples
+    sampled = np.stack([samples.cycle, samples.leg], axis=1)
+    counts = np.unique(sampled, axis=0, return_counts=True)[1]
+    if len(set(counts.tolist())) > 1:
+        run.object("record", "some sampled legs have more samples than others")
     legs = [(0, leg) for leg in range(len(history.path) - 1)]
     loop = range(len(history.loop) - 1)
     legs += [(cycle, leg) for cycle in range(1, history.cycles + 1) for leg in loop]

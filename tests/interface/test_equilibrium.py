@@ -36,6 +36,8 @@ COUPLE[[N, 2 * N - 1]] = -1.0, 1.0
     [
         (PUSH, 0.35 * DOWN, "gross sliding"),
         (-PUSH, 0.2 * DOWN, "gross sliding"),
+        # it would tip further on
+        (PUSH + 1.3 * COUPLE, 0.35 * DOWN, "gross sliding"),
         (PULL, DOWN, "lift-off"),
         # the couple 4 m moves the centre of pressure to the end of the contact, 2 from the middle
         (COUPLE, DOWN * 2.0 / 4.0, "overturning"),
