@@ -98,6 +98,12 @@ def test_ends_of_stick_zones_that_shrink_and_that_grow_are_in_their_intervals(
         assert found.fitted and found.low < c < found.high
         assert found.low <= found.value <= found.high
         assert abs(found.value - c) < 0.07 * (x[1] - x[0])
+        # its mirror image, with more friction against slip the other way
+        states = np.where(at.state == FORWARD, BACKWARD, at.state)[::-1]
+        law = friction_of(np.full(len(x), 0.9), np.full(len(x), 0.4))
+        image = Tractions(x, at.weight[::-1], at.P[::-1], -at.Q[::-1], states, law, at.beta)
+        left = zone_end(image, int(np.flatnonzero(states == STICK)[0]), -1)
+        assert left.fitted and left.value == pytest.approx(-found.value, abs=1e-9)
 
 
 @pytest.mark.parametrize("degree", [1, 2])

@@ -40,6 +40,7 @@ def test_only_a_zone_around_the_middle_has_a_half_width(states: str, half: float
     x, expected = np.arange(-3.0, 4.0), pytest.approx(half, nan_ok=True)
     assert rf.stick_half_width(x, coded(states)) == expected
     assert rf.contact_half_width(x, coded(states.replace("F", "O"))) == expected
+    assert np.isnan(rf.contact_half_width(x, coded("SOSSSOS")))
     # without friction nothing sticks
     assert rf.stick_half_width(x, coded(states), np.zeros(7)) == 0.0
     alone = rf.stick_half_width(x, coded(states), 0.3 * (x == 0.0))
