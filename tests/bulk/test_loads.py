@@ -183,11 +183,13 @@ def test_unit_loads_have_resultant_and_moment_of_the_load_at_their_positions(
 ) -> None:
     """Wherever their ends and the kinks of a table lie between the vertices."""
     wheel = replace(WHEEL, pressure=pressure, travel=(-1.0, 1.13), steps=7)
-    system = rf.condense(strip(wheel), comm)
+    rests = rf.Load("rests", "top", WHEEL.span, pressure=pressure)
+    history = replace(TRAVEL, constant={"weight": 1.0, "rests": 1.0})
+    system = rf.condense(strip(wheel, rests, history=history), comm)
     if system is None:
         return
-    assert system.load_names == ("weight", *(f"wheel {k}" for k in range(8)))
-    for k, s in enumerate(np.linspace(-1.0, 1.13, 8)):
+    assert system.load_names == ("weight", *(f"wheel {k}" for k in range(8)), "rests")
+    for k, s in enumerate([*np.linspace(-1.0, 1.13, 8), 0.0]):
         tangential, normal = np.split(system.r_star[1 + k], 2)
         assert normal.sum() == pytest.approx(size, rel=1e-12)
         assert tangential.sum() == pytest.approx(0.0, abs=1e-12)

@@ -144,6 +144,10 @@ def test_forms_of_stretched_bodies_end_where_they_no_longer_hold() -> None:
     large = closed_forms.CattaneoMindlin(hertz, f=0.5, largest=0.3, tension=3.0)
     with pytest.raises(ValueError, match="does not slip"):
         large.traction(0.0, 0.3, "loading")
+    # the middle of the stick zone, 0.68 a, lies within the contact, its end does not
+    beside = closed_forms.CattaneoMindlin(hertz, f=0.5, largest=0.3, tension=0.8)
+    with pytest.raises(ValueError, match="does not slip"):
+        beside.middle(0.3, "loading")
 
 
 # -- layers ----------------------------------------------------------------------------------------
