@@ -5,11 +5,13 @@ from pathlib import Path
 
 from mpi4py import MPI
 
+import numpy as np
 import pytest
 from bodies import block
 
 import receding_fenicsx as rf
 from receding_fenicsx import cli
+from receding_fenicsx.studies.starts import SteadyStates, starts_summary
 
 SCENE = rf.to_toml(block(elements=8, history=rf.HistoryOptions(cycles=200, until="limit")))
 COMM = MPI.COMM_WORLD
@@ -76,3 +78,15 @@ def test_a_run_that_its_limit_has_ended_is_not_played_again(
     COMM.Barrier()
     record = rf.read_record(out / "record.h5")
     assert record.limit is None and len(record.cycles.dissipation) == 3
+
+
+def test_each_arrangement_has_the_zones_of_a_start_that_came_to_it() -> None:
+    state = np.array([[3, 1, 2], [3, 1, 2], [1, 1, 2]], dtype=np.int8)
+    D, cycles = np.ones(3), np.full(3, 9)
+    named = ("a", "b", "c"), np.zeros((3, 3)), D, ("cyclic slip",) * 3
+    states = SteadyStates(np.arange(3.0), *named, state, cycles, {})
+    assert starts_summary(states)["zones"] == [
+        {"starts": 1, "zones": states.zones(2)},
+        {"starts": 2, "zones": states.zones(0)},
+    ]
+    assert states.zones(2) == [("stick", 0.0, 1.5), ("separation", 1.5, 2.0)]
