@@ -79,6 +79,12 @@ def test_a_boundary_of_zones_begins_wherever_a_node_changes_its_state() -> None:
     begins = {tuple(point) for line in drawn.boundaries.tolist() for point in line}
     lines = zip(found.x.tolist(), drawn.timelines, strict=True)
     assert {(x, s) for x, line in lines for s in line.s[1:-1].tolist()} <= begins
+    # nodes 3 to 5 begin to slip at the turning point between both legs
+    state[:] = 1
+    state[(table.cycle == 9) & (table.leg == 1), 3:6] = 3
+    drawn = zone_map(replace(found, samples=replace(table, state=state)), 9)
+    left, right = 0.5 * (found.x[2] + found.x[3]), 0.5 * (found.x[5] + found.x[6])
+    assert [[left, 1.0], [right, 1.0]] in drawn.boundaries.tolist()
 
 
 def test_slip_lines_find_the_power_that_the_slip_follows() -> None:
