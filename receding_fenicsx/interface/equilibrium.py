@@ -17,12 +17,10 @@ import scipy.optimize
 
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.interface.system import ContactState, ContactSystem
+from receding_fenicsx.interface.tolerances import RESULTANT
 
 SHORT = 1e-10
 """Part of the leg by which it has to fall short for its end to be called out of reach."""
-
-RESULTANT = 1e-13
-"""Resultant along a rigid motion, over the sum of all held reactions, that is none."""
 
 
 class Limit(NamedTuple):

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from receding_fenicsx.arrays import Array, brief, described
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.interface.law import Friction, friction_of
-from receding_fenicsx.interface.tolerances import NO_STIFFNESS, RIGID_TOLERANCE
+from receding_fenicsx.interface.tolerances import NO_STIFFNESS, RESULTANT, RIGID_TOLERANCE
 
 
 @dataclass(frozen=True)
@@ -444,6 +444,12 @@ def eliminate_tangential(system: ContactSystem) -> ContactSystem:
     r_star = system.r_star[:, n:] + by_slip
     # free expansion is not felt but for its round-off
     r_star[np.abs(r_star) <= 1e-12 * np.abs(by_slip).max(axis=1, keepdims=True)] = 0.0
+    # the resultants stay, those of round-off vanish
+    resultant = system.r_star @ system.rigid
+    held = np.abs(system.r_star).sum(axis=1, keepdims=True)
+    resultant[np.abs(resultant) <= RESULTANT * held] = 0.0
+    normal = system.rigid[n:]
+    r_star += (resultant - r_star @ normal) @ np.linalg.pinv(normal)
     compliance = system.load_compliance
     if compliance.size:
         # the loads also move through the slip that they cause by themselves

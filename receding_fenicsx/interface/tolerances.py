@@ -50,6 +50,9 @@ NO_STIFFNESS = 1e-11
 RIGID_TOLERANCE = 1e-8
 """Distance from a unit rigid motion within which a motion of the contact is rigid."""
 
+RESULTANT = 1e-13
+"""Resultant along a rigid motion, over the sum of all held reactions, that is none."""
+
 TOO_FAR = 1e10
 """Displacement along a rigid motion, as a force over the largest nodal force, beyond which the
 round-off of a stiffness that vanishes carries the loads, and nothing else does."""

@@ -16,11 +16,10 @@ import scipy.optimize
 from numpy.typing import NDArray
 
 from receding_fenicsx.arrays import Array
-from receding_fenicsx.interface.equilibrium import RESULTANT
 from receding_fenicsx.interface.exact.rest import carries_nothing
 from receding_fenicsx.interface.law import State
 from receding_fenicsx.interface.system import ContactState, ContactSystem, has_rigid
-from receding_fenicsx.interface.tolerances import RIGID_TOLERANCE
+from receding_fenicsx.interface.tolerances import RESULTANT, RIGID_TOLERANCE
 
 GAP_TOLERANCE = 1e-10
 """Gap, over the largest one, up to which a node touches."""
