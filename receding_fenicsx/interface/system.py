@@ -448,8 +448,10 @@ def eliminate_tangential(system: ContactSystem) -> ContactSystem:
     resultant = system.r_star @ system.rigid
     held = np.abs(system.r_star).sum(axis=1, keepdims=True)
     resultant[np.abs(resultant) <= RESULTANT * held] = 0.0
-    normal = system.rigid[n:]
-    r_star += (resultant - r_star @ normal) @ np.linalg.pinv(normal)
+    lift, size, turn = np.linalg.svd(system.rigid[n:], full_matrices=False)
+    felt = size > RIGID_TOLERANCE  # motions along the contact have normal parts of round-off
+    missing = (resultant - r_star @ system.rigid[n:]) @ turn[felt].T / size[felt]
+    r_star += missing @ lift[:, felt].T
     compliance = system.load_compliance
     if compliance.size:
         # the loads also move through the slip that they cause by themselves
