@@ -114,7 +114,8 @@ class Replay:
     def rounded(self, leg: Leg, here: States, force: Array, way: Array) -> float:
         """Return the first-order round-off of the work of reactions (2N,) on a way (2N,)."""
         reach = here.reach(here.row_errors(leg.noise))
-        return float((np.abs(force) + leg.noise) @ reach + leg.noise @ np.abs(way))
+        # both ends of the way may be off
+        return float(2.0 * (np.abs(force) + leg.noise) @ reach + leg.noise @ np.abs(way))
 
     def object(self, place: str, what: str, size: float = 0.0, allowed: float = 0.0) -> None:
         """Note a contradiction."""

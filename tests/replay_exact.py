@@ -156,7 +156,7 @@ def _choose_branches(run: Replay, leg: Leg, s: float, now: Array, u: Array) -> N
     way = np.array(leg.ends[1] - leg.ends[0], np.longdouble)
     for choice in product((False, True), repeat=min(len(tied), 8)):
         body.capped = above > 0.0
-        body.capped[tied[: len(choice)]] = choice
+        body.capped[tied] = np.resize(choice, len(tied))  # equal nodes take equal branches
         du = body.states(now).rates(way)
         slope = np.where(slip > 0.0, body.f, body.f_backward)[tied]
         rate = slope * (way @ body.r_star + body.K @ du)[n:][tied].astype(float)
@@ -469,7 +469,10 @@ def _jump(
         if not seen:
             return None
         v_ref[i] = seen[0][1].v[seen[0][2]][i]
-    load = leg.load(s)
+    load, way = leg.load(s), leg.ends[1] - leg.ends[0]
+    if s_held == s:  # laws do not tell its place: slips go on up to there or not
+        slip = body.states(old).rates(way.astype(np.longdouble))[:n]
+        totals.misfit += JUMP_STEP * float(np.abs(body.reactions(load, u)[:n] * slip).sum())
     before_it, slipping = body.capped & (here.sign != 0.0), np.flatnonzero(here.sign)[:8]
     kept_or_other = product((False, True), repeat=len(slipping)) if body.branched else ()
     for choice in (before_it[slipping], *kept_or_other):  # the branches are those behind the jump
@@ -491,7 +494,7 @@ def _jump(
     totals.released -= 0.5 * float(change @ body.K @ (after + u)) + work
     totals.work += work
     # it is solved for just beyond its place
-    totals.unsure += JUMP_STEP * abs(float((leg.ends[1] - leg.ends[0]) @ body.r_star @ change))
+    totals.unsure += JUMP_STEP * abs(float(way @ body.r_star @ change))
     if not np.any(np.abs(change) > _own_round_off(run, leg, here, load, u)):
         # a node may reach its limit and stick where another one lands
         totals.hidden += 1
