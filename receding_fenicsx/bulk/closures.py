@@ -210,11 +210,10 @@ def driven_gaps(scene: Scene, contact: ContactPoints) -> Array:
                 # parts of one load that meet have one value there
                 gaps[names.index(load.name), inside] = gap
         if part.interference is not None:
-            depth = evaluate_checked(
-                part.interference, contact.x[on], None, "[contact] interference"
-            )
+            where = f"{scene.joint_labels[k]} interference"
+            depth = evaluate_checked(part.interference, contact.x[on], None, where)
             if depth.min() < 0.0:
-                raise InputError("[contact] interference: is negative; give a depth, or remove it")
+                raise InputError(f"{where}: is negative; give a depth, or remove it")
             gaps[-1, on] = -depth
     driven = {load.name: f"{load.label} gap" for load in scene.loads if load.gap is not None}
     if INTERFERENCE in scene.preloads:
