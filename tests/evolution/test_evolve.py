@@ -1,6 +1,8 @@
+import tomllib
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import product
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -28,6 +30,7 @@ pytestmark = pytest.mark.one_rank
 
 BLOCK = block_system(40, 20)
 STEPS = SolverOptions(method="gauss-seidel", steps_per_leg=2)
+ENDS = tomllib.loads(Path(__file__).with_name("ends.toml").read_text())["end"]
 
 
 def kept_cycles(record: Record) -> list[int]:
@@ -117,6 +120,21 @@ def test_the_options_of_a_method_reach_it_beside_a_shear_limit_too(method: str) 
         every = options, loose, slow, replace(slow, over_relaxation=1.0)
         sweeps = [evolve(three, path, some).sweeps for some in every]
         assert len(set(sweeps)) == 4 and sweeps[0] < sweeps[1] < min(sweeps[2:])
+
+
+@pytest.mark.parametrize("end", ENDS)
+def test_a_path_that_ends_tells_by_a_whole_message_why_and_where(end: dict[str, Any]) -> None:
+    system = small_system(
+        end["K"], end["loads"], end.get("f", 0.5), end.get("gap", 0.0), end.get("rigid", ())
+    )
+    if "backward" in end:
+        system = replace(system, f_backward=np.full(system.n, end["backward"]))
+    history = table(system, end["path"], end.get("loop", ()), 1)
+    for method in end.get("methods", ["events"]):
+        solver = SolverOptions(method=method, steps_per_leg=3, on_jump=end.get("on_jump", "stop"))
+        with pytest.raises((InputError, SolveError)) as caught:
+            evolve(system, history, solver, initial_slip=end.get("slip"))
+        assert str(caught.value) == end["told"], method
 
 
 @pytest.mark.parametrize("method", ["events", "gauss-seidel"])

@@ -117,6 +117,22 @@ def test_a_bond_forms_in_contact_and_breaks_without_shear_alone() -> None:
         assert record.released == pytest.approx(0.045, rel=1e-6)
 
 
+@pytest.mark.parametrize("number", [1, 4])
+@pytest.mark.parametrize(("cohesion", "D"), [(None, 0.125), (0.25, 0.15625)])
+def test_the_slip_of_a_load_step_counts_from_where_a_node_lands(
+    number: int, cohesion: float | None, D: float
+) -> None:
+    """Landed at v = -1, lambda = 1; it slips back to v = (lambda - 1) / 2 + c - lambda."""
+    system = branched(replace(ONE, g0=np.ones(1)), cohesion, None)
+    record = rf.evolve(
+        system,
+        table(system, [[0, 0], [2, 2]]),
+        rf.SolverOptions(method="gauss-seidel", steps_per_leg=number),
+    )
+    assert record.turning_points.v[-1, 0] == pytest.approx(-1.5 + (cohesion or 0.0), rel=1e-12)
+    assert record.dissipation_first_loading == pytest.approx(D, rel=1e-12)
+
+
 def test_tractions_of_a_block_keep_the_shear_limit_and_zones_end_at_nodes() -> None:
     changes = ["mesh.contact_elements=24", "history.cycles=2", "output.samples_per_leg=3"]
     half = rf.given(rf.run(rf.read_scene(BLOCK, [*changes, "contact.shear_limit=0.2 - 0.02*x**2"])))

@@ -9,6 +9,7 @@ from small import small_system, table
 from receding_fenicsx.errors import NoEquilibrium, NoQuasiStaticContinuation
 from receding_fenicsx.evolution.evolve import evolve
 from receding_fenicsx.interface.law import State
+from receding_fenicsx.interface.system import ContactSystem
 from receding_fenicsx.scene.model import SolverOptions
 
 
@@ -20,24 +21,34 @@ def steps(number: int, on_jump: str = "stop") -> SolverOptions:
 # it can neither stick nor slip, since f K_tn > K_tt. It opens: u = -K^-1 r, which releases
 # r K^-1 r / 2 = 32 / 211.75.
 LEVER = small_system([[2.0, 1.5], [1.5, 2.0]], {"a": [1, 1], "b": [0, -1]}, 2.0)
-PATH = table(LEVER, [[0, 0], [1, 0], [0.25, 1]])
+# The same with its mirror image, joined so that both may slide along the plane: one limit each.
+JOINED = small_system(
+    [[1, -1, 0.75, 0.75], [-1, 1, -0.75, -0.75], [0.75, -0.75, 2, 0], [0.75, -0.75, 0, 2]],
+    {"a": [1, -1, 1, 1], "b": [0, 0, -1, -1]},
+    2.0,
+    rigid=[[1, 1, 0, 0]],
+)
 
 
 @pytest.mark.parametrize("number", [1, 3, 40, 160])
-def test_load_steps_stop_where_the_path_ends_or_jump_there(number: int) -> None:
+@pytest.mark.parametrize("lever", [LEVER, JOINED])
+def test_load_steps_stop_where_the_path_ends_or_jump_there(
+    lever: ContactSystem, number: int
+) -> None:
+    path, n = table(lever, [[0, 0], [1, 0], [0.25, 1]]), lever.n
     with pytest.raises(NoQuasiStaticContinuation) as caught:
-        evolve(LEVER, PATH, steps(number))
+        evolve(lever, path, steps(number))
     place = re.search(
-        r"^cycle 0, leg 1: .* \(s = (\S+) of the leg\): .*nodes \[0\]", str(caught.value)
+        r"^cycle 0, leg 1: .* \(s = (\S+) of the leg\): .*nodes \[0.*\]", str(caught.value)
     )
     assert place is not None and float(place[1]) == pytest.approx(4 / 11, abs=1e-8)
     turning = caught.value.record.turning_points  # type: ignore[attr-defined]
-    assert turning.state.tolist() == [[State.STICK]]
+    assert turning.state.tolist() == [[State.STICK] * n]
     # or they count the jump and its energy
-    record = evolve(LEVER, PATH, steps(number, "static"))
+    record = evolve(lever, path, steps(number, "static"))
     assert record.jumps == 1
-    assert record.released == pytest.approx(32 / 211.75, rel=1e-6)
-    assert record.turning_points.state.tolist() == [[State.STICK], [State.SEPARATION]]
+    assert record.released == pytest.approx(n * 32 / 211.75, rel=1e-6)
+    assert record.turning_points.state.tolist() == [[State.STICK] * n, [State.SEPARATION] * n]
     # nothing slips: with what is released the energy is whole
     assert record.dissipation_first_loading == 0.0 and record.energy_error_max <= 1e-12
 
