@@ -104,16 +104,8 @@ class Bulk(Discretisation):
                 )
             K *= self.young
             r_star = contact.to_local(given(held)).T.copy()
-            return CondensedBody(
-                K,
-                r_star,
-                compliance / self.young,
-                sign,
-                contact.held,
-                self.driven,
-                contact.modes,
-                contact.constraints,
-            )
+            more = contact.held, self.driven, contact.modes, contact.constraints
+            return CondensedBody(K, r_star, compliance / self.young, sign, *more)
 
         return on_root(self.comm, checked)
 

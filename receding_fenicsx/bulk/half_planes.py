@@ -185,12 +185,8 @@ def half_plane_of(
     first: Bulk | HalfPlane | None = None,
 ) -> HalfPlane:
     """Return a half-plane with its contact nodes; as the second body it has those of the first."""
-    young, poisson, kinematics = (
-        scene.material.young,
-        scene.material.poisson,
-        scene.material.kinematics,
-    )
-    material = plane_material(young, poisson, kinematics == "plane stress")
+    m = scene.material
+    material = plane_material(m.young, m.poisson, m.kinematics == "plane stress")
     far = _far_field(scene, names, material)
     if first is None:
         contact = own_nodes(scene)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import hashlib
+import re
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -77,13 +78,33 @@ def digest(scene: Scene) -> str:
     """Return the SHA-256 of the data that determine the condensed system, mesh files included."""
     half = is_half_meshed(scene if scene.others else part_of(scene, scene.body))
     found = hashlib.sha256(f"{half}\n{to_toml(condensed_part(scene))}".encode())
-    for body in scene.bodies:
-        if body.mesh is not None:
-            try:
-                found.update(Path(body.mesh).read_bytes())
-            except OSError:
-                raise InputError(f'[body] mesh: "{body.mesh}": no such file') from None
+    for body in (body for body in scene.bodies if body.mesh is not None):
+        files = mesh_files(Path(str(body.mesh)))
+        if not files:
+            raise InputError(f'[body] mesh: "{body.mesh}": no such file')
+        for file in files:
+            found.update(file.read_bytes())
     return found.hexdigest()
+
+
+def mesh_files(path: Path) -> list[Path]:
+    """Return a mesh file and the files that it includes, those that there are, each once."""
+    found, todo = list[Path](), [path]
+    while todo:
+        file = todo.pop()
+        if file in found or not file.is_file():
+            continue
+        found.append(file)
+        if file.suffix == ".geo":
+            names = re.findall(r'(?:Include|Merge)\s*"([^"]+)"', geo_text(file))
+            todo += [(file.parent / name).resolve() for name in names]
+    return found
+
+
+def geo_text(path: Path) -> str:
+    """Return the text of a .geo file without comments."""
+    text = path.read_text(encoding="utf-8", errors="replace")
+    return re.sub(r'(?s)("[^"]*")|//[^\n]*|/\*.*?\*/', r"\1", text)  # strings may hold //
 
 
 def body_of(scene: Scene) -> str:

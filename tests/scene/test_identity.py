@@ -138,14 +138,18 @@ def test_saved_system_depends_on_all_of_the_body_and_on_nothing_else() -> None:
     assert impossible == {"body.material", "body.mesh", "material", "material.name"}
 
 
-def test_a_system_depends_on_the_mesh_file_of_each_body(tmp_path: Path) -> None:
-    a, b = (rf.Body(name, mesh=str(tmp_path / name)) for name in "ab")
+def test_a_system_depends_on_the_mesh_files_of_each_body_and_what_they_include(
+    tmp_path: Path,
+) -> None:
+    a, b = (rf.Body(name, mesh=str(tmp_path / f"{name}.geo")) for name in "ab")
+    scene = block(body=a, others=(b,), contacts=(rf.Contact("a.foot", against="b.top"),))
     found = set()
-    for texts in ("11", "21", "12"):
-        for body, text in zip((a, b), texts, strict=True):
-            Path(body.mesh or "").write_text(text)
-        found.add(digest(block(body=a, others=(b,), contacts=(rf.Contact("a.x", against="b.x"),))))
-    assert len(found) == 3
+    for changed in "-abc":
+        for name in "abc":
+            text = f'x = {int(name == changed)}; Include "c.geo";'
+            (tmp_path / f"{name}.geo").write_text(text)
+        found.add(digest(scene))
+    assert len(found) == 4
 
 
 def test_a_stored_scene_is_not_judged_by_rules_that_are_newer() -> None:

@@ -22,6 +22,7 @@ from receding_fenicsx.bulk.mesh.grading import mesh_refined
 from receding_fenicsx.bulk.mesh.raw_mesh import RawMesh, arcs_of, sides, with_radii
 from receding_fenicsx.errors import InputError, MeshMisfit
 from receding_fenicsx.scene.checks import nearest, suggestion
+from receding_fenicsx.scene.identity import geo_text, mesh_files
 from receding_fenicsx.scene.model import Body, MeshOptions
 
 
@@ -282,16 +283,5 @@ def takes_elements(body: Body) -> bool:
 
 def words_of(path: Path) -> set[str]:
     """Return the words of a .geo file but comments and strings, and of files that it includes."""
-    words: set[str] = set()
-    read, todo = set(), [path]
-    while todo:
-        file = todo.pop()
-        if file in read or not file.is_file():
-            continue
-        read.add(file)
-        text = file.read_text(encoding="utf-8", errors="replace")
-        text = re.sub(r'(?s)("[^"]*")|//[^\n]*|/\*.*?\*/', r"\1", text)  # strings may hold //
-        words |= set(re.findall(r"[A-Za-z_]\w*", re.sub(r'"[^"]*"', "", text)))
-        included = re.findall(r'(?:Include|Merge)\s*"([^"]+\.geo)"', text)
-        todo += [(file.parent / name).resolve() for name in included]
-    return words
+    texts = [geo_text(file) for file in mesh_files(path) if file.suffix == ".geo"]
+    return set(re.findall(r"[A-Za-z_]\w*", re.sub(r'"[^"]*"', "", "\n".join(texts))))
