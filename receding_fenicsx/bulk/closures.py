@@ -204,7 +204,8 @@ def driven_gaps(scene: Scene, contact: ContactPoints) -> Array:
         for load in scene.loads:
             if load.gap is not None and load.edge == part.edge:
                 low, high = load.span or (-np.inf, np.inf)
-                inside = on & (contact.x >= low) & (contact.x <= high)
+                near = 1e-9 * np.ptp(contact.x[on])  # round-off
+                inside = on & (contact.x >= low - near) & (contact.x <= high + near)
                 where = f"{load.label} gap"
                 gap = evaluate_checked(load.gap, contact.x[inside], None, where)
                 # parts of one load that meet have one value there
