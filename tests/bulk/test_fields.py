@@ -13,9 +13,16 @@ from bodies import CELLS
 from kinds import EVEN, UNEVEN, pair
 
 import receding_fenicsx as rf
-from receding_fenicsx.bulk import _dolfinx
+from receding_fenicsx.arrays import Array, Ints
+from receding_fenicsx.bulk import _dolfinx, stack
 from receding_fenicsx.bulk.elasticity import reference
-from receding_fenicsx.bulk.fields import Fields, fields_at, gather_fields, solve_fields
+from receding_fenicsx.bulk.fields import (
+    Fields,
+    fields_at,
+    gather_fields,
+    probe_matrix,
+    solve_fields,
+)
 from receding_fenicsx.bulk.from_scene import bulk_of
 from receding_fenicsx.evolution.replay import turning_point
 from receding_fenicsx.timing import Timer
@@ -32,32 +39,22 @@ SCENES["half-planes, upside down"] = replace(
 )
 
 
-def fields_of(scene: rf.Scene) -> tuple[rf.Record, Fields, tuple[rf.Body, ...]]:
-    """The record of a scene, its fields at the end on the mesh of the contact, and their bodies."""
-    system = rf.given(rf.condense(scene, MPI.COMM_SELF))
-    bodies = bulk_of(scene, MPI.COMM_SELF, Timer(None))
-    record = rf.evolve(system, scene)
-    now = turning_point(record, system, -1)
-    found = fields_at(bodies, record.turning_points.load[-1], np.concatenate([now.v, now.w]))
-    parts = tuple(part.scene.body for part in bodies.parts)
-    bodies.destroy()
-    return record, rf.given(found), parts
+STAR = 1e-3 * np.array([[0, 0], [1, 0], [-1, 0], [0, 1], [0, -1]])
 
 
 @cache
-def fields(name: str) -> tuple[Fields, tuple[rf.Body, ...]]:
-    return fields_of(SCENES[name])[1:]
-
-
-@pytest.mark.parametrize("name", SCENES)
-def test_fields_of_bodies_are_those_of_probes(name: str) -> None:
-    """At vertices and in the middle of cells, on both sides of a half or of the axis."""
-    scene, (found, parts) = SCENES[name], fields(name)
+def probed(name: str) -> tuple[rf.Record, Fields, list[Ints], list[Array], list[rf.Body]]:
+    """Record, fields, vertices and middles of cells at probes, middles of stars, and bodies."""
+    scene = SCENES[name]
+    bulk = bulk_of(scene, MPI.COMM_SELF, Timer(None))
+    parts = [part.scene.body for part in bulk.parts]
+    system = rf.given(stack.condense(bulk))
+    found = rf.given(fields_at(bulk, np.zeros(len(system.load_names)), np.zeros(2 * system.n)))
     vertices, middles = len(found.points), found.points[found.cells].mean(axis=1)
     places = np.vstack([found.points, middles])
     bodies = np.zeros(vertices, int) if found.body is None else found.body
     bodies = np.append(bodies, bodies[found.cells[:, 0]])
-    probes, chosen = [], []
+    probes, chosen, centres = [], [], []
     for k, body in enumerate(parts):
         # averages at the axis are those of one side
         own = np.flatnonzero((bodies == k) & (np.abs(places[:, 0]) > 1e-9))
@@ -67,14 +64,29 @@ def test_fields_of_bodies_are_those_of_probes(name: str) -> None:
             own = own[(depth > 0.2 * np.ptp(y)) & (own < vertices)]
         if scene.axisymmetric:
             own = own[places[own, 0] >= 0.0]
+        inside = own if body.is_half_plane else own[own >= vertices]
         chosen.append(own[np.linspace(0, len(own) - 1, 25).astype(int)])
-        at = tuple(map(tuple, places[chosen[-1]].tolist()))
-        probes.append(rf.Probe(f"of {k}", points=at, body=body.name if scene.others else None))
-    record, again, _ = fields_of(replace(scene, probes=tuple(probes), fatigue=None))
-    np.testing.assert_array_equal(found.displacement, again.displacement)
+        centres.append(places[inside[np.linspace(0, len(inside) - 1, 9).astype(int)]])
+        stars = (centres[k][:, None] + STAR).reshape(-1, 2)
+        for kind, points in (("of", places[chosen[k]]), ("around", stars)):
+            at, of = tuple(map(tuple, points.tolist())), body.name if scene.others else None
+            probes.append(rf.Probe(f"{kind} {k}", points=at, body=of))
+    scene = replace(scene, probes=tuple(probes), fatigue=None)
+    system = replace(system, probes=probe_matrix(bulk, scene), scene_toml=rf.to_toml(scene))
+    record = rf.evolve(system, scene)
+    now = turning_point(record, system, -1)
+    moved = fields_at(bulk, record.turning_points.load[-1], np.concatenate([now.v, now.w]))
+    bulk.destroy()
+    return record, rf.given(moved), chosen, centres, parts
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_fields_of_bodies_are_those_of_probes(name: str) -> None:
+    """At vertices and in the middle of cells, on both sides of a half or of the axis."""
+    record, found, chosen, _, parts = probed(name)
     size = np.abs(found.displacement).max()
     for k, own in enumerate(chosen):
-        probe, at_vertex = record.probe(f"of {k}"), own < vertices
+        probe, at_vertex = record.probe(f"of {k}"), own < len(found.points)
         row = np.flatnonzero(probe.kind == "turning point")[-1]
         u = found.displacement[own[at_vertex]]
         assert np.abs(probe.displacement[row][at_vertex] - u).max() < 1e-9 * size
@@ -95,28 +107,14 @@ def test_fields_of_bodies_are_those_of_probes(name: str) -> None:
 @pytest.mark.parametrize("name", SCENES)
 def test_stresses_at_probes_follow_hookes_law(name: str) -> None:
     """From differences of displacements in a cell, in which they are at most quadratic."""
-    scene, h = SCENES[name], 1e-3
+    scene = SCENES[name]
     if any(load.thermal_strain for load in scene.loads) or scene.material.young_2:
         pytest.skip("other strains, other stiffness")
-    found, parts = fields(name)
-    middles, first = found.points[found.cells].mean(axis=1), found.cells[:, 0]
-    bodies = np.zeros(len(middles), int) if found.body is None else found.body[first]
-    star = h * np.array([[0, 0], [1, 0], [-1, 0], [0, 1], [0, -1]])
-    probes, centres = [], []
+    record, _, _, centres, parts = probed(name)
     for k, body in enumerate(parts):
-        own = middles[bodies == k]
-        if scene.axisymmetric:
-            own = own[own[:, 0] > 0.0]
-        elif body.is_half_plane:
-            own = own[np.abs(own[:, 1]) > 0.2 * np.abs(own[:, 1]).max()]
-        centres.append(own[np.linspace(0, len(own) - 1, 9).astype(int)])
-        at = tuple(map(tuple, (centres[k][:, None] + star).reshape(-1, 2).tolist()))
-        probes.append(rf.Probe(f"of {k}", points=at, body=body.name if scene.others else None))
-    record, *_ = fields_of(replace(scene, probes=tuple(probes), fatigue=None))
-    for k, body in enumerate(parts):
-        material, probe = scene.material_of(body), record.probe(f"of {k}")
+        material, probe = scene.material_of(body), record.probe(f"around {k}")
         u, stress = probe.displacement[-1].reshape(-1, 5, 2), probe.stress[-1].reshape(-1, 5, 4)
-        by_x, by_y = (0.5 / h * (u[:, i] - u[:, i + 1]) for i in (1, 3))
+        by_x, by_y = (0.5 / STAR.max() * (u[:, i] - u[:, i + 1]) for i in (1, 3))
         xx, yy, nu = by_x[:, 0], by_y[:, 1], material.poisson
         zz = {
             "plane strain": 0.0 * xx,
@@ -149,7 +147,7 @@ def test_quadrilaterals_beside_triangles_are_two_triangles_of_the_same_stresses(
 
 
 def test_windows_of_half_planes_are_where_and_as_large_as_asked_for() -> None:
-    found, _ = fields("half-planes, upside down")
+    found = probed("half-planes, upside down")[1]
     for body, size, upper in ((0, (4.0, 2.0), False), (1, (3.0, 2.0), True)):
         x, y = found.points[found.body == body].T
         assert [x.min(), x.max()] == pytest.approx([0.25 - 0.5 * size[0], 0.25 + 0.5 * size[0]])
