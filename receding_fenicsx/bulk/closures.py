@@ -206,8 +206,7 @@ def driven_gaps(scene: Scene, contact: ContactPoints) -> Array:
                 low, high = load.span or (-np.inf, np.inf)
                 near = 1e-9 * np.ptp(contact.x[on])  # round-off
                 inside = on & (contact.x >= low - near) & (contact.x <= high + near)
-                where = f"{load.label} gap"
-                gap = evaluate_checked(load.gap, contact.x[inside], None, where)
+                gap = evaluate_checked(load.gap, contact.x[inside], None, f"{load.label} gap")
                 # parts of one load that meet have one value there
                 gaps[names.index(load.name), inside] = gap
         if part.interference is not None:

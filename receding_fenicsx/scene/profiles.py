@@ -72,7 +72,7 @@ def evaluate_checked(profile: Profile, x: Array, y: Array | None, where: str) ->
     or a value is not finite or too large.
     """
     check_table(profile, where)
-    if isinstance(profile, dict) and min(profile["value"]) < max(profile["value"]):
+    if isinstance(profile, dict) and len(x) and min(profile["value"]) < max(profile["value"]):
         (low, high), (left, right) = ((p[0], p[-1]) for p in (profile["x"], np.sort(x)))
         slack = 1e-9 * (right - left)
         if high < left - slack or low > right + slack:

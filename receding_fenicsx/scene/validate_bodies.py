@@ -10,7 +10,7 @@ import numpy as np
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.errors import MeshMisfit
 from receding_fenicsx.scene import model, symmetry
-from receding_fenicsx.scene.checks import Rules, check_known, check_name, unused
+from receding_fenicsx.scene.checks import Pair, Rules, check_known, check_name, unused
 from receding_fenicsx.scene.model import Body, Contact, Scene
 from receding_fenicsx.scene.profiles import Profile, check_table, directions, evaluate_checked
 
@@ -190,11 +190,14 @@ def of_joint(scene: Scene, number: int) -> Rules:
     yield from of_span(scene, joint.edge, joint.span, f"{at} span")
 
 
-def on_contact(scene: Scene, contact: Contact, profile: Profile, at: str) -> tuple[Array, Array]:
+def on_contact(
+    scene: Scene, contact: Contact, profile: Profile, at: str, span: Pair | None = None
+) -> tuple[Array, Array]:
     """Return positions on a contact and a checked profile there; of a mesh file's a number only."""
-    x = np.zeros(1)
+    x, (low, high) = np.zeros(1), span or (-np.inf, np.inf)
     if not has_mesh_file(scene, contact.edge):
         x = symmetry.contact_samples(scene, contact)
+        x = x[(x >= low) & (x <= high)]
     elif isinstance(profile, dict | str):
         check_table(profile, at)
         return x[:0], x[:0]

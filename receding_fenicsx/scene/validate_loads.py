@@ -56,7 +56,7 @@ def of_load(scene: Scene, load: Load) -> checks.Rules:
         edges = [contact.edge for contact in scene.contacts]
         checks.check_known(load.edge, edges, f"{at} edge", "edge of a [[contact]]")
         for contact in (contact for contact in scene.contacts if contact.edge == load.edge):
-            on_contact(scene, contact, load.gap, key)
+            on_contact(scene, contact, load.gap, key, load.span)
         return
     parts = [part for part in (value if isinstance(value, tuple) else (value,)) if part != FREE]
     if far:

@@ -8,6 +8,7 @@ import pytest
 from bodies import block
 from drawn_text import REPORTS, check_figures
 from images import Image, played
+from kinds import EVEN
 from models import block_system, pushed_block
 from small import cyclic, table
 
@@ -31,6 +32,11 @@ def test_a_block_on_any_edge_has_the_ends_of_zones_of_one_lying_on_it(quarters: 
     assert contact_betas(known) == pytest.approx((BETA,))
     assert all(half_width_estimates(known, 0, (BETA,))[key]["fitted"] for key in KEYS)
     image.check(played(image.of(lying)), known, 1e-8)
+
+
+def test_an_edge_on_top_has_dundurs_constant_of_the_other_sign() -> None:
+    edges = played(EVEN["above and below"]).by_edge().values()
+    assert [contact_betas(edge) for edge in edges] == [(BETA,), (-BETA,)]
 
 
 def test_a_contact_off_the_middle_has_zones_and_no_half_width(tmp_path: Path) -> None:
