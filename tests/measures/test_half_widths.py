@@ -2,10 +2,11 @@
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
-from bodies import block
+from bodies import ROUND, block
 from drawn_text import REPORTS, check_figures
 from images import Image, played
 from kinds import EVEN
@@ -20,7 +21,8 @@ from receding_fenicsx.store.run_folder import write_summary
 
 pytestmark = pytest.mark.one_rank
 
-BETA = rf.dundurs_beta((2.0, 0.3, "plane strain"))
+STRAIN = "plane strain"
+BETA = rf.dundurs_beta((2.0, 0.3, STRAIN))
 KEYS = ("contact_half_width_estimate", "stick_half_width_estimate")
 
 
@@ -34,9 +36,22 @@ def test_a_block_on_any_edge_has_the_ends_of_zones_of_one_lying_on_it(quarters: 
     image.check(played(image.of(lying)), known, 1e-8)
 
 
-def test_an_edge_on_top_has_dundurs_constant_of_the_other_sign() -> None:
-    edges = played(EVEN["above and below"]).by_edge().values()
-    assert [contact_betas(edge) for edge in edges] == [(BETA,), (-BETA,)]
+def test_dundurs_constant_is_that_of_an_edge_and_of_both_bodies_with_one_material() -> None:
+    pair, (flat, steep) = played(EVEN["pair"]), (rf.Contact(), rf.Contact("top"))
+    assert contact_betas(pair) == (rf.dundurs_beta((2.0, 0.3, STRAIN), (3.0, 0.2, STRAIN)),)
+    own, layers = rf.Body(mesh="own.geo"), tuple(rf.Material(name=name) for name in ("a", "b"))
+    wood = rf.Material(2.0, 0.3, "plane stress", young_2=1.0, shear=0.5)
+    parts: dict[str, Any]
+    for edge, parts, betas in (
+        (0, {"contacts": (flat, steep)}, (BETA,)),
+        (1, {"contacts": (flat, steep)}, (-BETA,)),
+        (0, {"body": own, "material": ROUND}, (BETA, -BETA)),
+        (0, {"body": own, "materials": layers}, ()),
+        (0, {"material": wood}, ()),
+    ):
+        scene = rf.to_toml(block(**parts))
+        other = replace(pair, edge=pair.edge + edge, scene_toml=scene)
+        assert contact_betas(other) == betas, parts
 
 
 def test_a_contact_off_the_middle_has_zones_and_no_half_width(tmp_path: Path) -> None:
