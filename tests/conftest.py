@@ -45,7 +45,7 @@ PASSED, FAILED = range(2)
 HERE = Path(__file__).parent
 SERIAL_FOLDERS = "half_plane", "interface", "reference"
 """Folders whose tests work on arrays, or compare whole runs with closed forms: on one rank only."""
-ONCE_FOLDERS = "accuracy", "measures", "reference", "studies"
+ONCE_FOLDERS = "accuracy", "interface", "measures", "reference", "studies"
 """Folders whose tests use no more of other packages than the rest: all of them are ``once``."""
 SHARE = os.environ.get("RECEDING_TESTS_SHARE", "")
 """Which half of the tests marked ``once`` is run, "0" or "1"; all of them without it."""
@@ -122,15 +122,19 @@ def dump_stacks(_: object) -> None:
 def pytest_runtest_setup(item: pytest.Item) -> None:
     """Skip what one rank can show: its module is serial, or it or its module is ``one_rank``.
 
-    In such a module ``one_rank(False)`` marks what all ranks show. Of two environments that are
-    tried beside each other each takes half of what is marked ``once``.
+    Of two environments that are tried beside each other each takes half of what is marked ``once``.
+    In modules and folders of such tests ``one_rank(False)`` and ``once(False)`` mark the others.
     """
-    mark, room = item.get_closest_marker("one_rank"), item.path.relative_to(HERE).parts[0]
-    alone = mark is not None and mark.args != (False,)
-    if comm.size > 1 and (alone or room in SERIAL_FOLDERS):
+    room = item.path.relative_to(HERE).parts[0]
+
+    def marked(name: str, folders: tuple[str, ...]) -> bool:
+        mark = item.get_closest_marker(name)
+        return room in folders if mark is None else mark.args != (False,)
+
+    if comm.size > 1 and marked("one_rank", SERIAL_FOLDERS):
         pytest.skip("one process is enough")
-    once = item.get_closest_marker("once") is not None or room in ONCE_FOLDERS
-    if once and SHARE not in ("", str(zlib.crc32(item.nodeid.encode()) % 2)):
+    half = str(zlib.crc32(item.nodeid.encode()) % 2)
+    if marked("once", ONCE_FOLDERS) and SHARE not in ("", half):
         pytest.skip("the other environment tries it")
 
 

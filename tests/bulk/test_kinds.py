@@ -18,7 +18,7 @@ from test_refusals import changed
 import receding_fenicsx as rf
 from receding_fenicsx.studies.sweep import measure_record
 
-pytestmark = pytest.mark.one_rank
+pytestmark = [pytest.mark.one_rank, pytest.mark.once]
 KINDS = EVEN | UNEVEN
 SEEDS = (3, 19, 38, 40, 43, 49, 68, 89, 90, 103, 110, 114, 125, 132, 144)
 RANDOM = {f"seed {seed}": random_scene(seed) for seed in SEEDS}
@@ -132,6 +132,7 @@ def test_a_row_of_a_sweep_holds_the_last_cycle_of_the_summary_edge_by_edge(name:
     assert all(f"{zone} to" in printed for p in points for zone, *_ in p["zones"][-1:])
 
 
+@pytest.mark.once(False)
 @pytest.mark.parametrize("name", KINDS)
 def test_scene_system_and_record_are_read_as_they_were_written(name: str, tmp_path: Path) -> None:
     scene, system, found = KINDS[name], systems(name), record(name)

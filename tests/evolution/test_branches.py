@@ -18,7 +18,7 @@ from receding_fenicsx.evolution import branches
 from receding_fenicsx.evolution.evolve import continue_history
 from receding_fenicsx.interface.law import BACKWARD, SEPARATION, STICK
 
-pytestmark = pytest.mark.one_rank
+pytestmark = [pytest.mark.one_rank, pytest.mark.once]
 
 PLACE = 1e-6
 """Part of a leg within which two places are one."""

@@ -56,6 +56,7 @@ def stepped(steps: int = 40_000) -> float:
     return total
 
 
+@pytest.mark.once
 @pytest.mark.one_rank
 def test_error_of_the_polygon_falls_with_the_square_of_the_corners() -> None:
     scene, system = spring()

@@ -26,7 +26,7 @@ from receding_fenicsx.interface.law import State
 from receding_fenicsx.interface.system import ContactSystem
 from receding_fenicsx.scene.model import OutputOptions, SolverOptions
 
-pytestmark = pytest.mark.one_rank
+pytestmark = [pytest.mark.one_rank, pytest.mark.once]
 
 BLOCK = block_system(40, 20)
 STEPS = SolverOptions(method="gauss-seidel", steps_per_leg=2)

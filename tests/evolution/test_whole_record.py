@@ -17,7 +17,7 @@ from small import assert_same_bits, small_system, table
 import receding_fenicsx as rf
 from receding_fenicsx.interface.system import ProbeMatrix, eliminate_tangential
 
-pytestmark = pytest.mark.one_rank
+pytestmark = [pytest.mark.one_rank, pytest.mark.once]
 
 
 def dressed(number: int) -> Problem | None:

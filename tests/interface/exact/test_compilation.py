@@ -17,7 +17,7 @@ from test_imports import MODULES, modules_of
 import receding_fenicsx as rf
 from receding_fenicsx.interface.exact import kernel
 
-pytestmark = pytest.mark.one_rank
+pytestmark = [pytest.mark.one_rank, pytest.mark.once(False)]
 
 TWICE = """
 from receding_fenicsx.interface.exact import kernel

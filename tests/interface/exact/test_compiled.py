@@ -11,6 +11,7 @@ from receding_fenicsx.interface.exact.loop import Loop
 from receding_fenicsx.interface.exact.path import EventPath
 from receding_fenicsx.interface.system import ContactSystem
 
+pytestmark = pytest.mark.once(False)
 CYCLES = [[0.0], [1.0], *[[0.6], [1.0]] * 6]
 
 

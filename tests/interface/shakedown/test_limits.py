@@ -13,6 +13,8 @@ from small import small_system
 
 import receding_fenicsx as rf
 
+pytestmark = pytest.mark.once(False)  # by solvers of SciPy
+
 
 def random_case(seed: int) -> Case:
     """Return a coupled system of 2 to 8 nodes, its mean loads and a range of 2 to 4 corners."""

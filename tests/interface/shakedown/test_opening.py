@@ -15,6 +15,8 @@ from receding_fenicsx.interface.shakedown.margins import load_range
 from receding_fenicsx.interface.shakedown.opening import largest_opening
 from receding_fenicsx.studies.shakedown.exact_cycles import limit_by_cycles, shakes_down
 
+pytestmark = pytest.mark.once(False)  # by solvers of SciPy
+
 
 def rocked(seed: int, n: int, corners: int = 2) -> Case:
     """Return a coupled system that is pressed, and pressed and pulled in turn by the range."""
