@@ -50,8 +50,9 @@ def test_branches_are_numbered_by_their_choices_from_the_first_on() -> None:
 
 
 def test_states_on_a_branch_are_found_again_between_its_turning_points() -> None:
-    system, history = two_nodes()
-    for branch in rf.branches(system, history):
+    problems = two_nodes(), pairs(31)  # the second one with two choices on a leg
+    played = [(*problem, branch) for problem in problems for branch in rf.branches(*problem, 12)]
+    for system, history, branch in played:
         record, samples = branch.record, branch.record.samples
         for row in range(0, len(samples.s), 9):
             where = int(samples.cycle[row]), int(samples.leg[row]), float(samples.s[row])

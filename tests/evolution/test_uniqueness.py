@@ -75,7 +75,9 @@ def test_a_path_that_begins_again_from_no_force_has_as_many_solutions_as_it_has_
     record = evolve(system, history, SolverOptions(branch=branch))
     unique = record.uniqueness
     assert unique is not None and not unique.certified
-    assert [(c.leg, c.s, c.solutions, c.taken) for c in record.choices] == [(2, 0.0, 3, branch)]
+    (choice,) = record.choices
+    assert (choice.leg, choice.s, choice.load) == (2, 0.0, (0.0, 0.0))
+    assert (choice.solutions, choice.taken) == (3, branch)
     assert (unique.leg, unique.s, unique.solutions) == (2, 0.0, 3)
 
 

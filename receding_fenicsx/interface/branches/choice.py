@@ -66,8 +66,14 @@ class _Option:
 class Chooser:
     """Finds all continuations at each event and turning point, takes one, notes the choice."""
 
-    def __init__(self, rule: str | int = FIRST, taken: Mapping[Key, int] | None = None) -> None:
-        """Prepare with a rule, and numbers from 1 of continuations to take at given choices."""
+    def __init__(
+        self, rule: str | int = FIRST, taken: Mapping[Key, int | Choice] | None = None
+    ) -> None:
+        """Prepare with a rule, and what to take at given choices.
+
+        That is a continuation by its number, from 1, or that of a choice made before, by its states
+        of the nodes: numbers depend on round-off where nodes come to their limits together.
+        """
         self.rule, self.taken = rule, taken or {}
         self.log: dict[Key, Choice] = {}
         # places at which not all continuations could be searched
@@ -173,8 +179,12 @@ class Chooser:
         self._last = s, options
         key = (*self._leg, self._number)
         self._number += 1
-        taken = min(self.taken.get(key, 0) or self._by_rule(options), len(options))
-        states = np.array([option.state for option in options])
+        states, taken = np.array([option.state for option in options]), self.taken.get(key, 0)
+        if isinstance(taken, Choice):
+            made = taken.states[taken.taken - 1]
+            same = np.all(states[:, list(taken.nodes)] == made, axis=1)
+            taken = int(np.argmax(same)) + 1 if same.any() else taken.taken
+        taken = min(taken or self._by_rule(options), len(options))
         nodes = np.flatnonzero(np.any(states != states[0], axis=0))
         self.log[key] = Choice(
             *place,
@@ -222,10 +232,10 @@ def chooser_for(rule: str | int, choices: tuple[Choice, ...] = ()) -> Chooser | 
     """Return a chooser with a rule that repeats given choices; None for the first continuation."""
     if rule == FIRST and not choices:
         return None
-    taken: dict[Key, int] = {}
+    taken: dict[Key, int | Choice] = {}
     for choice in choices:
         number = sum(key[:2] == (choice.cycle, choice.leg) for key in taken)
-        taken[choice.cycle, choice.leg, number] = choice.taken
+        taken[choice.cycle, choice.leg, number] = choice
     return Chooser(rule, taken)
 
 
