@@ -78,6 +78,16 @@ def condense(bulk: Body | Stack) -> rf.ContactSystem | None:
     return stack.condense(stack_of(bulk))
 
 
+def system_of(
+    scene: rf.Scene, half: bool = False, comm: MPI.Comm = MPI.COMM_WORLD
+) -> rf.ContactSystem | None:
+    """Condense the only body of a scene."""
+    bulk = built(scene, half, comm)
+    system = condense(bulk)
+    bulk.destroy()
+    return system
+
+
 def everything(body: BodyMesh) -> tuple[Array, NDArray[np.int64]]:
     """All points (n, 2) and cells (DOLFINx's order) of a mesh, alike on every rank."""
     mesh = body.mesh

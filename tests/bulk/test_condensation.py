@@ -7,26 +7,16 @@ from mpi4py import MPI
 
 import numpy as np
 import pytest
-from bodies import block, built, condense
+from bodies import block, built, condense, system_of
 from models import block_system
 from numpy.typing import NDArray
 
 from receding_fenicsx.bulk import schur
 from receding_fenicsx.bulk.schur import norm
 from receding_fenicsx.errors import SolveError
-from receding_fenicsx.interface.system import ContactSystem
-from receding_fenicsx.scene.model import Scene
 
 comm = MPI.COMM_WORLD
 Array = NDArray[np.float64]
-
-
-def system_of(scene: Scene, half: bool = False, on: MPI.Comm = comm) -> ContactSystem | None:
-    """Condense a scene."""
-    bulk = built(scene, half, on)
-    system = condense(bulk)
-    bulk.destroy()
-    return system
 
 
 @pytest.mark.parametrize("half", [False, True])

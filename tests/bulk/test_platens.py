@@ -6,7 +6,7 @@ from mpi4py import MPI
 
 import numpy as np
 import pytest
-from bodies import ELEMENTS, block, built, condense, make_mesh
+from bodies import ELEMENTS, block, built, make_mesh, system_of
 from numpy.typing import NDArray
 from small import named_loads
 
@@ -46,14 +46,15 @@ def expected(scene: rf.Scene) -> tuple[Array, Array, Array, Array]:
     A *= bulk.young
     x, y = places.T
     n, count = len(A), len(scene.loads)
-    edges = {"top": np.flatnonzero(np.isclose(y, 1.0)), "right": np.flatnonzero(np.isclose(x, 2.0))}
+    on = {"top": y - 1.0, "right": x - 2.0, "left": x + 2.0}
+    edges = {name: np.flatnonzero(np.isclose(off, 0.0)) for name, off in on.items()}
     taken, F = iter(vectors), np.zeros((n, count))
     held: list[tuple[dict[int, float], dict[int, float]]] = []  # factors of freedoms, of loads
     for k, load in enumerate(scene.loads):
         nodes = edges.get(load.edge or "", np.empty(0, dtype=int))
         if load.platen:
             F[2 * nodes[0] : 2 * nodes[0] + 2, k] = load.force or 0.0
-            for node in nodes[1:] if k == 0 else ():
+            for node in nodes[1:] if load.edge not in [one.edge for one in scene.loads[:k]] else ():
                 held += [({2 * node + a: 1.0, 2 * nodes[0] + a: -1.0}, {}) for a in (0, 1)]
         elif load.displacement is None:
             F[:, k] = next(taken)
@@ -94,6 +95,9 @@ def expected(scene: rf.Scene) -> tuple[Array, Array, Array, Array]:
         ((SINK, SIDE, WEIGHT), ()),
         # the fretting rig: normal force and tangential displacement given, on one platen
         ((PRESS, MOVE, SIDE), ()),
+        # two platens, two moved edges
+        ((replace(PRESS, edge="left"), replace(SHEAR, edge="right")), ()),
+        ((PULL, rf.Load("u", "left", (0.0, 0.5), displacement=(0.5, "free"))), ()),
         # what holds one point of a platen holds all of it
         ((PRESS, SHEAR), (rf.Support("x", edge="top"),)),
         ((PRESS, SHEAR), (rf.Support("y", point=(2.0, 1.0)),)),
@@ -104,11 +108,15 @@ def expected(scene: rf.Scene) -> tuple[Array, Array, Array, Array]:
 def test_condensed_system_is_that_of_multipliers(
     cell: str, degree: int, loads: tuple[rf.Load, ...], supports: tuple[rf.Support, ...]
 ) -> None:
+    """Loads of one name are parts of a load, their sum."""
     scene = block(cell, degree, elements=8, loads=loads, supports=supports)
     K, r_star, compliance, sign = expected(scene)
-    bulk = built(scene)
-    system = condense(bulk)
-    bulk.destroy()
+    system, whole = system_of(scene), None
+    if np.ptp(sign) == 0.0 and not supports:
+        whole = system_of(replace(scene, loads=tuple(replace(load, name="L") for load in loads)))
+    if whole is not None:
+        assert np.abs(whole.r_star - r_star.sum(axis=0)).max() < 1e-11 * np.abs(r_star).max()
+        assert whole.load_compliance == pytest.approx(compliance.sum(), abs=1e-11)
     if system is not None:
         assert np.abs(system.K - K).max() < 1e-11 * np.abs(K).max()
         assert np.abs(system.r_star - r_star).max() < 1e-11 * np.abs(r_star).max()
