@@ -120,3 +120,7 @@ def test_a_node_that_would_slip_back_has_no_limit_by_the_search(
     record, plain = play(p), evolve(p.system, replace(p.history, until_limit=False), p.solver)
     assert record.limit is not None and record.limit.reached
     assert np.isclose(record.cycles.dissipation[-1], plain.cycles.dissipation[-1], rtol=1e-9)
+    # one whose first search has failed, by a cycle more, before it repeats itself
+    other = play(limited(problem(79))).limit
+    assert other is not None and (other.cycle, other.cycles_played, other.unique) == (2, 3, -1)
+    assert "the cycles repeated themselves as they were played" in other.reason

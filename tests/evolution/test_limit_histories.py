@@ -129,4 +129,6 @@ def test_two_feet_walk_by_the_closed_form(monkeypatch: pytest.MonkeyPatch, first
     record = rf.evolve(walker(4.0), table(walker(4.0), path, loop, 20), until="limit")
     assert record.limit is not None and record.limit.reached
     assert record.limit.jumped == (first == 1) and record.steady.kind == "ratchetting"
+    # a search plays the cycle before, the one that it finds and the next
+    assert record.limit.cycles_played == (1 + 3 if first == 1 else record.steady.cycle)
     assert rf.summarise(record)["limit"]["walk"] == pytest.approx(0.1, rel=1e-12)
