@@ -114,6 +114,7 @@ def test_instants_are_found_by_the_names_of_legs(finished: Finished) -> None:
         slipped = replace(scene, history=replace(scene.history, initial_slip="0.001*x"))
         with pytest.raises(rf.InputError, match="one jump"):
             rf.instant_of(slipped, system, record, 0, "loading", 0.5)
+        assert rf.instant_of(slipped, system, record, 1, "unloading", 0.5).cycle == 1
 
 
 @pytest.mark.one_rank
