@@ -349,7 +349,7 @@ def played(scene: rf.Scene) -> rf.Record:
 def image_for(scene: rf.Scene, number: int) -> Image:
     """Units, turn, mirror and shift that a scene allows, by a number."""
     if scene.axisymmetric:  # upside down
-        return Image(3.0, 7.0, 2, True, (0.0, 0.75), True)
+        return Image(0.9, 7.0, 2, True, (0.0, 0.3), True)
     if any(body.is_half_plane for body in scene.bodies):
-        return Image(3.0, 7.0, 2, False, (2.0, 0.75))
-    return Image(3.0, 7.0, 1 + number % 3, number % 2 == 0, (2.0, 0.75))
+        return Image(0.9, 7.0, 2, False, (0.1, 0.3))
+    return Image(0.9, 7.0, 1 + number % 3, number % 2 == 0, (0.1, 0.3))

@@ -169,7 +169,8 @@ def test_means_and_lives_are_those_of_known_functions() -> None:
     twice = 2.0 * cycles
     swt = 900.0**2 / 2e5 * twice**-0.2 + 900.0 * 0.3 * twice**-0.8
     assert life(swt, 2e5, options) == pytest.approx(cycles, rel=1e-9)
-    assert life(0.0, 2e5, options) == np.inf and life(swt, 2e5, rf.FatigueOptions()) is None
+    assert life(0.0, 2e5, options) == np.inf and life(1e9, 2e5, options) == 0.1
+    assert life(swt, 2e5, rf.FatigueOptions()) is None
 
 
 def test_parameters_along_a_crack_are_those_of_its_body_and_drawn_over_its_depth(

@@ -113,6 +113,8 @@ def test_slip_of_a_settled_cycle_that_is_negligible_is_shown_as_stick() -> None:
         k = np.flatnonzero(place)[np.abs(samples.s[place] - s).argmin()]
         limit = record.f[node] * samples.P[k, node]
         assert abs(samples.Q[k, node]) == pytest.approx(limit, rel=0.02)
+    away = replace(record, method="gauss-seidel", samples=replace(samples, P=0.0 * samples.P))
+    assert not len(limit_nodes(away, last).node)  # without a force there is no limit
     # where the loop runs twice in a cycle they reach it first in the first of both
     twice = replace(cyclic(30), loop=np.array([[1.0], [1 / 3], [1.0], [1 / 3], [1.0]]))
     again = limit_nodes(rf.evolve(block_system(24, 6), twice), 30)

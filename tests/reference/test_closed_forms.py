@@ -182,7 +182,7 @@ def test_two_layers_have_the_limits_of_one() -> None:
 ANGLE = 2.0 * np.pi * np.arange(801) / 800
 
 
-@pytest.mark.parametrize("part", [0.1, 0.5, 0.9, 0.999])
+@pytest.mark.parametrize("part", [0.1, 0.5, 0.9, 0.999, 1.0])
 def test_constant_normal_force_gives_the_loop_of_cattaneo_and_mindlin(part: float) -> None:
     largest = part * F * HERTZ.force
     known = CattaneoMindlin(HERTZ, F, largest).dissipation()

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -148,13 +149,15 @@ def test_arcs_between_extremes_are_divided_evenly_and_doubled_corners_divide_eve
         ([1.0, -0.25, -2.0, 1.0], [("loading", 1, 1)]),
         ([-1.0, -0.5, -1.0], [("unloading", 1, 0), ("loading", 1, 1)]),
         ([1.0, 0.5, 0.8, 0.2, 1.0], [("unloading", 1, "legs 0 to 3"), ("3", 1, 3)]),
+        # each over its largest
+        ([(100.0, 0.0), (99.0, 0.5), (100.0, 0.0)], [("loading", 1, 0), ("unloading", 1, 1)]),
     ],
 )
 def test_legs_have_names_that_must_mean_one_and_numbers(
-    corners: list[float], asked: list[tuple[str, int, int | str]]
+    corners: list[Any], asked: list[tuple[str, int, int | str]]
 ) -> None:
-    loop = np.array(corners)[:, None]
-    history = History(("P",), np.array([[0.0], [corners[0]]]), loop, 2)
+    loop = np.array(corners).reshape(len(corners), -1)
+    history = History(("P", "Q")[: loop.shape[1]], loop[:1] * [[0.0], [1.0]], loop, 2)
     for name, cycle, answer in asked:
         if isinstance(answer, int):
             assert leg_number(history, name, cycle) == answer

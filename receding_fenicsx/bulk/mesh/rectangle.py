@@ -81,8 +81,8 @@ class Marks:
 def rectangle_mesh(whole: Scene, body: Body, half: bool) -> RawMesh:
     """Mesh a rectangle of a scene; no communication.
 
-    gmsh sees lengths in units of the depth below the contact edge, so that a scene whose lengths
-    are multiplied by a power of two has the same mesh to the bit.
+    gmsh sees lengths in units of the depth below the contact edge, without their round-off, so that
+    a scene has the same mesh in any unit of length, to the bit in units of powers of two.
     """
     scene = part_of(whole, body)
     if scene.axisymmetric:
@@ -141,7 +141,7 @@ def _gmsh_half(frame: Frame, marks: Marks) -> RawMesh:
     paths = [folder / "meshes" / "rectangle.geo" for folder in (package, package.parent)]
     with gmsh_model() as gmsh:
         for name, value in numbers.items():
-            gmsh.parser.setNumber(name, value)
+            gmsh.parser.setNumber(name, [float(f"{number:.12g}") for number in value])
         try:
             gmsh.merge(str(paths[0] if paths[0].is_file() else paths[1]))
             if options.refine:

@@ -93,17 +93,6 @@ def geo_scene(path: Path, text: str = GEO, **body: object) -> Scene:
     return replace(scene, body=Body(mesh=write_text(path, text), **body))  # type: ignore[arg-type]
 
 
-def test_geo_file_gets_the_scenes_numbers_and_the_bodys_parameters(shared_tmp_path: Path) -> None:
-    scene = geo_scene(shared_tmp_path / "my.geo", parameters={"width": 6.0})
-    system = system_of(scene)
-    if system is not None:
-        assert system.n == 25
-        assert system.x[[0, -1]] == pytest.approx([-3.0, 3.0], rel=1e-14)
-        # the pressure on the head is carried by the foot when it moves down as a whole
-        down = np.concatenate([np.zeros(system.n), np.ones(system.n)])
-        assert system.r_star[0] @ down == pytest.approx(6.0, rel=1e-12)
-
-
 @pytest.mark.parametrize("end", ["\n", "", " // whole", "\n// whole"])
 def test_scaling_factor_of_a_geo_file_counts(end: str, shared_tmp_path: Path) -> None:
     """Of a last line without a line break, gmsh itself takes the first statement only."""
