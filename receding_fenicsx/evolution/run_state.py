@@ -240,6 +240,8 @@ def stick_at_rest(model: ContactSystem, start: ContactState, leg: Leg) -> None:
     body otherwise than for the whole one. It sticks as long as it has not moved on the leg; where
     the next leg moves it, it slips from that one's start.
     """
+    if not len(leg.events):
+        return
     still = (start.state == STICK) & (SLIP_SIGN[leg.end.state] != 0.0) & model.law.present
     if still.any():
         # its force changes by less than the distance at which a node counts as on its limit
@@ -273,8 +275,7 @@ def energy_error(
     D = float(leg.dissipation.sum()) + sum(energy for _, energy in leg.jumps)
     largest = max(energy_scale, abs(D) + abs(stored))
     F, u = leg.force_scale, float(np.abs(leg.end.u).max())
-    # the largest entry of a stiffness matrix is on its diagonal
-    K, k = float(system.diagonal.max()), system.typical_stiffness or np.inf
+    K, k = system.largest_stiffness, system.typical_stiffness or np.inf
     # smallest scale over (F + K u) (F / k + u): F the largest nodal force, u the largest
     # displacement, K and k the largest and a typical stiffness. Residuals up to 1e-11 stay below
     # the tolerance

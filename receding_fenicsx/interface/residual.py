@@ -55,7 +55,7 @@ def limit_excuse(
 
 def is_carried_by_round_off(system: ContactSystem, u: Array, force_scale: float) -> bool:
     """Return whether displacements are so large that round-off of K may balance the loads."""
-    stiffness = float(system.diagonal.max(initial=0.0))
+    stiffness = system.largest_stiffness
     if stiffness * float(np.linalg.norm(u)) <= TOO_FAR * force_scale:
         return False
     size = max(force_scale, stiffness * float(np.abs(system.g0).max(initial=0.0)))

@@ -155,6 +155,11 @@ class ContactSystem:
         return np.diagonal(self.K).copy()
 
     @cached_property
+    def largest_stiffness(self) -> float:
+        """Largest entry of K, which is on its diagonal."""
+        return float(self.diagonal.max(initial=0.0))
+
+    @cached_property
     def load_forces(self) -> Array:
         """(n_loads,) largest held reaction to each unit load."""
         return np.abs(self.r_star).max(axis=1)
@@ -165,7 +170,7 @@ class ContactSystem:
 
         A freedom without stiffness of its own, which would hide its displacements, has the largest.
         """
-        largest = float(self.diagonal.max(initial=0.0)) or 1.0
+        largest = self.largest_stiffness or 1.0
         stiffness = np.where(self.diagonal > NO_STIFFNESS * largest, self.diagonal, largest)
         return stiffness[: self.n], stiffness[self.n :]
 
@@ -232,8 +237,7 @@ class Changes:
     @classmethod
     def none(cls) -> Changes:
         """Return no changes."""
-        states = np.zeros((2, 0), dtype=np.int8)
-        return cls(np.zeros(0), np.zeros(0, dtype=np.intp), *states)
+        return _NO_CHANGES
 
     @classmethod
     def of(cls, rows: Iterable[tuple[float, int, int, int]]) -> Changes:
@@ -273,6 +277,9 @@ class Changes:
     def placed(self, scale: float, offset: float = 0.0) -> Changes:
         """Return the same changes at the places ``offset + scale * s``."""
         return Changes(offset + scale * self.s, self.node, self.old, self.new)
+
+
+_NO_CHANGES = Changes.of(())
 
 
 @dataclass

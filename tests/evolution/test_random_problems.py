@@ -69,12 +69,13 @@ SINGLE = {
     # where it has almost no stiffness; 71000032 is halved in load steps, two of which the exact
     # path begins at one state; the load of 71000428 presses nothing; all forces of 98001664 vanish
     # together with its loads; 121001320 turns at once, and is seen but once before its loads
-    # are reversed; the resultant that 260000675 feels is round-off
+    # are reversed; the resultant that 260000675 feels is round-off; 240000530 and 300000730 float
     "guided bodies that come off an edge or float": (
         oblique,
         "181 298 340 422 437 549 595 600 954 1294 2153 2402 2522 2563 2578 2592 3813 4013 20203 "
         "560562 562071 605252 951078 1200078 99000291 71000032 71000428 74000044 "
-        "98001664 121001320 140000082 140000258 140000605 140001707 200000708 260000675",
+        "98001664 121001320 140000082 140000258 140000605 140001707 200000708 260000675 "
+        "240000530 300000730",
         {ACCEPTED, REFUSED},
     ),
     # near-singular bodies unloaded, feet that slip apart, levers, balanced and hanging bodies
@@ -121,12 +122,13 @@ SINGLE = {
     # 160001574 end short of the law; a node of 170000323 changes branches within a load step, one
     # of 210001065 and of 220001330 in the round-off of unloading; 210001186 and 220000051 begin on
     # seven and eight unloaded nodes, whose bonds are tried in all sets;
-    # a jump of 240000090 and 240001789 has two sets of branches
+    # a jump of 240000090 and 240001789 has two sets of branches; equal nodes of 230001226 are on
+    # two; unloading of 300001735 ends just before its last sample
     "shear limits and cohesion": (
         capped,
         "98400228 99400018 99400084 99400121 130000329 130000475 130000566 140000383 140000834 "
         "141000291 141000339 141000323 160001574 170000323 190000935 210001065 220001330 "
-        "210001186 220000051 240000090 240001789",
+        "210001186 220000051 240000090 240001789 230001226 300001735",
         {ACCEPTED, REFUSED},
     ),
     # springs slide the body back in the last 1e-9 of unloading: no continuation, or a jump

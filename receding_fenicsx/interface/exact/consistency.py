@@ -19,6 +19,7 @@ from collections.abc import Callable
 from contextlib import suppress
 
 import numpy as np
+import scipy.optimize
 from numpy.typing import NDArray
 
 from receding_fenicsx.arrays import Array
@@ -117,11 +118,33 @@ class ConsistentStates:
             if segment is None:
                 point.state[:] = state
                 with suppress(SingularExchange):
-                    segment = segments.at(point.state, self.direction)
+                    segment = self._floating(segments.at(point.state, self.direction))
                     segment = None if len(self.violations(segment)) else segment
         if segment is None:
             raise self.error(before, exhausted=exhausted)
         return segment
+
+    def _floating(self, segment: Segment) -> Segment:
+        """Return rates with the least motion that no force resists and that keeps gaps open.
+
+        With c of the motions M it is the point nearest to 0 with the rates of gaps g + M c >= 0,
+        from a problem of nonnegative least squares (Lawson & Hanson 1974, ch. 23).
+        """
+        segments, state, y = self.segments, self.point.state, self.point.y
+        n, motions = len(state), segments.free_motions(state)
+        gap, limit = y[n : 2 * n], self.on_limit[n : 2 * n]
+        closing = (state == SEPARATION) & (gap <= limit)
+        if not motions.shape[1] or not closing.any():
+            return segment
+        M, rate = motions[n:][closing], segment.q[n : 2 * n][closing]
+        size = np.abs(rate).max() or 1.0
+        E, target = np.vstack([M.T, -rate / size]), np.append(np.zeros(M.shape[1]), 1.0)
+        left = E @ scipy.optimize.nnls(E, target)[0] - target
+        if abs(left[-1]) <= END_TOLERANCE:  # no motion keeps them all open
+            return segment
+        q = segment.q.copy()
+        q[: 2 * n] -= size * motions @ (left[:-1] / left[-1])
+        return segments.segment(state, q, self.direction)
 
     def _without_pressure(self) -> NDArray[np.bool_]:
         """Return the nodes whose pressure is round-off, or the residual that is accepted."""

@@ -113,7 +113,8 @@ class Loop:
         contact: what does not change along a path.
         memory: rates of the sets of states met.
         sets: what the states at ends of legs leave free.
-        last: end of the last leg with its quantities y (4N,), from which the next one begins.
+        last: end of the last leg with its quantities y (4N,) and their imbalance, from which the
+            next one begins.
         room: number of events for which a path has room at first.
     """
 
@@ -140,7 +141,7 @@ class Loop:
         # errors of a hundred round-offs a freedom stay on the way
         self._accepted = 100.0 * EPSILON * 2 * n
         self.sets = ActiveSets(segments)
-        self.last: tuple[ContactState, Array] | None = None
+        self.last: tuple[ContactState, Array, Array] | None = None
         self._asked: set[bytes] = set()
         self.room = 8 * n
 
@@ -199,9 +200,10 @@ class Loop:
         start, n, samples = problem.start, self.system.n, len(problem.samples)
         load, accepted = problem.load(problem.s_start), self._accepted * problem.force_scale
         if self.last is not None and self.last[0] is start:
-            y = self.last[1].copy()  # another walk may begin here too
+            y, imbalance = (part.copy() for part in self.last[1:])  # another walk may begin here
         else:
             y = self.segments.values(start)
+            imbalance = self.segments.balance.errors(y, load)
         room, stops = self.room, self.room if samples or traced else 0
         counts = np.zeros(len(kernel_data.COUNTS), dtype=np.int64)
         counts[kernel_data.HIT] = -1
@@ -212,7 +214,7 @@ class Loop:
             counts=counts,
             dissipation=np.zeros(n),
             work=np.zeros(len(load)),
-            imbalance=self.segments.balance.errors(y, load),
+            imbalance=imbalance,
             violated=np.zeros(n, dtype=np.int64),
             event_at=np.empty(room),
             event=np.empty((room, 3), dtype=np.int64),

@@ -297,8 +297,10 @@ class Walk:
         """
         path, problem = self.path, self.problem
         load = problem.load(self.s)
-        self._check(self.segments.balance.errors(path.y, load))
-        reached = self._at(path.y, load)
+        y, balance = path.y, self.segments.balance
+        imbalance = balance.errors(y, load)
+        self._check(imbalance)
+        reached = self._at(y, load)
         end = self._refined(reached, load, 0 if load.any() else UNLOADING_REFINEMENTS)
         self._note(end)
         leg = self._leg(end)
@@ -313,7 +315,10 @@ class Walk:
             leg.end = ContactState(u, np.zeros_like(u), end.state)
             leg.samples += [(s, leg.end) for s in problem.samples[len(leg.samples) :]]
         else:
-            self.loop.last = (end, path.y if end is reached else self.segments.values(end))
+            if end is not reached:
+                y = self.segments.values(end)
+                imbalance = balance.errors(y, load)
+            self.loop.last = end, y, imbalance
         return leg
 
     def _note(self, state: ContactState) -> None:
@@ -382,6 +387,8 @@ class Walk:
 
 def _changes(at: Array, what: NDArray[np.int64]) -> Changes:
     """Return changes given by places (k,) and (k, 3) nodes, old and new states, as copies."""
+    if not len(at):
+        return Changes.none()
     states = what[:, 1:].astype(np.int8)
     return Changes(at.copy(), what[:, 0].copy(), states[:, 0], states[:, 1])
 

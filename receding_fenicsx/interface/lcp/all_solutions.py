@@ -62,7 +62,7 @@ def all_solutions(
     tried, complete = _candidates(problem, undecided.sets)
     if not complete:
         tried = chain(tried, (states[None] for states in problem.by_covers()))
-    k, stiffness = np.abs(np.diagonal(problem.S)), float(system.diagonal.max(initial=0.0))
+    k, stiffness = np.abs(np.diagonal(problem.S)), system.largest_stiffness
     far = TOO_FAR * float(np.abs(problem.s).max(initial=0.0))
     kept, rates = list[NDArray[np.int8]](), list[Array]()
     for states in tried:

@@ -195,7 +195,7 @@ class Problem(NamedTuple):
         T = np.concatenate([A[forward], B[backward], A[rubs], B[rubs], w[can_open]])
         M, q = T @ self.S @ C, T @ self.s
         middle = np.where(smooth, 0.0, 0.5 * (friction.backward - friction.forward))
-        stiffness = float(np.abs(np.diagonal(self.system.K)).max())
+        stiffness = self.system.largest_stiffness
         for pressing in covers(2 * m - np.count_nonzero(smooth)):
             P = pressing[-m:]
             z = solve(M, q, T @ np.append(middle * P, P))

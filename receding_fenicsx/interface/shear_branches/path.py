@@ -108,8 +108,8 @@ class BranchedPath:
             s = target
             if s in stored:
                 leg.samples.append((s, leg.end))
-        if leg.samples:
-            leg.samples[-1] = (1.0, leg.end)
+        if leg.samples:  # unloading may end just before its end
+            leg.samples = [*(one for one in leg.samples if one[0] < 1.0), (1.0, leg.end)]
         return leg
 
     def static_leg(self, start: ContactState, ends: tuple[Array, Array], force_scale: float) -> Leg:
