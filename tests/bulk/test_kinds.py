@@ -41,6 +41,7 @@ def test_half_of_a_body_tells_of_the_whole(name: str) -> None:
     half, whole = record(name), replace(EVEN[name], solver=rf.SolverOptions(symmetry="none"))
     assert half.half == (name != "cylinder" and systems(name).half)
     assert half.half or name in ("cylinder", "two edges")
+    assert name != "two edges" or [*half.by_edge()] == ["bottom 1", "bottom 2"]
     Image().check(half, played(whole), 1e-8)
 
 
