@@ -45,12 +45,6 @@ def test_a_slender_block_that_sticks_vibrates_as_a_cantilever_and_a_bar() -> Non
     assert np.all((lacking > 0.0) & (lacking < 0.8 * (height * roots / length) ** 2))
 
 
-@pytest.mark.one_rank
-def test_a_free_block_has_a_mode_without_friction_that_slides() -> None:
-    with pytest.raises(rf.InputError, match="mode 1 moves the bodies rigidly"):
-        driven(block(1.0, 1.0, 8, friction=0.0), "mode:1", {"N": 1.0})
-
-
 def test_frequency_and_damping_follow_from_the_loop() -> None:
     scene = block(4.0, 1.0, 16, friction=0.5)
     # the load of the mode shears the block
