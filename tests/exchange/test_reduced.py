@@ -54,6 +54,20 @@ def test_statically_it_is_the_condensed_contact_and_its_mass_is_that_of_the_body
     assert np.diag(model.K)[-3:] == pytest.approx(model.omega**2, rel=1e-9)
 
 
+def test_contact_nodes_that_a_support_holds_are_no_coordinates() -> None:
+    scene, loads = rf.from_toml(BLOCK.format(count=3)), (rf.Load("T", "top", traction=(1.0, 0.0)),)
+    supports = (rf.Support("xy", edge="left"),)
+    history = replace(scene.history, load="N", constant={"T": 1.0})
+    scene = replace(scene, loads=scene.loads + loads, supports=supports, history=history)
+    system, model = rf.given(rf.condense(scene, whole=True)), rf.reduced_model(scene)
+    free = np.flatnonzero(~system.held)
+    K, f = condensed(model, np.arange(len(free)))
+    assert len(model.K) == len(free) + 3 == 2 * system.n - 2 + 3
+    assert np.abs(K - system.K[np.ix_(free, free)]).max() < 1e-11 * np.abs(system.K).max()
+    assert f == pytest.approx(-system.r_star[:, free], abs=1e-11)
+    assert np.array_equal(model.C[:, : len(free)], np.eye(2 * system.n)[:, free])
+
+
 def test_frequencies_of_the_stuck_block_come_from_above_with_more_modes() -> None:
     scene = rf.from_toml(BLOCK.format(count=3))
     loaded = replace(scene, history=replace(scene.history, constant={"N": 1.0}))

@@ -45,6 +45,16 @@ def test_a_slender_block_that_sticks_vibrates_as_a_cantilever_and_a_bar() -> Non
     assert np.all((lacking > 0.0) & (lacking < 0.8 * (height * roots / length) ** 2))
 
 
+@pytest.mark.one_rank
+def test_the_system_of_a_mode_has_the_law_of_its_scene() -> None:
+    law = {"friction": {"forward": 0.4, "backward": 0.3}, "cohesion": 2.0, "shear_limit": 5.0}
+    scene = replace(block(4.0, 1.0, 8), contacts=(rf.Contact(**law),))  # type: ignore[arg-type]
+    system, _ = driven(scene, "mode:1", {"N": 1.0})
+    found = system.f, system.f_backward, system.cohesion, system.shear_limit
+    for part, known in zip(found, (0.4, 0.3, 2.0, 5.0), strict=True):
+        assert part is not None and np.all(part == known)
+
+
 def test_frequency_and_damping_follow_from_the_loop() -> None:
     scene = block(4.0, 1.0, 16, friction=0.5)
     # the load of the mode shears the block
