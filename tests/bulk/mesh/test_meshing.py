@@ -19,8 +19,8 @@ comm = MPI.COMM_WORLD
 @pytest.mark.parametrize(
     ("loads", "ends"),
     [
-        ((), []),
-        ((rf.Load("a", "top", (-1.0, 1.0), pressure=1.0),), [(1.0, 1.0)]),
+        ((), [(2.0, 1.0)]),
+        ((rf.Load("a", "top", (-1.0, 1.0), pressure=1.0),), [(1.0, 1.0), (2.0, 1.0)]),
         (
             (
                 rf.Load("a", "top", (-1.2, 0.3), pressure=1.0),
@@ -30,10 +30,11 @@ comm = MPI.COMM_WORLD
         ),
     ],
 )
-def test_triangles_grow_from_contact_and_ends_of_loads(
+def test_triangles_grow_from_contact_and_ends_of_loads_and_supports(
     loads: tuple[rf.Load, ...], ends: list[tuple[float, float]]
 ) -> None:
-    points, cells = everything(make_mesh(comm, block(elements=80, growth=1.25, loads=loads), True))
+    held = block(elements=80, growth=1.25, loads=loads, supports=(rf.Support("x", "right"),))
+    points, cells = everything(make_mesh(comm, held, True))
     corners = points[cells]
     sides = np.hypot(*np.moveaxis(corners - np.roll(corners, 1, axis=1), 2, 0))
     middle = corners.mean(axis=1)
