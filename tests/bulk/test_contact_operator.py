@@ -421,13 +421,6 @@ def test_tied_layers_are_one_mesh(degree: int, shared_tmp_path: Path) -> None:
     assert first.displacement == pytest.approx(second.displacement, abs=1e-12)
 
 
-def test_a_support_of_one_side_of_a_tie_is_refused_by_its_place(shared_tmp_path: Path) -> None:
-    scene = layers(shared_tmp_path, (11, 16), 1)
-    scene = replace(scene, supports=(rf.Support("x", edge="b.left"),))
-    with pytest.raises(rf.InputError, match=r"^.*holds the node at \(-2, 0.5\) of one side.*$"):
-        last(scene)
-
-
 def test_tied_layers_vibrate_as_one_mesh(shared_tmp_path: Path) -> None:
     found = []
     for counts in (None, (16, 16), (16, 11)):

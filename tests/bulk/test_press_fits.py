@@ -93,14 +93,6 @@ def test_a_fit_is_shown_over_its_whole_length_in_balance(
         assert (point["zones"][0][1], point["zones"][-1][2]) == (x[0], x[-1])
 
 
-def test_a_support_inside_a_taper_is_refused_with_its_place(shared_tmp_path: Path) -> None:
-    scene = from_file(
-        shared_tmp_path, 1.0, supports=(rf.Support("y", point=(20.5, 9.5), body="hub"),)
-    )
-    with pytest.raises(rf.InputError, match=r"support.*\(20.5, 9.5\).*obliquely.*fix \"xy\""):
-        played(scene)
-
-
 def whole_contact_at_rest(scene: rf.Scene) -> tuple[WholeContact, NDArray[np.int64]]:
     """What pictures show of a contact that slips forward, and the modelled nodes' edges."""
     bulk = build_all(scene, make_meshes(comm, scene, True))

@@ -213,6 +213,7 @@ def test_parts_are_fitted_before_they_are_bolted_and_loaded() -> None:
     begins = [np.flatnonzero(column)[0] for column in history.path.T if column.any()]
     order = [history.load_names[k] for k in np.argsort(begins, kind="stable")]
     assert order[:3] == ["interference", "a", "b"] and sorted(begins)[:3] == [1, 2, 3]
+    assert np.all(history.path[1:, history.load_names.index("interference")] == 1.0)
 
 
 @pytest.mark.parametrize("way", [(0.0, 1.1), (-1.3, 0.7), (0.9, 0.0)])

@@ -18,7 +18,7 @@ from receding_fenicsx.errors import InputError
 from receding_fenicsx.evolution.problem import with_profiles
 from receding_fenicsx.interface.system import ContactSystem
 from receding_fenicsx.mpi import given, on_root
-from receding_fenicsx.scene.model import Body, Contact, Load, Scene, Support
+from receding_fenicsx.scene.model import Body, Contact, Load, Scene
 from receding_fenicsx.timing import Timer
 
 comm = MPI.COMM_WORLD
@@ -72,41 +72,18 @@ def test_turned_body_has_the_same_condensed_system(
     assert found.rigid.shape == (2 * found.n, 3) and np.all(left < 1e-20)
 
 
-GEO = (
-    'DefineConstant[ width = {4, Name "width"}, height = 1, contact_elements = 8 ];'
-    + RECTANGLE
-    + 'Physical Curve("foot") = {1}; Physical Curve("head") = {3}; Physical Curve(7) = {2};\n'
-)
-
-
-def write_text(path: Path, text: str) -> str:
-    on_root(comm, lambda: path.write_text(text))
-    comm.barrier()
-    return str(path)
-
-
-def geo_scene(path: Path, text: str = GEO, **body: object) -> Scene:
-    """A scene on a .geo file, with a third of the elements of the default."""
-    scene = block(
-        elements=24, contacts=(Contact(edge="foot"),), load=Load("p", "head", pressure=1.0)
-    )
-    return replace(scene, body=Body(mesh=write_text(path, text), **body))  # type: ignore[arg-type]
-
-
 @pytest.mark.parametrize("end", ["\n", "", " // whole", "\n// whole"])
 def test_scaling_factor_of_a_geo_file_counts(end: str, shared_tmp_path: Path) -> None:
     """Of a last line without a line break, gmsh itself takes the first statement only."""
-    last = f"one = 1; Mesh.ScalingFactor = 0.5;{end}"
-    write_text(shared_tmp_path / "body.geo", GEO)
-    system = system_of(geo_scene(shared_tmp_path / "my.geo", f'Include "body.geo";\n{last}'))
+    path, last = shared_tmp_path / "my.geo", f"one = 1; Mesh.ScalingFactor = 0.5;{end}"
+    groups = 'Physical Curve("foot") = {1}; Physical Curve("head") = {3};\n'
+    text = f"width = 4; height = 1; contact_elements = 8; {RECTANGLE}{groups}{last}"
+    on_root(comm, lambda: path.write_text(text))
+    comm.barrier()
+    scene = block(contacts=(Contact(edge="foot"),), load=Load("p", "head", pressure=1.0))
+    system = system_of(replace(scene, body=Body(mesh=str(path))))
     if system is not None:
         assert system.x[[0, -1]] == pytest.approx([-1.0, 1.0], rel=1e-14)
-
-
-def test_groups_without_a_name_are_known_by_their_number(shared_tmp_path: Path) -> None:
-    scene = geo_scene(shared_tmp_path / "my.geo")
-    body = make_mesh(comm, replace(scene, supports=(Support("x", edge="7"),)), False)
-    assert set(body.groups) == {"foot", "head", "7"}
 
 
 POINTS = np.array([[0.0, 0.0], [1.0, 0.0], [2.0, 0.0], [0.0, 1.0], [1.0, 1.0], [2.0, 1.0]])
