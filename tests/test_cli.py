@@ -44,21 +44,28 @@ ROUND = ['material.kinematics="axisymmetric"', "load.p0.span=[0.0, 1.0]"]
     [
         [],
         ["contact.span=[-1.0, 1.0]"],
+        ["solver.symmetry=none"],
         ROUND,
-        [*ROUND, "mesh.degree=1"],
+        [*ROUND, "mesh.degree=1", "material.poisson=0.49"],
         [*ROUND, "contact.span=[0.5, 1.5]"],
     ],
 )
-def test_check_counts_the_contact_nodes_of_the_run(
-    changes: list[str], capsys: pytest.CaptureFixture[str]
+def test_check_and_condense_tell_the_nodes_and_the_symmetry_of_the_run(
+    changes: list[str], shared_tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     wanted = ["mesh.contact_elements=16", "history.cycles=1", *changes]
     settings = [word for change in wanted for word in ("--set", change)]
     assert cli.main(["check", BLOCK, *settings]) == 0
+    out = ["--out", str(shared_tmp_path / "system.h5")]
+    assert cli.main(["condense", BLOCK, *settings, *out]) == 0
     said = capsys.readouterr().out
     record = rf.run(rf.read_scene(BLOCK, wanted))
     if record is not None:
-        assert f"; {len(record.x)} contact nodes," in said
+        body = "half of the" if record.half else "the whole"
+        assert f"; {len(record.x)} contact nodes, {body} body, " in said
+        body = "half" if record.half else "whole"
+        assert f"\n{record.modelled_nodes} contact nodes of the {body} body, " in said
+        assert ("\nwarning: [mesh] degree: elements of" in said) == ("mesh.degree=1" in changes)
 
 
 @pytest.mark.one_rank

@@ -16,7 +16,7 @@ import receding_fenicsx as rf
 from receding_fenicsx import read_scene, workers
 from receding_fenicsx.pictures import begin_figures, default_instants
 from receding_fenicsx.studies import run as study
-from receding_fenicsx.timing import Countdown
+from receding_fenicsx.timing import Countdown, Timer, duration
 
 BLOCK = Path(__file__).parents[1] / "demos" / "block.toml"
 SMALL = ["mesh.contact_elements=12", "history.cycles=1", "output.samples_per_leg=4"]
@@ -84,14 +84,21 @@ def test_figures_are_drawn_beside_as_here_even_if_that_process_ends(
 
 
 @pytest.mark.one_rank
-def test_countdown_tells_the_time_left(monkeypatch: pytest.MonkeyPatch) -> None:
-    clock = iter([0.0, 2.0, 6.0])
+def test_countdown_tells_the_time_left_and_a_timer_the_time_spent(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    clock, ends = iter([0.0, 2.0, 6.0]), iter([1.0, 3.0, 10.0, 17.0])
     heard: list[Any] = []
     with monkeypatch.context() as patched:
         patched.setattr(time, "monotonic", lambda: next(clock))
         tell = Countdown(heard.append, "frames:")
         for done, name in enumerate(("a", "b", "c")):
             tell(done, 4, name)
+        patched.setattr(time, "perf_counter", lambda: next(ends))
+        timer = Timer()
+        for _ in range(2):
+            with timer("mesh"):
+                pass
     # 2 s for the first frame, 6 s for two of them
     assert heard == [
         "frames: 0 of 4, a",
@@ -99,3 +106,6 @@ def test_countdown_tells_the_time_left(monkeypatch: pytest.MonkeyPatch) -> None:
         "frames: 2 of 4, c, about 6 s left",
     ]
     assert [(step.done, step.total) for step in heard] == [(0, 4), (1, 4), (2, 4)]
+    times = 99.0, 101.0, 5900.0, 9000.0
+    assert [duration(time) for time in times] == ["99 s", "2 min", "98 min", "2.5 h"]
+    assert timer.seconds["mesh"] == 2.0 + 7.0  # of a stage that comes twice

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from itertools import pairwise
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -17,6 +18,7 @@ from receding_fenicsx.evolution.histories import with_corners
 from receding_fenicsx.interface.system import ContactSystem
 from receding_fenicsx.scene.model import Contact, Harmonic, HistoryOptions, Load, Scene
 from receding_fenicsx.scene.toml_file import to_toml
+from receding_fenicsx.studies import run as study
 
 
 def harmonic(loads: dict[str, Harmonic], **options: Any) -> HistoryOptions:
@@ -96,3 +98,16 @@ def test_tolerance_out_of_reach_is_an_error(monkeypatch: pytest.MonkeyPatch) -> 
     with pytest.raises(SolveError, match="with 64 corners the error estimate") as caught:
         with_corners(system, replace(scene, history=replace(scene.history, tolerance=1e-9)))
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.one_rank
+def test_a_run_that_goes_on_has_the_corners_that_it_had(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    scene, system = spring()
+    first, found = study._with_corners(scene, system, tmp_path, None)
+    monkeypatch.setattr(study, "with_corners", lambda *_: pytest.fail("found anew"))
+    again, kept = study._with_corners(scene, system, tmp_path, None)
+    assert found is not None and kept is not None
+    assert again == first and first.history.corners == found[-1, 0] > found[0, 0]
+    assert np.array_equal(kept, found, equal_nan=True)

@@ -11,8 +11,16 @@ import pytest
 
 import receding_fenicsx as rf
 from receding_fenicsx.evolution.journal import JOURNAL
-from receding_fenicsx.store.run_folder import CORNERS, SCENE, SYSTEM, has_run, part_of, run_folder
-from receding_fenicsx.store.workspace import FolderKind, locked, resumable
+from receding_fenicsx.store.run_folder import (
+    CORNERS,
+    SCENE,
+    SYSTEM,
+    forget_system,
+    has_run,
+    part_of,
+    run_folder,
+)
+from receding_fenicsx.store.workspace import CASES, FolderKind, locked, resumable
 
 pytestmark = pytest.mark.one_rank
 
@@ -38,7 +46,8 @@ def fill(folder: Path, text: str = "{}") -> None:
     (folder / SYSTEM).write_text(text)
     (folder / JOURNAL).mkdir(exist_ok=True)
     (folder / JOURNAL / "0.npz").touch()
-    (folder / CORNERS).touch()
+    for name in (CORNERS, CASES):
+        (folder / name).touch()
     (folder / "summary.json").write_text(text)
 
 
@@ -142,7 +151,7 @@ def test_finished_run_stays_until_the_longer_one_is_finished_too(tmp_path: Path)
         fill(folder, "short")
     longer = replace(BLOCK, history=replace(BLOCK.history, cycles=900))
     with pytest.raises(Killed), run_folder(out, longer, resume=True) as folder:
-        assert set(os.listdir(folder)) == {CORNERS, JOURNAL, SCENE, SYSTEM}
+        assert set(os.listdir(folder)) == {CASES, CORNERS, JOURNAL, SCENE, SYSTEM}
         fill(folder, "on the way")
         raise Killed
     assert (out / SYSTEM).read_text() == "short"
@@ -152,6 +161,12 @@ def test_finished_run_stays_until_the_longer_one_is_finished_too(tmp_path: Path)
         fill(folder, "long")
     assert (out / SYSTEM).read_text() == "long"
     assert "cycles = 900" in (out / SCENE).read_text()
+
+
+def test_of_another_mesh_nothing_is_kept_but_what_its_numbers_were(tmp_path: Path) -> None:
+    fill(tmp_path)
+    forget_system(tmp_path)
+    assert set(os.listdir(tmp_path)) == {CASES, "summary.json"}
 
 
 def test_folder_in_use_is_left_alone(tmp_path: Path) -> None:

@@ -133,6 +133,21 @@ def test_a_preload_without_equilibrium_is_no_macroslip() -> None:
 
 
 @pytest.mark.one_rank
+def test_the_command_fails_where_all_amplitudes_do_for_the_reason_of_the_smallest(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def fails(_: object, history: rf.History, drive: str) -> None:
+        raise rf.SolveError(f"{drive} at {history.loop[0, 1]:g}")
+
+    monkeypatch.setattr("receding_fenicsx.studies.joint.curve._play_system", fails)
+    system = small_system(np.diag([2.5, 2.0]), {"P": [0.0, 1.0], "U": [-2.5, 0.0]}, 0.4)
+    rf.write_system(tmp_path / "node.h5", system)
+    words = f"joint {tmp_path}/node.h5 --drive U --from 0.1 --to 0.2 --count 2 --out {tmp_path}/out"
+    assert cli.main(words.split()) == 1
+    assert "joint: all amplitudes failed, the smallest with: U at 0.1\n" in capsys.readouterr().err
+
+
+@pytest.mark.one_rank
 @pytest.mark.parametrize("drive", ["F", "mode:1"])
 def test_the_figure_draws_damping_ratio_and_frequency_of_a_mode_else_d_and_stiffness(
     drive: str,

@@ -16,6 +16,7 @@ from receding_fenicsx.reference.closed_forms import BLOCK
 from receding_fenicsx.store.workspace import CASES
 from receding_fenicsx.studies import run as study
 from receding_fenicsx.studies.accuracy.meshes import is_refined
+from receding_fenicsx.timing import Timer
 
 DEMOS = Path(__file__).parents[2] / "demos"
 COMM = MPI.COMM_WORLD
@@ -50,8 +51,11 @@ def test_bolts_have_their_preloads_on_coarser_meshes(monkeypatch: pytest.MonkeyP
         return {}
 
     monkeypatch.setattr("receding_fenicsx.studies.accuracy.study.errors_of_run", errors_of_run)
-    study.run(replace(scene, bolts=bolts), None, replace(PLAIN, error=True), COMM)
+    given = replace(scene, bolts=bolts), COMM, Timer(), None, replace(PLAIN, error=True)
+    found = study._found(*given)
     assert seen == [bolts]
+    # what is drawn has the shortenings that were found
+    assert [bolt.preload for bolt in found.scene.bolts] == [None] * len(bolts)
 
 
 @pytest.mark.parametrize(
@@ -118,6 +122,7 @@ def test_probes_have_errors_too(shared_tmp_path: Path) -> None:
     study.run(rf.from_toml(text), shared_tmp_path / "run", replace(PLAIN, error=True), COMM)
     if COMM.rank == 0:
         errors = summary_of(shared_tmp_path / "run")["errors"]
+        assert (shared_tmp_path / "run" / "probes" / "axis.csv").is_file()
         # u_x and s_xy vanish on the axis
         probes = [name for name in errors if name.startswith("probe")]
         assert probes == [f"probe_{k}[axis]" for k in ("uy", "sxx", "syy", "szz")]

@@ -273,6 +273,11 @@ def test_a_kill_or_failure_and_resume_repeat_an_undisturbed_study_bit_by_bit(
             "block.toml", ["contact.shear_limit=0.2", "material.young=10.0"], id="limited"
         ),
         pytest.param(
+            "block.toml",
+            ["wear.archard=1e-9", "contact.friction=0.3 + 0.02*x**2", "material.young=10.0"],
+            id="as Archard says",
+        ),
+        pytest.param(
             "dovetail.toml",
             ["material.blade.young=60.0", "material.disc.young=100.0"],
             id="two contact edges",
@@ -282,12 +287,16 @@ def test_a_kill_or_failure_and_resume_repeat_an_undisturbed_study_bit_by_bit(
 def test_all_scenes_wear_off_what_the_limit_cycle_of_a_run_dissipates(
     file: str, changes: list[str]
 ) -> None:
-    wear = ["wear.coefficient=1e-9", "wear.cycles=2", "mesh.contact_elements=24"]
+    wear = ["wear.cycles=2", "mesh.contact_elements=24"]
+    wear += ["wear.coefficient=1e-9"] * ("wear.archard=1e-9" not in changes)
     scene = rf.read_scene(ROOT / "demos" / file, [*wear, *changes])
     study = worn(scene)
     limit = replace(scene.history, until="limit", cycles=60)
     record = rf.evolve(rf.given(rf.condense(scene)), replace(scene, history=limit))
-    assert study.volume[-1] == pytest.approx(2e-9 * record.cycles.dissipation[-1], rel=1e-8)
+    energy = record.cycles.dissipation_density[-1] * record.weight
+    # Archard counts force times distance, a coefficient the energy
+    worn_by = 1e-9 / (record.f if scene.wear.archard else 1.0)
+    assert study.volume[-1] == pytest.approx(2.0 * np.sum(worn_by * energy), rel=1e-8)
 
 
 def test_a_sweep_has_the_wear_life_of_its_cases(tmp_path: Path) -> None:
@@ -302,6 +311,7 @@ def test_a_sweep_has_the_wear_life_of_its_cases(tmp_path: Path) -> None:
     assert life[0] == pytest.approx(2.0 * life[1], rel=0.02)
     assert np.all(life[:, 1] > 1.2 * life[:, 0])
     scene = cylinders(40, "wear.cycles=1000000", "wear.depth=6e-4")
+    scene = replace(scene, wear=replace(scene.wear, coefficient=None, archard=F * C))
     curve = rf.joint_curve(scene, "Q", [0.3, 0.36, 0.7], tmp_path / "curve")
     assert curve is not None
     # the first amplitude is the shear of the sweep
