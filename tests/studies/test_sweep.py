@@ -363,5 +363,5 @@ def test_the_command_prints_a_short_table_and_says_where_the_rest_is(
         ("2/2", "written to"),
     ):
         assert cli.main([*command, "--shard", share]) == 0
-        ends = capsys.readouterr().out.endswith(f"\n{words} {out / 'sweep.csv'}\n")
-        assert ends == (comm.rank == 0)
+        printed = capsys.readouterr().out
+        assert printed.endswith(f"\n{words} {out / 'sweep.csv'}\n") == (comm.rank == 0)
