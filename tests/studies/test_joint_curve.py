@@ -16,7 +16,13 @@ from small import small_system
 
 import receding_fenicsx as rf
 from receding_fenicsx import cli
-from receding_fenicsx.studies.joint.curve import Backbone, first_loading, joint_figure, loop_numbers
+from receding_fenicsx.studies.joint.curve import (
+    Backbone,
+    _files,
+    first_loading,
+    joint_figure,
+    loop_numbers,
+)
 
 ROOT = Path(__file__).parents[2]
 CYLINDERS = ROOT / "demos" / "half_planes.toml"
@@ -75,6 +81,9 @@ def test_a_spring_that_is_moved_obeys_the_closed_form_of_a_slider(tmp_path: Path
     assert system.local_stiffness[0] == k  # a property that is computed when it is asked for
     curve = rf.joint_curve(system, "U", U, tmp_path / "out", options=rf.StudyOptions(resume=True))
     assert len((tmp_path / "out" / "cases.jsonl").read_text().splitlines()) == 3
+    with pytest.raises(rf.InputError, match="is a curve with another system"):
+        other, resume = replace(system, f=0.5 * system.f), rf.StudyOptions(resume=True)
+        rf.joint_curve(other, "U", U, tmp_path / "out", options=resume)
     assert curve is not None and curve.kind == ("shakedown", "cyclic slip", "cyclic slip")
     D = 4.0 * f * np.maximum(U - f / k, 0.0)
     assert curve.dissipation == pytest.approx(D, rel=1e-12)
@@ -112,13 +121,26 @@ def test_a_spring_that_is_moved_obeys_the_closed_form_of_a_slider(tmp_path: Path
 
 
 @pytest.mark.one_rank
+def test_a_saved_joint_is_tightened_as_its_scene_says() -> None:
+    scene = rf.read_scene(ROOT / "demos" / "bolted_joint.toml", ["mesh.contact_elements=48"])
+    bolts = [replace(bolt, shortening=s) for bolt, s in zip(scene.bolts, (0.5, 0.8), strict=True)]
+    scene = replace(scene, bolts=tuple(bolts))
+    curves = [rf.given(rf.joint_curve(one, "pull", [4e-3])) for one in (scene, rf.condense(scene))]  # type: ignore[arg-type]
+    for key in ("dissipation", "stiffness", "slip", "masing"):
+        of_scene, saved = (getattr(curve, key) for curve in curves)
+        assert saved == pytest.approx(of_scene, rel=1e-9, abs=0.0) and saved > 0.0
+
+
+@pytest.mark.one_rank
 def test_the_slip_is_that_of_nodes_that_touch_all_the_time() -> None:
     """Uncoupled sliders of stiffness 1: the second one opens under U and swings further."""
     loads = {"P": [0.0, 0.0, 1.0, 0.1], "U": [-1.0, -5.0, 0.0, -0.5]}
     system = small_system(np.eye(4), loads, 0.4)
     path, loop = np.array([[0, 0], [1, 0], [1, 1]]), np.array([[1, 1], [1, -1], [1, 1]])
     record = rf.evolve(system, rf.History(("P", "U"), path, loop, cycles=2))
-    assert loop_numbers(record, "U")["slip"] == pytest.approx(2.0 * (1.0 - 0.4), rel=1e-12)
+    found = loop_numbers(record, "U")
+    assert found["slip"] == pytest.approx(2.0 * (1.0 - 0.4), rel=1e-12)
+    assert (found["cycles"], found["residual_max"]) == (2, record.residual_max)
 
 
 @pytest.mark.one_rank
@@ -155,7 +177,7 @@ def test_the_figure_draws_damping_ratio_and_frequency_of_a_mode_else_d_and_stiff
     a, D = np.array([0.2, 0.5, 1.0]), np.array([0.3, 0.9, 7.0])
     k, masing = np.array([9.0, 8.0, 5.0]), np.array([0.2, 1.0, 8.0])
     # by Masing's rule 8 times the work, where nothing moves
-    backbone = Backbone(np.append(0.0, a), np.zeros(4), np.append(0.0, masing / 8.0), 1.5, "")
+    backbone = Backbone(np.append(0.0, a), np.zeros(4), np.append(0.0, masing / 8.0), 1.5, "lifts")
     tables = [
         rf.SweepTable(
             ("amplitude",),
@@ -167,10 +189,24 @@ def test_the_figure_draws_damping_ratio_and_frequency_of_a_mode_else_d_and_stiff
         )
         for found in (D, D * [1.1, 1.0, 1.3])
     ]
-    curve = rf.JointCurve(drive, tables, backbone)
+    curve = rf.JointCurve(drive, tables, backbone, np.array([2.5, 7.0]))
     figure = joint_figure(curve)
     check_figures([("joint curve", figure)], REPORTS / f"joint_{drive[0]}.txt")
-    assert "at 1.5" in repr(curve)
+    line = linregress(np.log(a), np.log(D))
+    assert curve.exponent == pytest.approx((line.slope, line.stderr))
+    assert [" ".join(row.split()) for row in repr(curve).splitlines()[1:]] == [
+        "amplitudes 0.2 to 1",
+        "dissipation 0.3 to 7",
+        f"exponent {line.slope:.3f} +- {line.stderr:.3f} of log D over log amplitude",
+        "Masing defect at most 0.333",
+        "mesh D changes by at most 0.3 from half as many elements",
+        "macroslip at 1.5",
+        "stuck modes omega = 2.5, 7",
+    ]
+    told = _files("a title", curve)["joint.json"]
+    names = "title drive exponent exponent_error stuck_modes macroslip macroslip_reason".split()
+    known = ["a title", drive, *curve.exponent, [2.5, 7.0], 1.5, "lifts"]
+    assert [told[name] for name in names] == known
     left, right = figure.axes
     # a mass-normalised mode: omega^2 = alpha/q and zeta = D / (2 pi omega^2 q^2)
     q, omega = a / k, np.sqrt(k)
@@ -185,8 +221,6 @@ def test_the_figure_draws_damping_ratio_and_frequency_of_a_mode_else_d_and_stiff
         D / unit * (1.0 + np.outer([-1, 1], [0.1, 0.3, 0.3]))
     )
     assert curve.masing_defect == pytest.approx([1 / 3, 1 / 9, 1 / 7])
-    line = linregress(np.log(a), np.log(D))
-    assert curve.exponent == pytest.approx((line.slope, line.stderr))
     if drive == "mode:1":
         assert curve.zeta == pytest.approx(D / damping) and curve.omega == pytest.approx(omega)
 
@@ -196,15 +230,16 @@ def test_command_writes_a_curve_and_goes_on_with_it(
 ) -> None:
     out = shared_tmp_path / "curve"
     head = ["joint", str(CYLINDERS), "--set", "mesh.contact_elements=40", "--drive", "Q"]
-    head += ["--from", "0.1", "--to", "0.4", "--out", str(out)]
-    assert cli.main([*head, "--count", "2"]) == 0
+    head += ["--to", "0.4", "--out", str(out)]
+    assert cli.main([*head, "--from", "0.1", "--count", "2"]) == 0
     comm.barrier()
     capsys.readouterr()
-    assert cli.main([*head, "--count", "3"]) == 2
+    assert cli.main([*head, "--from", "0.1", "--count", "3"]) == 2
     assert "exists as a curve; continue it with --resume" in capsys.readouterr().err or comm.rank
-    assert cli.main([*head, "--count", "3", "--resume"]) == 0
+    # amplitudes may be added and left out
+    assert cli.main([*head, "--from", "0.2", "--count", "2", "--resume"]) == 0
     comm.barrier()
     told = json.loads((out / "joint.json").read_text())
-    assert [row["amplitude"] for row in told["amplitudes"]] == pytest.approx([0.1, 0.2, 0.4])
+    assert [row["amplitude"] for row in told["amplitudes"]] == pytest.approx([0.2, 0.4])
     assert told["macroslip"] is None and told["first_loading"]["load"][0] == 0.0
     assert (out / "joint.png").stat().st_size > 10_000

@@ -5,6 +5,7 @@ import json
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 from mpi4py import MPI
@@ -17,8 +18,8 @@ import receding_fenicsx as rf
 from receding_fenicsx import cli
 from receding_fenicsx.errors import MeshMisfit
 from receding_fenicsx.evolution.problem import problem_of_scene
-from receding_fenicsx.studies.wear.steps import Convected, NodePairs, advance
-from receding_fenicsx.studies.wear.study import figures
+from receding_fenicsx.studies.wear.steps import Convected, NodePairs, advance, row_type
+from receding_fenicsx.studies.wear.study import _end, ends_of_edges, figures
 
 pytestmark = pytest.mark.one_rank
 
@@ -192,6 +193,13 @@ def test_carried_profiles_become_node_pairs_for_small_strokes() -> None:
     assert np.abs(rows[0]["depth"] - rows[1]["depth"]).max() < 0.03 * rows[0]["depth"].max()
     worn = rows[1]["worn"].sum(axis=1)
     assert worn[0] / worn.sum() == pytest.approx(0.3, rel=1e-9)
+    study = rf.WearStudy(carried, rows[1:], 0.3, "cycles done")
+    assert np.array_equal(study.depth_of_bodies[0], rows[1]["worn"])
+    # the second body wears where the first one has moved to
+    moved = Convected(pairs, 0.3, A)
+    moved.positions = [(carried.positions[0][0], 0.2 * A, 1.0)]
+    depth, x = moved.increments(first, 1e-6)[len(first["P"]) :], study.system.x
+    assert depth @ x / depth.sum() == pytest.approx(0.2 * A, rel=1e-2)
 
 
 @pytest.mark.parametrize("error", [KeyboardInterrupt(), rf.SolveError("fails once")])
@@ -247,6 +255,8 @@ def test_a_kill_or_failure_and_resume_repeat_an_undisturbed_study_bit_by_bit(
     for half, zones in (("contact", (1, 3)), ("stick", (1,))):
         inside = np.isin(whole.zone, zones) @ whole.system.weight
         assert getattr(whole, f"{half}_half_width") == pytest.approx(0.5 * inside)
+    scar = whole.depth > 1e-3 * whole.depth_max[:, None]
+    assert whole.width == pytest.approx(scar @ whole.system.weight)
     # a study for more or fewer cycles has its steps, but for the last one, which ends the study
     for cycles in (6000.0, 3000.0):
         changed = replace(scene, wear=replace(scene.wear, cycles=int(cycles)))
@@ -372,11 +382,26 @@ def test_half_and_whole_bodies_wear_alike_and_end_at_the_edge_of_the_mesh() -> N
     half, whole = studies
     assert half is not None and whole is not None
     assert half.end == whole.end == "contact past the fine mesh"
+    # the axis of symmetry is no end of the contact edge
+    known = np.arange(half.system.n) == half.system.n - 1, np.abs(whole.x) == whole.x[-1]
+    for study, ends in zip((half, whole), known, strict=True):
+        assert np.array_equal(ends_of_edges(study.system), ends)
     assert np.abs(half.depth[-1] - whole.depth[-1]).max() < 1e-6 * whole.depth.max()
     assert half.cycles[-1] == pytest.approx(whole.cycles[-1], rel=1e-6)
     assert half.last == pytest.approx(whole.last, rel=1e-6)
     ends = [study.dissipation_per_cycle[-1] for study in (half, whole)]
     assert ends[0] == pytest.approx(ends[1], rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("far", "end"), [(2.0, "cycles done"), (2.1, "contact past the fine mesh")]
+)
+def test_a_contact_may_grow_into_elements_twice_as_large_at_most(far: float, end: str) -> None:
+    x, rows = np.array([-1.0, 0.0, 1.0, 1.0 + far, 9.0]), np.zeros(2, row_type(5))
+    rows["energy"], rows["zone"] = 1.0, rf.State.SEPARATION
+    rows["zone"][0, 1:2] = rows["zone"][1, 1:3] = rf.State.FORWARD_SLIP
+    sides: Any = SimpleNamespace(edges=np.zeros(5), x=x, half=False, axisymmetric=False)
+    assert _end(sides, list(rows), 0.0, np.inf) == end
 
 
 @pytest.mark.one_rank(False)
@@ -392,6 +417,8 @@ def test_steps_that_a_tolerance_does_not_allow_keep_the_table(
         # before it may stand that the event loop is compiled
         assert "raise the tolerance" in error.splitlines()[-1]
         assert (out / "wear.csv").exists()
+        told = json.loads((out / "wear.json").read_text())["failure"]
+        assert told in error and "raise the tolerance" in told
 
 
 @pytest.mark.one_rank(False)
