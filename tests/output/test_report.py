@@ -22,7 +22,12 @@ import receding_fenicsx as rf
 from receding_fenicsx.evolution.record_data import Limit, PathUniqueness, Steady
 from receding_fenicsx.interface.branches.choice import Choice
 from receding_fenicsx.output.report import contact
-from receding_fenicsx.output.report.run import loose_warnings, steady_state, tell_steady
+from receding_fenicsx.output.report.run import (
+    loose_warnings,
+    slip_warnings,
+    steady_state,
+    tell_steady,
+)
 from receding_fenicsx.output.report.summary import SECTIONS, report_html
 from receding_fenicsx.store.run_folder import write_summary
 
@@ -368,6 +373,20 @@ def test_a_bolt_that_pushes_has_its_warning_and_a_tight_one_none() -> None:
     )
     (line,) = loose_warnings(found)
     assert line.startswith("bolt 'loose': its force falls to -1, a push")
+
+
+def test_slips_of_nodes_that_touch_on_a_curved_edge_alone_have_a_warning() -> None:
+    angle, v, P = np.linspace(0.0, 1.0, 5), np.full((2, 10), 9.0), np.ones((2, 10))
+    curved, straight = (np.sin(angle), np.cos(angle)), (angle, np.ones(5))
+    v[:, 5:], P[1, 5], v[1, 5] = 0.2, 0.0, 3.0
+    found: Any = SimpleNamespace(
+        edge=np.repeat([0, 1], 5),
+        edge_names=("flat", "rim"),
+        points=np.hstack([straight, curved]).T,
+        turning_points=SimpleNamespace(v=v, P=P),
+    )
+    (line,) = slip_warnings(found)
+    assert line.startswith("points of the curved edge 'rim' slip by up to 0.2, 0.8 times the")
 
 
 @pytest.mark.parametrize(("backward", "dissipates"), [(0.3, True), (0.0, False)])
