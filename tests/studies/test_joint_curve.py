@@ -69,7 +69,9 @@ def test_macroslip_is_found_at_the_limit_of_friction() -> None:
 
 
 @pytest.mark.one_rank
-def test_a_spring_that_is_moved_obeys_the_closed_form_of_a_slider(tmp_path: Path) -> None:
+def test_a_spring_that_is_moved_obeys_the_closed_form_of_a_slider(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
     """Driven by U through k against friction f: D = 4 f (U - f/k), largest force min(k U, f)."""
     k, f, U = 2.5, 0.4, np.array([0.1, 0.5, 1.3])
     system = small_system(np.diag([k, 2.0]), {"P": [0.0, 1.0], "U": [-k, 0.0]}, f)
@@ -92,11 +94,25 @@ def test_a_spring_that_is_moved_obeys_the_closed_form_of_a_slider(tmp_path: Path
     assert curve.slip == pytest.approx(2.0 * np.maximum(U - f / k, 0.0), rel=1e-12)
     # by command, of a saved system
     rf.write_system(tmp_path / "node.h5", system)
-    head = ["joint", str(tmp_path / "node.h5"), "--from", "1.3", "--to", "1.3", "--count", "1"]
-    head += ["--out", str(tmp_path / "by_command"), "--drive"]
-    assert cli.main([*head, "mode:1"]) == 2 and cli.main([*head, "U"]) == 0
+    head = [
+        "joint",
+        str(tmp_path / "node.h5"),
+        "--out",
+        str(tmp_path / "by_command"),
+        "--to",
+        "1.3",
+    ]
+    one = ["--from", "1.3", "--count", "1", "--drive"]
+    assert cli.main([*head, *one, "mode:1"]) == 2 and cli.main([*head, *one, "U"]) == 0
     again = json.loads((tmp_path / "by_command" / "joint.json").read_text())["amplitudes"]
     assert [row["dissipation"] for row in again] == pytest.approx(D[-1:], rel=1e-12)
+
+    def fails(_: object, history: rf.History, drive: str) -> None:
+        raise rf.SolveError(f"{drive} at {history.loop[0, 1]:g}")
+
+    monkeypatch.setattr("receding_fenicsx.studies.joint.curve._play_system", fails)
+    assert cli.main([*head, "--from=0.1", "--drive=U", "--count=2", "--overwrite"]) == 1
+    assert "joint: all amplitudes failed, the smallest with: U at 0.1\n" in capsys.readouterr().err
     # the files hold the numbers of the curve
     with (tmp_path / "out" / "joint.csv").open() as file:
         rows = list(csv.DictReader(file))
@@ -152,21 +168,6 @@ def test_a_preload_without_equilibrium_is_no_macroslip() -> None:
     with pytest.raises(rf.NoEquilibrium) as caught:
         first_loading(system, "U", np.array([[0.0, 0.0], [-1.0, 0.0]]), [0.1])
     assert "lift-off" in str(caught.value)
-
-
-@pytest.mark.one_rank
-def test_the_command_fails_where_all_amplitudes_do_for_the_reason_of_the_smallest(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    def fails(_: object, history: rf.History, drive: str) -> None:
-        raise rf.SolveError(f"{drive} at {history.loop[0, 1]:g}")
-
-    monkeypatch.setattr("receding_fenicsx.studies.joint.curve._play_system", fails)
-    system = small_system(np.diag([2.5, 2.0]), {"P": [0.0, 1.0], "U": [-2.5, 0.0]}, 0.4)
-    rf.write_system(tmp_path / "node.h5", system)
-    words = f"joint {tmp_path}/node.h5 --drive U --from 0.1 --to 0.2 --count 2 --out {tmp_path}/out"
-    assert cli.main(words.split()) == 1
-    assert "joint: all amplitudes failed, the smallest with: U at 0.1\n" in capsys.readouterr().err
 
 
 @pytest.mark.one_rank

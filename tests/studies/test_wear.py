@@ -266,32 +266,20 @@ def test_a_kill_or_failure_and_resume_repeat_an_undisturbed_study_bit_by_bit(
         assert other.rows[:shared].tobytes() == whole.rows[:shared].tobytes()
 
 
+SOFT = "material.young=10.0"
+ROUND = ['material.kinematics="axisymmetric"', "load.p0.span=[0.0, 1.0]", SOFT]
+ARCHARD = ["wear.archard=1e-9", "contact.friction=0.3 + 0.02*x**2", SOFT]
+STIFF = ["material.blade.young=60.0", "material.disc.young=100.0"]
+
+
 @pytest.mark.parametrize(
     ("file", "changes"),
     [
-        pytest.param(
-            "block.toml",
-            [
-                'material.kinematics="axisymmetric"',
-                "load.p0.span=[0.0, 1.0]",
-                "material.young=10.0",
-            ],
-            id="round",
-        ),
-        pytest.param("lap_joint.toml", [], id="two meshed bodies"),
-        pytest.param(
-            "block.toml", ["contact.shear_limit=0.2", "material.young=10.0"], id="limited"
-        ),
-        pytest.param(
-            "block.toml",
-            ["wear.archard=1e-9", "contact.friction=0.3 + 0.02*x**2", "material.young=10.0"],
-            id="as Archard says",
-        ),
-        pytest.param(
-            "dovetail.toml",
-            ["material.blade.young=60.0", "material.disc.young=100.0"],
-            id="two contact edges",
-        ),
+        pytest.param("block", ROUND, id="round"),
+        pytest.param("lap_joint", [], id="two meshed bodies"),
+        pytest.param("block", ["contact.shear_limit=0.2", SOFT], id="limited"),
+        pytest.param("block", ARCHARD, id="as Archard says"),
+        pytest.param("dovetail", STIFF, id="two contact edges"),
     ],
 )
 def test_all_scenes_wear_off_what_the_limit_cycle_of_a_run_dissipates(
@@ -299,7 +287,7 @@ def test_all_scenes_wear_off_what_the_limit_cycle_of_a_run_dissipates(
 ) -> None:
     wear = ["wear.cycles=2", "mesh.contact_elements=24"]
     wear += ["wear.coefficient=1e-9"] * ("wear.archard=1e-9" not in changes)
-    scene = rf.read_scene(ROOT / "demos" / file, [*wear, *changes])
+    scene = rf.read_scene(ROOT / "demos" / f"{file}.toml", [*wear, *changes])
     study = worn(scene)
     limit = replace(scene.history, until="limit", cycles=60)
     record = rf.evolve(rf.given(rf.condense(scene)), replace(scene, history=limit))
@@ -429,8 +417,7 @@ def test_wear_needs_a_small_stroke_or_known_profiles() -> None:
 
 def test_the_stroke_is_judged_on_each_contact_edge() -> None:
     wear = ["wear.coefficient=1e-9", "wear.cycles=2", "mesh.contact_elements=24"]
-    stiff = ["material.blade.young=60.0", "material.disc.young=100.0"]
-    scene = rf.read_scene(ROOT / "demos" / "dovetail.toml", [*wear, *stiff])
+    scene = rf.read_scene(ROOT / "demos" / "dovetail.toml", [*wear, *STIFF])
     study = worn(scene)
     half = study.contact_half_width[0]  # two flanks alike
     stroke = 0.5 * study.slip[0][study.pressure[0] > 0.0].max()
