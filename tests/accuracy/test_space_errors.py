@@ -194,29 +194,6 @@ def test_one_edge_with_sharp_corners_makes_a_mesh_sharp(turned: int) -> None:
 # -- in a run -------------------------------------------------------------------------------------
 
 
-@pytest.mark.one_rank(False)
-def test_a_run_writes_its_errors(shared_tmp_path: Path) -> None:
-    comm = MPI.COMM_WORLD
-    record = study.run(
-        scene_of(32), shared_tmp_path / "run", study.RunOptions(pictures=False, error=True), comm
-    )
-    if record is None:
-        return
-    summary = rf.read_summary(shared_tmp_path / "run" / "summary.json")
-    numbers = rf.headline(record)
-    assert list(summary["errors"]) == list(numbers)
-    for name, found in summary["errors"].items():
-        assert found["value"] == numbers[name].value
-        assert 0.0 < found["error"] < abs(found["value"])
-        assert name.partition("[")[0] in rf.HEADLINE_NAMES
-        if name.endswith("half_width"):
-            assert found["size"] == 0.5 * np.ptp(record.x) != found["value"]
-    D, first = record.cycles.dissipation, record.dissipation_first_loading
-    assert summary["errors"]["dissipation_ratio"]["value"] == D[-1] / D[0]
-    assert summary["errors"]["dissipation_first_loading"]["value"] == first > 0.0
-    assert summary["timings"]["errors"] > 0.0
-
-
 def test_a_zone_of_few_nodes_is_named_as_a_reason_for_stairs(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

@@ -60,7 +60,9 @@ def stepped(steps: int = 40_000) -> float:
 
 @pytest.mark.once
 @pytest.mark.one_rank
-def test_error_of_the_polygon_falls_with_the_square_of_the_corners() -> None:
+def test_error_of_the_polygon_falls_with_the_square_of_the_corners_which_a_run_keeps(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     scene, system = spring()
     known = stepped()
     found = []
@@ -70,7 +72,7 @@ def test_error_of_the_polygon_falls_with_the_square_of_the_corners() -> None:
     errors = np.abs(np.array(found) - known) / known
     assert errors[-1] < 2e-5
     assert errors[0] / errors[-1] > 0.5 * 16.0**2
-    refined, doubling = with_corners(system, scene)
+    refined, doubling = study._with_corners(scene, system, tmp_path, None)
     assert doubling is not None and doubling[-1, 1] <= 1e-3 < doubling[-2, 1]
     record = evolve(system, scene)
     assert abs(record.cycles.dissipation[-1] - known) <= doubling[-1, 1] * known
@@ -89,6 +91,9 @@ def test_error_of_the_polygon_falls_with_the_square_of_the_corners() -> None:
     told = summarise(record)["harmonic"]
     assert told.pop("doubling")[-1] == [number, error]
     assert told == {"corners": number, "error_estimate": error, "tolerance": 1e-3}
+    monkeypatch.setattr(study, "with_corners", lambda *_: pytest.fail("found anew"))
+    again, kept = study._with_corners(scene, system, tmp_path, None)
+    assert again == refined and np.array_equal(kept, doubling, equal_nan=True)
 
 
 @pytest.mark.one_rank
@@ -98,16 +103,3 @@ def test_tolerance_out_of_reach_is_an_error(monkeypatch: pytest.MonkeyPatch) -> 
     with pytest.raises(SolveError, match="with 64 corners the error estimate") as caught:
         with_corners(system, replace(scene, history=replace(scene.history, tolerance=1e-9)))
     assert "\n" not in str(caught.value)
-
-
-@pytest.mark.one_rank
-def test_a_run_that_goes_on_has_the_corners_that_it_had(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    scene, system = spring()
-    first, found = study._with_corners(scene, system, tmp_path, None)
-    monkeypatch.setattr(study, "with_corners", lambda *_: pytest.fail("found anew"))
-    again, kept = study._with_corners(scene, system, tmp_path, None)
-    assert found is not None and kept is not None
-    assert again == first and first.history.corners == found[-1, 0] > found[0, 0]
-    assert np.array_equal(kept, found, equal_nan=True)

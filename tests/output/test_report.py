@@ -314,7 +314,12 @@ def test_every_key_of_the_summary_is_what_the_record_holds(monkeypatch: pytest.M
     x = found.x.tolist()
     assert (len(points), summary.pop("limit_without_slip")) == (9, [x[8:10], 2 * x[24:]])
     edge = np.repeat([0, 1], [14, 11])
-    several = contact.checks(dataclasses.replace(made, edge=edge, edge_names=("a", "b")))
+    parts = dataclasses.replace(made, edge=edge, edge_names=("a", "b"), scene_toml="")
+    for point, corner in zip(
+        contact.turning_points(parts)["turning_points"], 9 * x[13:15], strict=True
+    ):
+        assert [found["x"] for found in point["corners"]] == [corner]
+    several = contact.checks(parts)
     spans = ("a", 1, 2), ("a", 4, 6), ("b", 14, 15), ("b", 17, 17)
     assert several["limit_without_slip"] == [[x[a], x[b], name] for name, a, b in spans]
     gained = slip[-2:].mean(axis=0)

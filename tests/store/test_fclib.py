@@ -99,18 +99,6 @@ def test_file_alone_leads_to_the_same_reactions(tmp_path: Path, free: bool, firs
     assert (u[0::2] > 1e-9).any() == free  # the springs keep the contact closed
 
 
-def test_step_of_one_node_by_hand() -> None:
-    # k = 2 both ways, pressed by 3 and pushed by 1: sticks at f = 0.5, slips at f = 0.2
-    system = small_system(np.diag([2.0, 2.0]), {"a": [-1.0, 3.0]}, 0.5, g0=0.25)
-    problem = step_problem(system, LOAD)
-    np.testing.assert_array_equal(problem.W, np.diag([0.5, 0.5]))
-    np.testing.assert_array_equal(problem.q, [0.25 - 1.5, 0.5])
-    np.testing.assert_allclose(solve_problem(system, LOAD).r, [2.5, -1.0], rtol=1e-12)
-    slipping = solve_problem(replace(system, f=np.array([0.2])), LOAD)
-    np.testing.assert_allclose(slipping.r, [2.5, -0.5], rtol=1e-12)
-    np.testing.assert_allclose(slipping.u, [0.0, 0.25], atol=1e-12)
-
-
 @pytest.mark.parametrize("rest", [0.0, 1e-15, 1e-10])
 def test_a_motion_that_is_free_to_round_off_is_refused(rest: float) -> None:
     turn = np.array([[1.0, -2.0], [2.0, 1.0]]) / np.sqrt(5.0)

@@ -224,6 +224,12 @@ def test_a_sweep_goes_on_with_more_values_but_nothing_else(shared_tmp_path: Path
     rf.sweep(scene(), over, out, options=rf.StudyOptions(overwrite=True))
     comm.Barrier()
     assert len(lines(out)) == 1
+    file = out / "sweep.json"
+    known = file.read_text().replace('"digest": "', '"digest": "0')
+    comm.Barrier()
+    rf.on_root(comm, lambda: file.write_text(known))
+    with pytest.raises(rf.InputError, match="is a sweep with another mesh file"):
+        rf.sweep(scene(), over, out, options=resume)
 
 
 def test_a_sweep_goes_on_only_with_the_values_that_its_function_holds(
@@ -262,6 +268,19 @@ def test_the_table_may_hold_numbers_of_the_users_own(shared_tmp_path: Path) -> N
     assert repr(table).split()[:4] == [*table.columns[:4]]
     with pytest.raises(rf.InputError, match="did you mean 'half'"):
         table["halb"]
+
+
+def test_files_among_values_are_beside_the_scene_and_named_in_the_table(
+    shared_tmp_path: Path,
+) -> None:
+    rf.on_root(comm, lambda: (shared_tmp_path / "gap.csv").write_text("-2, 0.5\n2, 0.25\n"))
+    over, options = (
+        {"contact.initial_gap": [{"file": "gap.csv"}]},
+        rf.StudyOptions(folder=shared_tmp_path),
+    )
+    table = rf.sweep(scene("history.cycles=1"), over, options=options)
+    if table is not None:
+        assert table["contact.initial_gap"].tolist() == ["gap.csv"]
 
 
 def test_probes_may_move_from_case_to_case() -> None:

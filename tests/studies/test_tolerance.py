@@ -66,6 +66,7 @@ def test_bolts_have_their_preloads_on_coarser_meshes(monkeypatch: pytest.MonkeyP
             (COARSE, "history.cycles=1"),
             "largest_pressure[blade.left]",
         ),
+        ("block", ("mesh.contact_elements=32", "history.cycles=3"), "dissipation_ratio"),
         ("punch", (COARSE,), "stick_half_width"),
         ("punch_axisymmetric", (COARSE,), "centre_pressure"),
         ("layer", (COARSE,), "contact_half_width"),
@@ -79,10 +80,21 @@ def test_errors_are_estimated_on_own_meshes_two_bodies_and_several_edges(
     record = study.run(scene, shared_tmp_path / "run", replace(PLAIN, error=True), COMM)
     if record is None:
         return
-    errors = summary_of(shared_tmp_path / "run")["errors"]
-    assert list(errors) == list(rf.headline(record)) and expected in errors
+    summary, numbers = summary_of(shared_tmp_path / "run"), rf.headline(record)
+    errors = summary["errors"]
+    assert list(errors) == list(numbers) and expected in errors
+    assert summary["timings"]["errors"] > 0.0
     for name, found in errors.items():
-        assert found["converges"] is False or found["error"] > 0.0, name
+        number, plain = numbers[name], name.partition("[")[0]
+        assert plain in rf.HEADLINE_NAMES and found["size"] in (number.size, None)
+        assert found["converges"] is False or (
+            found["error"] > 0.0 and found["value"] == number.value
+        )
+        if name.endswith("half_width"):
+            assert found["size"] == 0.5 * np.ptp(record.x)
+        if plain == "dissipation_ratio":
+            D = record.cycles.dissipation
+            assert found["value"] == D[-1] / D[0]
         if name.startswith(("load_displacement", "dissipation_first")):
             assert found["order"] is not None, name
 
