@@ -61,10 +61,9 @@ def test_check_and_condense_tell_the_nodes_and_the_symmetry_of_the_run(
     said = capsys.readouterr().out
     record = rf.run(rf.read_scene(BLOCK, wanted))
     if record is not None:
-        body = "half of the" if record.half else "the whole"
+        body, part = ("half of the", "half") if record.half else ("the whole", "whole")
         assert f"; {len(record.x)} contact nodes, {body} body, " in said
-        body = "half" if record.half else "whole"
-        assert f"\n{record.modelled_nodes} contact nodes of the {body} body, " in said
+        assert f"\n{record.modelled_nodes} contact nodes of the {part} body, " in said
         assert ("\nwarning: [mesh] degree: elements of" in said) == ("mesh.degree=1" in changes)
 
 

@@ -86,7 +86,6 @@ def test_run_leaves_all_files_and_returns_their_record(finished: Finished) -> No
     assert set(summary["timings"]) == {"mesh", "assemble", "condense", "evolve", "pictures"}
     assert all(summary["timings"][s] > 0 for s in ("mesh", "assemble", "condense", "evolve"))
     assert summary["ranks"] == comm.size
-    # Linux counts in kB; of all ranks together
     memory = comm.allreduce(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0)
     assert 0.7 * memory < summary["peak_memory_MB"] <= memory
     assert {"python", "numpy", "dolfinx", "petsc", "MPI"} <= set(summary["versions"])

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from demo_runs import sheared_block
 from images import played as solve
-from small import cyclic
+from small import cyclic, table
 
 import receding_fenicsx as rf
 from receding_fenicsx.errors import MeshMisfit
@@ -253,8 +253,15 @@ def test_a_search_without_an_answer_on_any_mesh_ends_as_its_last_run(shared_tmp_
         study.run(scene, shared_tmp_path / "run", study.RunOptions(pictures=False), MPI.COMM_WORLD)
 
 
-def test_ends_of_zones_are_named_by_their_sides() -> None:
-    found = estimate.headline(rf.evolve(models.block_system(40, 20, half=False), cyclic(1)))
+def test_ends_of_zones_are_named_by_their_sides_and_are_those_of_a_loaded_contact() -> None:
+    system = models.block_system(40, 20, half=False)
+    found = estimate.headline(rf.evolve(system, cyclic(1)))
     for zone in ("contact", "stick"):
         left, right = (found[f"{zone}_{side}"].value for side in ("left", "right"))
         assert left == pytest.approx(-right, rel=1e-6) and right > 0.0
+    assert found["contact_right"].value > found["stick_right"].value
+    # of a first loading that ends without load they are those of the largest force
+    there, back = (rf.evolve(system, table(system, path)) for path in ([0, 1], [0, 1, 0]))
+    both = [estimate.headline(record) for record in (there, back)]
+    for name in ("centre_pressure", "contact_right", "stick_left"):
+        assert both[0][name] == both[1][name]

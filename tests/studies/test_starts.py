@@ -70,12 +70,6 @@ def test_a_run_that_its_limit_has_ended_is_not_played_again(
         assert cli.main([*run, "--resume", *more]) == 0
         assert ("was finished already" in capsys.readouterr().out) == (COMM.rank == 0)
         assert (out / "record.h5").read_bytes() == before
-    for option in ("--error", "--starts=2"):
-        assert cli.main([*run, "--resume", option]) == 2
-        needs = (
-            f"is finished, {option.partition('=')[0]} needs a new one" in capsys.readouterr().err
-        )
-        assert needs == (COMM.rank == 0)
     # plain cycles do not begin where the limit has jumped to
     plain = SCENE.replace('until = "limit"', "").replace("cycles = 200", "cycles = 3")
     COMM.Barrier()

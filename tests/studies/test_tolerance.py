@@ -55,17 +55,13 @@ def test_bolts_have_their_preloads_on_coarser_meshes(monkeypatch: pytest.MonkeyP
     found = study._found(*given)
     assert seen == [bolts]
     # what is drawn has the shortenings that were found
-    assert [bolt.preload for bolt in found.scene.bolts] == [None] * len(bolts)
+    assert all(bolt.shortening for bolt in found.scene.bolts)
 
 
 @pytest.mark.parametrize(
     ("name", "overrides", "expected"),
     [
-        (
-            "dovetail",
-            (COARSE, "history.cycles=1"),
-            "largest_pressure[blade.left]",
-        ),
+        ("dovetail", (COARSE, "history.cycles=1"), "largest_pressure[blade.left]"),
         ("block", ("mesh.contact_elements=32", "history.cycles=3"), "dissipation_ratio"),
         ("punch", (COARSE,), "stick_half_width"),
         ("punch_axisymmetric", (COARSE,), "centre_pressure"),
@@ -99,24 +95,18 @@ def test_errors_are_estimated_on_own_meshes_two_bodies_and_several_edges(
             assert found["order"] is not None, name
 
 
-def own_msh(folder: Path, quadrilaterals: int = 0) -> rf.Scene:
-    """Return the block as a mesh file that knows nothing of contact elements."""
-    text = f"""
-    SetFactory("OpenCASCADE"); Rectangle(1) = {{-2, 0, 0, 4, 1}};
-    Point(9) = {{-0.5, 1, 0}}; Point(10) = {{0.5, 1, 0}};
-    BooleanFragments{{ Surface{{1}}; Delete; }}{{ Point{{9, 10}}; Delete; }}
-    MeshSize{{:}} = 0.25; Mesh.RecombineAll = {quadrilaterals};
-    Physical Curve("bottom") = Curve In BoundingBox{{-3, -.1, -1, 3, .1, 1}};
-    Physical Curve("top") = Curve In BoundingBox{{-3, .9, -1, 3, 1.1, 1}};
-    """
-    file = folder / "own.geo"
-    rf.on_root(COMM, lambda: file.write_text(text))
-    scene = block("load.p0.span=[-0.5, 0.5]")
-    return replace(scene, body=replace(scene.body, mesh=str(file)))
-
-
 def test_a_mesh_file_is_refined_and_is_its_own_coarser_partner(shared_tmp_path: Path) -> None:
-    scene = own_msh(shared_tmp_path)
+    text = """
+    SetFactory("OpenCASCADE"); Rectangle(1) = {-2, 0, 0, 4, 1};
+    Point(9) = {-0.5, 1, 0}; Point(10) = {0.5, 1, 0};
+    BooleanFragments{ Surface{1}; Delete; }{ Point{9, 10}; Delete; }
+    MeshSize{:} = 0.25;
+    Physical Curve("bottom") = Curve In BoundingBox{-3, -.1, -1, 3, .1, 1};
+    Physical Curve("top") = Curve In BoundingBox{-3, .9, -1, 3, 1.1, 1};
+    """
+    file, scene = shared_tmp_path / "own.geo", block("load.p0.span=[-0.5, 0.5]")
+    rf.on_root(COMM, lambda: file.write_text(text))
+    scene = replace(scene, body=replace(scene.body, mesh=str(file)))
     assert is_refined(scene) and not is_refined(block())
     record = study.run(scene, shared_tmp_path / "run", replace(PLAIN, error=True), COMM)
     once = study.condense(scene, COMM)

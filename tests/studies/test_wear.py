@@ -267,26 +267,21 @@ def test_a_kill_or_failure_and_resume_repeat_an_undisturbed_study_bit_by_bit(
 
 
 SOFT = "material.young=10.0"
-ROUND = ['material.kinematics="axisymmetric"', "load.p0.span=[0.0, 1.0]", SOFT]
-ARCHARD = ["wear.archard=1e-9", "contact.friction=0.3 + 0.02*x**2", SOFT]
 STIFF = ["material.blade.young=60.0", "material.disc.young=100.0"]
+WORN = {
+    "round": ("block", ['material.kinematics="axisymmetric"', "load.p0.span=[0.0, 1.0]", SOFT]),
+    "two meshed bodies": ("lap_joint", []),
+    "limited": ("block", ["contact.shear_limit=0.2", SOFT]),
+    "Archard": ("block", ["wear.archard=1e-9", "contact.friction=0.3 + 0.02*x**2", SOFT]),
+    "two contact edges": ("dovetail", STIFF),
+}
 
 
-@pytest.mark.parametrize(
-    ("file", "changes"),
-    [
-        pytest.param("block", ROUND, id="round"),
-        pytest.param("lap_joint", [], id="two meshed bodies"),
-        pytest.param("block", ["contact.shear_limit=0.2", SOFT], id="limited"),
-        pytest.param("block", ARCHARD, id="as Archard says"),
-        pytest.param("dovetail", STIFF, id="two contact edges"),
-    ],
-)
-def test_all_scenes_wear_off_what_the_limit_cycle_of_a_run_dissipates(
-    file: str, changes: list[str]
-) -> None:
+@pytest.mark.parametrize("name", WORN)
+def test_all_scenes_wear_off_what_the_limit_cycle_of_a_run_dissipates(name: str) -> None:
+    file, changes = WORN[name]
     wear = ["wear.cycles=2", "mesh.contact_elements=24"]
-    wear += ["wear.coefficient=1e-9"] * ("wear.archard=1e-9" not in changes)
+    wear += ["wear.coefficient=1e-9"] * (name != "Archard")
     scene = rf.read_scene(ROOT / "demos" / f"{file}.toml", [*wear, *changes])
     study = worn(scene)
     limit = replace(scene.history, until="limit", cycles=60)
@@ -371,9 +366,7 @@ def test_half_and_whole_bodies_wear_alike_and_end_at_the_edge_of_the_mesh() -> N
     assert half is not None and whole is not None
     assert half.end == whole.end == "contact past the fine mesh"
     # the axis of symmetry is no end of the contact edge
-    known = np.arange(half.system.n) == half.system.n - 1, np.abs(whole.x) == whole.x[-1]
-    for study, ends in zip((half, whole), known, strict=True):
-        assert np.array_equal(ends_of_edges(study.system), ends)
+    assert np.flatnonzero(ends_of_edges(half.system)).tolist() == [half.system.n - 1]
     assert np.abs(half.depth[-1] - whole.depth[-1]).max() < 1e-6 * whole.depth.max()
     assert half.cycles[-1] == pytest.approx(whole.cycles[-1], rel=1e-6)
     assert half.last == pytest.approx(whole.last, rel=1e-6)
