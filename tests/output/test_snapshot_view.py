@@ -14,7 +14,7 @@ from matplotlib.collections import PolyCollection
 from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 from matplotlib.text import Annotation
-from pictured import instant_of_row, view_at
+from pictured import instant_of_row, small_block, view_at
 
 import receding_fenicsx as rf
 from receding_fenicsx.bulk.fields import Fields
@@ -151,15 +151,9 @@ def test_arrows_of_all_kinds_of_loads_are_what_acts_in_a_section_too(axisymmetri
 @pytest.mark.one_rank
 def test_in_a_section_forward_friction_is_that_of_outward_slip_on_both_sides() -> None:
     friction: Any = {"forward": 0.4, "backward": 0.1}
-    scene = rf.Scene(
-        body=rf.Body(width=2.0, height=1.0),
-        material=rf.Material(kinematics="axisymmetric"),
-        mesh=rf.MeshOptions(contact_elements=8),
-        contacts=(rf.Contact(friction=friction),),
-        loads=(rf.Load("p0", "top", pressure=1.0),),
-        history=rf.HistoryOptions(kind="monotonic"),
-    )
-    made = seen(scene, 0)
+    round_, pressed = rf.Material(kinematics="axisymmetric"), rf.Load("p0", "top", pressure=1.0)
+    scene = replace(small_block(), material=round_, loads=(pressed,))
+    made = seen(replace(scene, contacts=(rf.Contact(friction=friction),)), 0)
     assert made is not None
     view, *_ = made
     left = view.x < 0.0

@@ -96,11 +96,10 @@ def test_only_runs_are_replaced(tmp_path: Path) -> None:
         (folder / "summary.json").touch()
     refused(r"already exists.*--overwrite", out)
     refused("no run that can be resumed", out, resume=True)  # it is finished, without a journal
-    (tmp_path / "thesis").mkdir()
-    (tmp_path / "thesis" / "chapter.tex").write_text("years of work")
-    refused("no folder of a run", tmp_path / "thesis", overwrite=True)
-    refused("is a file", tmp_path / "thesis" / "chapter.tex", overwrite=True)
-    assert (tmp_path / "thesis" / "chapter.tex").exists()
+    (tmp_path / "thesis.tex").write_text("years of work")
+    refused("no folder of a run", tmp_path, overwrite=True)
+    refused("is a file", tmp_path / "thesis.tex", overwrite=True)
+    assert (tmp_path / "thesis.tex").exists()
 
 
 def test_interrupted_run_is_neither_forgotten_nor_taken_for_finished(tmp_path: Path) -> None:

@@ -16,13 +16,7 @@ from small import small_system
 
 import receding_fenicsx as rf
 from receding_fenicsx import cli
-from receding_fenicsx.studies.joint.curve import (
-    Backbone,
-    _files,
-    first_loading,
-    joint_figure,
-    loop_numbers,
-)
+from receding_fenicsx.studies.joint import curve as joint
 
 ROOT = Path(__file__).parents[2]
 CYLINDERS = ROOT / "demos" / "half_planes.toml"
@@ -110,7 +104,7 @@ def test_a_spring_that_is_moved_obeys_the_closed_form_of_a_slider(
     def fails(_: object, history: rf.History, drive: str) -> None:
         raise rf.SolveError(f"{drive} at {history.loop[0, 1]:g}")
 
-    monkeypatch.setattr("receding_fenicsx.studies.joint.curve._play_system", fails)
+    monkeypatch.setattr(joint, "_play_system", fails)
     assert cli.main([*head, "--from=0.1", "--drive=U", "--count=2", "--overwrite"]) == 1
     assert "joint: all amplitudes failed, the smallest with: U at 0.1\n" in capsys.readouterr().err
     # the files hold the numbers of the curve
@@ -154,7 +148,7 @@ def test_the_slip_is_that_of_nodes_that_touch_all_the_time() -> None:
     system = small_system(np.eye(4), loads, 0.4)
     path, loop = np.array([[0, 0], [1, 0], [1, 1]]), np.array([[1, 1], [1, -1], [1, 1]])
     record = rf.evolve(system, rf.History(("P", "U"), path, loop, cycles=2))
-    found = loop_numbers(record, "U")
+    found = joint.loop_numbers(record, "U")
     assert found["slip"] == pytest.approx(2.0 * (1.0 - 0.4), rel=1e-12)
     assert (found["cycles"], found["residual_max"]) == (2, record.residual_max)
 
@@ -166,7 +160,7 @@ def test_a_preload_without_equilibrium_is_no_macroslip() -> None:
         np.diag([2.5, 0.0]), {"P": [0.0, 1.0], "U": [-2.5, 0.0]}, 0.4, rigid=[[0.0, 1.0]]
     )
     with pytest.raises(rf.NoEquilibrium) as caught:
-        first_loading(system, "U", np.array([[0.0, 0.0], [-1.0, 0.0]]), [0.1])
+        joint.first_loading(system, "U", np.array([[0.0, 0.0], [-1.0, 0.0]]), [0.1])
     assert "lift-off" in str(caught.value)
 
 
@@ -178,7 +172,9 @@ def test_the_figure_draws_damping_ratio_and_frequency_of_a_mode_else_d_and_stiff
     a, D = np.array([0.2, 0.5, 1.0]), np.array([0.3, 0.9, 7.0])
     k, masing = np.array([9.0, 8.0, 5.0]), np.array([0.2, 1.0, 8.0])
     # by Masing's rule 8 times the work, where nothing moves
-    backbone = Backbone(np.append(0.0, a), np.zeros(4), np.append(0.0, masing / 8.0), 1.5, "lifts")
+    backbone = joint.Backbone(
+        np.append(0.0, a), np.zeros(4), np.append(0.0, masing / 8.0), 1.5, "lifts"
+    )
     tables = [
         rf.SweepTable(
             ("amplitude",),
@@ -191,9 +187,9 @@ def test_the_figure_draws_damping_ratio_and_frequency_of_a_mode_else_d_and_stiff
         for found in (D, D * [1.1, 1.0, 1.3])
     ]
     curve = rf.JointCurve(drive, tables, backbone, np.array([2.5, 7.0]))
-    figure = joint_figure(curve)
+    figure = joint.joint_figure(curve)
     check_figures([("joint curve", figure)], REPORTS / f"joint_{drive[0]}.txt")
-    told = _files("a title", curve)["joint.json"]
+    told = joint._files("a title", curve)["joint.json"]
     texts = [f"{key}: {told[key]}" for key in told if key not in ("amplitudes", "first_loading")]
     check_words([*repr(curve).splitlines(), *texts], REPORTS / f"joint_{drive[0]}_told.txt")
     line = linregress(np.log(a), np.log(D))
