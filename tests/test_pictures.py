@@ -106,6 +106,5 @@ def test_countdown_tells_the_time_left_and_a_timer_the_time_spent(
         "frames: 2 of 4, c, about 6 s left",
     ]
     assert [(step.done, step.total) for step in heard] == [(0, 4), (1, 4), (2, 4)]
-    times = 99.0, 101.0, 5900.0, 9000.0
-    assert [duration(time) for time in times] == ["99 s", "2 min", "98 min", "2.5 h"]
+    assert [*map(duration, (99.0, 101.0, 5900.0, 9000.0))] == ["99 s", "2 min", "98 min", "2.5 h"]
     assert timer.seconds["mesh"] == 2.0 + 7.0  # of a stage that comes twice

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from drawn_text import REPORTS, check_curves, check_words, told
+from drawn_text import REPORTS, check_area, check_curves, check_words, told
 from scipy.optimize import brentq, minimize
 
 import receding_fenicsx as rf
@@ -218,7 +218,10 @@ def test_figures_and_numbers_of_a_crack_are_what_is_known(record_with_a_crack: r
     known = [k(axis=0) for values in (crack.k_i, crack.k_ii) for k in (values.max, values.min)]
     guides = ([crack.arrest] * 2, [0.0, 1.0]), ([0.0, 1.0], [0.0, 0.0])
     lines = ((crack.depth, values) for values in [*known, crack.threshold])
-    check_curves(drawn["crack_crack"].axes[0], *lines, *guides)
+    (axes,) = drawn["crack_crack"].axes
+    check_curves(axes, *lines, *guides)
+    for area, high, low in zip(axes.collections, known[::2], known[1::2], strict=True):
+        check_area(area, crack.depth, low, high)
     assert 0.0 < crack.arrest < crack.depth[-1]
 
 

@@ -87,6 +87,10 @@ def test_body_in_a_slip_mode_has_its_picture(
     assert file is not None and file.is_file()
     ((view, page),) = drawn
     assert any(f"{critical.factor:.4g}" in text.get_text() for text in page.texts)
+    strip, signs = view.strips[0], critical.signs
+    bears = np.abs(critical.reactions.reshape(2, -1)).max(axis=0) > 1e-9
+    known = np.where(signs > 0.0, 3, np.where(signs < 0.0, 4, np.where(bears, 1, 2)))
+    assert np.array_equal(strip.state[strip.x > -1e-9], known) and not bears.all()
     shape = np.reshape(critical.mode, (2, -1)).T
     apart = np.abs(view.points[:, None] - system.points[::2]).max(axis=2)
     corner = apart.argmin(axis=0)  # nodes between the vertices are not drawn

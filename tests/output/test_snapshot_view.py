@@ -3,7 +3,7 @@
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import matplotlib as mpl
 import numpy as np
@@ -18,6 +18,7 @@ from pictured import instant_of_row, small_block, view_at
 
 import receding_fenicsx as rf
 from receding_fenicsx.bulk.fields import Fields
+from receding_fenicsx.evolution.instants import Instant
 from receding_fenicsx.output.plots.labels import length_of
 from receding_fenicsx.output.snapshots.page import (
     QUANTITIES,
@@ -26,7 +27,7 @@ from receding_fenicsx.output.snapshots.page import (
     compose,
     layout_of,
 )
-from receding_fenicsx.output.snapshots.view import Arrows, View, _traction
+from receding_fenicsx.output.snapshots.view import Arrows, View, _caption, _traction
 
 DEMOS = Path(__file__).parents[2] / "demos"
 PRESSURE, HEIGHT, YOUNG, LARGEST = 2.0, 3.0, 5.0, 4.0
@@ -125,6 +126,19 @@ def test_pictures_are_in_the_units_of_the_scene() -> None:
 
 
 @pytest.mark.one_rank
+def test_captions_tell_the_first_unloading_later_ones_and_legs_of_other_cycles() -> None:
+    block, none = small_block(), cast(Any, None)
+    ends = (0.5,), (0.7,), (1.0,)
+    table = rf.HistoryOptions("table", columns=("p0",), rows=((1.0,),), cycle_rows=ends)
+    legs = {(0, 0): "first loading", (1, 0): "first unloading", (1, 1): "reloading, cycle 1"}
+    legs |= {(2, 0): "unloading, cycle 2", (2, 2): "cycle 2, leg 2"}
+    for (cycle, leg), words in legs.items():
+        scene = replace(block, history=table) if leg == 2 else block
+        now = Instant(cycle, leg, 1.0, np.ones(1), none, none)
+        assert _caption(scene, now).startswith(f"{words}, $p_{{0}}")
+
+
+@pytest.mark.one_rank
 @pytest.mark.parametrize("axisymmetric", [True, False])
 def test_arrows_of_all_kinds_of_loads_are_what_acts_in_a_section_too(axisymmetric: bool) -> None:
     area = np.pi * 1.5**2 if axisymmetric else 3.0
@@ -209,8 +223,10 @@ def test_pictures_of_scenes_of_all_kinds_show_every_contact_edge_as_the_record_h
     made = seen((EVEN | UNEVEN)[name], -1)
     assert made is not None
     view, fields, record = made
-    parts = [*record.by_edge().values()]
-    length = length_of(record.scene) or 1.0
+    parts, scene = [*record.by_edge().values()], rf.given(record.scene)
+    # half-planes would overlap
+    assert view.factor <= 1.0 or not all(body.is_half_plane for body in scene.bodies)
+    length = length_of(scene) or 1.0
     # a round number by which the largest displacement is a tenth of the height, or less
     largest, high = np.linalg.norm(fields.displacement, axis=1).max(), np.ptp(view.points[:, 1])
     assert float(f"{view.factor:.0e}") == view.factor

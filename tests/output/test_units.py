@@ -205,6 +205,9 @@ def test_a_load_and_its_conjugate_have_the_units_whose_product_is_work(
     scales.kinds, scales.units, scales.nondimensional = [kind], UNITS, False
     assert scales.load_unit(0) == unit
     assert scales.conjugate(0, prescribed=False)[1] == f"$ ({conjugate})"
+    # forces and displacements of two edges are no single one
+    both = rf.Scene(loads=(load, replace(load, edge="bottom")))
+    assert (kind_of(both, "a", axisymmetric=False) == kind) == (unit in ("MPa", ""))
 
 
 @pytest.mark.parametrize("unit", ["$", "$$", r"\$x", "%_^{}", "µm", "$\\frac", "a$b"])
@@ -224,7 +227,7 @@ def test_the_height_is_the_unit_of_length_only_where_it_means_something() -> Non
     assert length_of(block) == 2.0
     assert length_of(replace(block, units=rf.Units(length="mm"))) == 0.0
     assert length_of(replace(block, units=rf.Units(stress="MPa"))) == 2.0
-    assert length_of(replace(block, contacts=(rf.Contact("left"),))) == 0.0
+    assert length_of(replace(block, contacts=(rf.Contact(), rf.Contact("left")))) == 0.0
     assert length_of(replace(block, others=(rf.Body("b", height=2.0),))) == 2.0
     assert length_of(replace(block, others=(rf.Body("b", height=3.0),))) == 0.0
     assert length_of(replace(block, body=rf.Body(mesh="body.geo"))) == 0.0

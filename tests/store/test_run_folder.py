@@ -13,7 +13,7 @@ import receding_fenicsx as rf
 from receding_fenicsx.evolution.histories import CORNERS
 from receding_fenicsx.evolution.journal import JOURNAL
 from receding_fenicsx.store.run_folder import SCENE, SYSTEM, forget_system, has_run, run_folder
-from receding_fenicsx.store.workspace import CASES, FolderKind, locked, resumable
+from receding_fenicsx.store.workspace import CASES, FolderKind, resumable
 
 pytestmark = pytest.mark.one_rank
 
@@ -207,18 +207,6 @@ def test_only_results_of_the_kind_are_replaced_or_continued_and_only_when_asked(
     with pytest.raises(rf.InputError, match=answer):
         kind.check(tmp_path, **how)
     assert all((tmp_path / name).read_text() == "mine" for name in files)
-
-
-@pytest.mark.parametrize("name", ["", "file.lock"])
-def test_one_at_a_time_or_those_that_share(name: str, tmp_path: Path) -> None:
-    for shared in (False, True, False):
-        with locked(tmp_path / name, shared=shared):
-            if shared:
-                with locked(tmp_path / name, shared=True):
-                    pass
-            for _ in range(2):  # a refusal has not taken the lock away
-                with pytest.raises(rf.InputError, match="is using"), locked(tmp_path / name):
-                    pass
 
 
 def test_an_interruption_keeps_its_code_and_tells_how_to_go_on_where_it_can(tmp_path: Path) -> None:

@@ -375,10 +375,3 @@ def test_the_command_prints_a_short_table_and_says_where_the_rest_is(
         assert len(shown) <= 30
         assert shown[-3:] == ["... 5 more rows", "25 cases", f"written to {out / 'sweep.csv'}"]
         assert json.loads((out / "sweep.json").read_text())["over"]["history.minimum"][1] == 0.125
-    out = shared_tmp_path / "parts"
-    command = ["sweep", BLOCK, *SETTINGS, "--out", str(out), "--over", "contact.friction=0.2,0.4"]
-    ends = {"1/2": "share 1/2 is finished; the last one writes", "2/2": "written to"}
-    for share, words in ends.items():
-        assert cli.main([*command, "--shard", share]) == 0
-        printed = capsys.readouterr().out
-        assert printed.endswith(f"\n{words} {out / 'sweep.csv'}\n") == (comm.rank == 0)

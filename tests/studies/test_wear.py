@@ -5,7 +5,6 @@ import json
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 from mpi4py import MPI
@@ -18,8 +17,8 @@ import receding_fenicsx as rf
 from receding_fenicsx import cli
 from receding_fenicsx.errors import MeshMisfit
 from receding_fenicsx.evolution.problem import problem_of_scene
-from receding_fenicsx.studies.wear.steps import Convected, NodePairs, advance, row_type
-from receding_fenicsx.studies.wear.study import _end, ends_of_edges, figures
+from receding_fenicsx.studies.wear.steps import Convected, NodePairs, advance
+from receding_fenicsx.studies.wear.study import ends_of_edges, figures
 
 pytestmark = pytest.mark.one_rank
 
@@ -372,17 +371,6 @@ def test_half_and_whole_bodies_wear_alike_and_end_at_the_edge_of_the_mesh() -> N
     assert half.last == pytest.approx(whole.last, rel=1e-6)
     ends = [study.dissipation_per_cycle[-1] for study in (half, whole)]
     assert ends[0] == pytest.approx(ends[1], rel=1e-6)
-
-
-@pytest.mark.parametrize(
-    ("far", "end"), [(2.0, "cycles done"), (2.1, "contact past the fine mesh")]
-)
-def test_a_contact_may_grow_into_elements_twice_as_large_at_most(far: float, end: str) -> None:
-    x, rows = np.array([-1.0, 0.0, 1.0, 1.0 + far, 9.0]), np.zeros(2, row_type(5))
-    rows["energy"], rows["zone"] = 1.0, rf.State.SEPARATION
-    rows["zone"][0, 1:2] = rows["zone"][1, 1:3] = rf.State.FORWARD_SLIP
-    sides: Any = SimpleNamespace(edges=np.zeros(5), x=x, half=False, axisymmetric=False)
-    assert _end(sides, list(rows), 0.0, np.inf) == end
 
 
 @pytest.mark.one_rank(False)
