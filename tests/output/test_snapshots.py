@@ -14,7 +14,7 @@ import matplotlib as mpl
 import numpy as np
 import pytest
 from matplotlib.colors import to_rgb
-from pictured import instant_of_row, small_block, view_at
+from pictured import instant_of_row, small_block
 from PIL import Image
 
 from receding_fenicsx import workers
@@ -27,7 +27,7 @@ from receding_fenicsx.output.snapshots.draw import snapshots
 from receding_fenicsx.output.snapshots.page import QUANTITIES, colours_of
 from receding_fenicsx.output.snapshots.render import Pixels, render
 from receding_fenicsx.pictures import picture_body, shown_instant
-from receding_fenicsx.scene.model import HistoryOptions, Load, Material
+from receding_fenicsx.scene.model import HistoryOptions
 from receding_fenicsx.studies.run import condense
 
 COMM = MPI.COMM_WORLD
@@ -140,16 +140,6 @@ def test_renderer_that_crashes_is_said_and_replaced() -> None:
     with pytest.raises(RecedingError, match="off-screen rendering failed"):
         drawn(np.zeros(2))
     assert drawn(np.zeros(3)).shape == (40, 40, 3)
-
-
-@pytest.mark.parametrize(
-    "load", [Load("p0", "top", displacement=("free", -1.0)), Load("p0", thermal_strain=1e-3)]
-)
-def test_loads_that_are_no_tractions_have_no_arrows(load: Load) -> None:
-    scene = small_block()
-    scene = replace(scene, loads=(load,), material=Material(kinematics="axisymmetric"))
-    made = view_at(scene, instant_of_row(scene)[1])
-    assert made is None or made[0].arrows == []
 
 
 def test_colours_of_a_signed_stress_are_pale_at_zero_only() -> None:

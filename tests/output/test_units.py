@@ -244,9 +244,8 @@ def test_tractions_are_divided_by_the_one_pressure_of_a_scene() -> None:
     for pressures, divided in known.items():
         spans = zip(((-1.0, 0.0), (0.0, 1.0)), pressures, strict=False)
         loads = tuple(rf.Load("p0", "top", span, pressure=p) for span, p in spans)
-        assert pressure_of(rf.Scene(loads=loads), ("p0",)) == (
-            (2.0, "p_{0}") if divided else (1.0, "")
-        )
+        found = pressure_of(rf.Scene(loads=loads), ("p0",))
+        assert found == ((2.0, "p_{0}") if divided else (1.0, ""))
 
 
 def test_numbers_in_titles_have_three_digits_and_no_letter_e() -> None:
