@@ -56,16 +56,16 @@ def pressure_error(record: rf.Record, hertz: closed_forms.Hertz) -> float:
     return float(np.abs(off[away]).max()) / hertz.p0
 
 
-@pytest.mark.parametrize("edge", ["bottom", "top"])
-def test_cylinder_on_a_plane_without_friction_is_hertz(edge: str) -> None:
+@pytest.mark.parametrize(("edge", "datum"), [("bottom", ()), ("top", ("body.datum=45.0",))])
+def test_cylinder_on_a_plane_without_friction_is_hertz(edge: str, datum: tuple[str, ...]) -> None:
     hertz = closed_forms.Hertz(force=1.0, radius=50.0, modulus=200.0 / (1.0 - 0.3**2))
     force = "[0.0, 1.0]" if edge == "top" else "[0.0, -1.0]"
-    record = played(rf.from_toml(ONE, [f"contact.edge={edge}", f"load.P.force={force}"]))
+    record = played(rf.from_toml(ONE, [f"contact.edge={edge}", f"load.P.force={force}", *datum]))
     assert pressure_error(record, hertz) < 1e-3
     assert abs(record.turning_points.p[0].max() / hertz.p0 - 1.0) < 2e-4
-    # Johnson, eq. (5.57): the point at the depth d = 30 comes nearer
-    a, nu = hertz.a, 0.3
-    known = (1.0 - nu**2) / (np.pi * 200.0) * (2.0 * np.log(60.0 / a) - nu / (1.0 - nu))
+    # Johnson, eq. (5.57): the point at the depth d, by default 30, comes nearer
+    a, nu, d = hertz.a, 0.3, 45.0 if datum else 30.0
+    known = (1.0 - nu**2) / (np.pi * 200.0) * (2.0 * np.log(2.0 * d / a) - nu / (1.0 - nu))
     assert np.isclose(record.turning_points.load_displacement[0, 0], known, rtol=1e-4)
 
 
