@@ -1,20 +1,14 @@
-"""Bolts: the joint diagram of two springs, a lap joint, fields and probes, work, bad input."""
+"""Bolts: the joint diagram of two springs, a lap joint, probes, work."""
 
 from dataclasses import replace
 from typing import Any
-
-from mpi4py import MPI
 
 import numpy as np
 import pytest
 from bodies import block, played
 
 import receding_fenicsx as rf
-from receding_fenicsx.bulk.fields import fields_at
-from receding_fenicsx.bulk.from_scene import bulk_of
-from receding_fenicsx.timing import Timer
 
-comm = MPI.COMM_WORLD
 E = 2.0
 JOINT = 8.0  # E times width over both heights
 
@@ -152,14 +146,8 @@ def test_bolt_in_one_body_prestresses_it() -> None:
     record = played(scene)
     force = (0.1 + 4.0 * 0.01) / (1.0 / 3.0 + 4.0 / E)
     assert record.turning_points.load_displacement[-1, 1] == pytest.approx(force, rel=1e-9)
-    assert record.probe("s").stress[-1, 0, 0] == pytest.approx(-force, rel=1e-9)
-    end = record.turning_points
-    bulk = bulk_of(scene, comm, Timer())
-    fields = fields_at(bulk, end.load[-1], np.concatenate([end.v[-1], end.w[-1]]))
-    bulk.destroy()
-    if fields is not None:
-        np.testing.assert_allclose(fields.stress["sxx"], -force, rtol=1e-8)
-        np.testing.assert_allclose(fields.stress["syy"], -E * 0.01, rtol=1e-8)
+    stress = record.probe("s").stress[-1, 0, :2]
+    assert stress == pytest.approx([-force, -E * 0.01], rel=1e-9)
 
 
 def lap(**parts: Any) -> rf.Scene:
