@@ -79,11 +79,11 @@ def digest(scene: Scene) -> str:
     half = is_half_meshed(scene if scene.others else part_of(scene, scene.body))
     found = hashlib.sha256(f"{half}\n{to_toml(condensed_part(scene))}".encode())
     for body in (body for body in scene.bodies if body.mesh is not None):
-        files = mesh_files(Path(str(body.mesh)))
-        if not files:
-            raise InputError(f'[body] mesh: "{body.mesh}": no such file')
-        for file in files:
-            found.update(file.read_bytes())
+        try:
+            first, *more = (file.read_bytes() for file in mesh_files(Path(str(body.mesh))))
+        except (OSError, ValueError):  # it cannot be read, or is none
+            raise InputError(f'[body] mesh: "{body.mesh}": no such file') from None
+        found.update(b"".join([first, *more]))
     return found.hexdigest()
 
 
