@@ -21,6 +21,7 @@ from small import cyclic, small_system, table
 
 import receding_fenicsx as rf
 from receding_fenicsx.measures.limit_nodes import limit_nodes
+from receding_fenicsx.output.plots.figures import _drawings
 from receding_fenicsx.output.plots.series import fitted_cycles, slip_lines
 from receding_fenicsx.output.plots.zone_map import timelines_of, zone_map
 from receding_fenicsx.output.report.summary import report_html
@@ -247,7 +248,7 @@ FIGURES = [
 
 def test_figures_are_those_that_the_record_holds_something_for() -> None:
     def names(found: rf.Record, everything: bool = True) -> list[str]:
-        return [name for name, _ in rf.figures.draw_all(found, everything=everything)]
+        return [name for name, *_ in _drawings(found, everything)]
 
     assert names(record("monotonic")) == FIGURES[:1]
     assert names(record("unloading")) == FIGURES[:3]
