@@ -67,6 +67,7 @@ def test_check_and_condense_tell_the_nodes_and_the_symmetry_of_the_run(
         assert ("\nwarning: [mesh] degree: elements of" in said) == ("mesh.degree=1" in changes)
 
 
+@pytest.mark.once
 @pytest.mark.one_rank
 @pytest.mark.parametrize("name", sorted(path.name for path in DEMOS.glob("*.toml")))
 def test_every_demo_scene_can_be_modelled(name: str) -> None:
