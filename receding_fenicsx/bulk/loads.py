@@ -172,7 +172,8 @@ def nodal_forces(
         x, y = np.array(load.force) / area
         load = replace(load, force=None, traction=(x, y))
     if load.travel and load.edge not in body.lines:
-        raise InputError(f"{load.label} travel: '{load.edge}' is not straight; split it")
+        name = load.name.rpartition(" ")[0]
+        raise InputError(f"load '{name}' travel: '{load.edge}' is not straight; split it")
     profiles = (load.pressure,) if load.pressure is not None else load.traction or ()
     moved = load.travel[0] * body.lines[load.edge].direction if load.travel else 0.0
 

@@ -78,7 +78,7 @@ def of_half_planes(scene: Scene) -> Rules:
         yield "[material] kinematics: a half-plane is not axisymmetric; use another one"
     edges = [edge for contact in scene.contacts for edge in (contact.edge, contact.against)]
     on = [scene.find_edge(edge) for edge in edges if edge]
-    first = {scene.find_edge(contact.edge)[0].name for contact in scene.contacts}
+    first = {scene.find_edge(c.edge)[0].name: k for k, c in enumerate(scene.contacts)}
     for body in flat:
         at = scene.label(body)
         if scene.material_of(body).young_2 is not None:
@@ -88,7 +88,8 @@ def of_half_planes(scene: Scene) -> Rules:
         if not scene.others:
             continue
         if body.name in first if len(flat) == 1 else len(first) > 1:
-            yield f"[contact] edge: names the half-plane '{body.name}'; exchange edge and against"
+            where = scene.joint_labels[first[body.name]]
+            yield f"{where} edge: names the half-plane '{body.name}'; exchange edge and against"
         other = Body() if len(flat) == 1 else flat[0]
         whose = "its partner's mesh" if len(flat) == 1 else f"body '{other.name}'"
         for key in ("width", "position"):

@@ -95,10 +95,6 @@ def rectangle_mesh(whole: Scene, body: Body, half: bool) -> RawMesh:
     edge, size = scene.contacts[0].edge, np.array([scene.body.width, scene.body.height])
     inward = {"bottom": (0.0, 1.0), "top": (0.0, -1.0), "left": (1.0, 0.0), "right": (-1.0, 0.0)}
     axes = np.array([np.abs(inward[edge])[::-1], inward[edge]])
-    if half and axes[0, 0] == 0.0:
-        raise InputError(
-            f"contact.edge = '{edge}' has no half at x >= 0; set solver.symmetry = \"none\""
-        )
     both = bool(whole.others) and OPPOSITE[edge] in [contact.edge for contact in scene.contacts]
     (length, depth), middle = np.abs(axes) @ size, 0.5 * size * ([0.0, 1.0] - axes[1])
     frame = Frame(scene, edge, float(length), float(depth), both, middle, axes)

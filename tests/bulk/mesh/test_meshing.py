@@ -77,11 +77,6 @@ def test_vertices_lie_at_ends_of_spans_and_at_points(half: bool) -> None:
             assert np.hypot(points[:, 0] + x, points[:, 1] - y).min() < 1e-15
 
 
-def test_side_contact_has_no_half() -> None:
-    with pytest.raises(rf.InputError, match="no half at x >= 0"):
-        make_mesh(comm, block(contacts=(rf.Contact(edge="left"),), loads=()), True)
-
-
 def test_a_gmsh_session_of_the_user_survives() -> None:
     gmsh.initialize(readConfigFiles=False, interruptible=False)
     try:
