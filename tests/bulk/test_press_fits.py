@@ -40,34 +40,22 @@ Physical Curve("bed") = {5};
 """
 
 
-def from_file(folder: Path, taper: float, **parts: object) -> rf.Scene:
-    """Two rings of 19 by 10 from one .geo file, their fit at radius 20 or on a cone."""
-    file = folder / "fit.geo"
+def pressed_in(folder: Path, taper: float) -> rf.Scene:
+    """Two rings of 19 by 10 from one .geo file: a fit at radius 20, or a taper in its seat."""
+    file, fit = folder / "fit.geo", taper == 0.0
     rf.on_root(comm, lambda: file.write_text(SECTION.replace("TAPER", str(taper))))
     shaft, hub = (rf.Body(name=n, mesh=str(file), surface=n) for n in ("shaft", "hub"))
-    scene = rf.Scene(
+    contact = rf.Contact(edge="shaft.fit", against="hub.fit", friction=F)
+    low, high = (-0.8, 0.8) if fit else (0.4, 1.0)
+    return rf.Scene(
         body=shaft,
         others=(hub,),
         material=rf.Material(E, NU, "axisymmetric"),
         mesh=rf.MeshOptions(contact_elements=8),
-        contacts=(rf.Contact(edge="shaft.fit", against="hub.fit", friction=F, interference=DEPTH),),
-        loads=(rf.Load("push", "shaft.push", pressure=1.0),),
+        contacts=(replace(contact, interference=DEPTH if fit else None),),
+        loads=(rf.Load("push", "shaft.push", pressure=1.0 if fit else -float(np.sign(taper))),),
         supports=(rf.Support("y", edge="hub.rim"),),
-        history=rf.HistoryOptions(kind="cyclic", minimum=-0.8, maximum=0.8, cycles=1),
-    )
-    return replace(scene, **parts)  # type: ignore[arg-type]
-
-
-def pressed_in(folder: Path, taper: float) -> rf.Scene:
-    """A taper pushed against its seat; a cylinder is a fit with interference."""
-    if taper == 0.0:
-        return from_file(folder, taper)
-    return from_file(
-        folder,
-        taper,
-        contacts=(rf.Contact(edge="shaft.fit", against="hub.fit", friction=F),),
-        loads=(rf.Load("push", "shaft.push", pressure=-float(np.sign(taper))),),
-        history=rf.HistoryOptions(kind="cyclic", minimum=0.4, maximum=1.0, cycles=1),
+        history=rf.HistoryOptions(kind="cyclic", minimum=low, maximum=high, cycles=1),
     )
 
 
@@ -159,7 +147,8 @@ def test_pictures_show_a_fit_once_and_a_plane_on_both_sides_of_the_axis(
         rf.Contact(edge="shaft.fit", against="hub.fit", friction="0.3 + 0.01*x"),
     )
     text = SECTION.replace("{10,", "{0,") + "Transfinite Curve {1} = 5;"
-    scene = from_file(shared_tmp_path, 0.0, contacts=several, loads=(), supports=())
+    scene = pressed_in(shared_tmp_path, 0.0)
+    scene = replace(scene, contacts=several, loads=(), supports=())
     rf.on_root(comm, lambda: (shared_tmp_path / "fit.geo").write_text(text.replace("TAPER", "0")))
     found, edge = whole_contact_at_rest(scene)
     plane, fit = (found.edge == k for k in (0, 1))
