@@ -10,7 +10,7 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 from bodies import block
-from drawn_text import REPORTS, check_area, check_curves, check_figures
+from drawn_text import REPORTS, check_area, check_curves, check_figures, check_words
 from shakedown_cases import LOWER, TO_AND_FRO, UPPER, two_nodes
 from small import small_system
 
@@ -20,7 +20,7 @@ from receding_fenicsx.interface.shakedown.margins import load_range, prepared, w
 from receding_fenicsx.interface.shakedown.opening import Opening
 from receding_fenicsx.output.report.run import limit_rows
 from receding_fenicsx.store.workspace import Case, CaseFile, Outcome
-from receding_fenicsx.studies.shakedown.study import diagram_figure, limits_at
+from receding_fenicsx.studies.shakedown.study import _files, diagram_figure, limits_at
 from receding_fenicsx.studies.starts import starts_summary, steady_states_figure
 
 SCENE = rf.to_toml(
@@ -155,12 +155,23 @@ def test_the_safe_slip_of_half_a_body_is_written_for_both_halves(tmp_path: Path)
 def test_text_and_diagram_show_the_limits_at_the_mean_of_the_scene() -> None:
     # the diagram is over the first load that varies
     changes = ["mean={press=1.0, shear=0.1}", "range=[{press=0.0, shear=1.0}, {shear=-1.0}]"]
-    found = rf.shakedown(rf.from_toml(SCENE, [f"shakedown.{change}" for change in changes]))
-    pressed = rf.from_toml(SCENE, ['shakedown.diagram="press"', "mesh.contact_elements=8"])
+    scene = rf.from_toml(SCENE, [f"shakedown.{change}" for change in changes])
+    found, few = rf.shakedown(scene), ["mesh.contact_elements=8", "shakedown.largest_slip=0.2"]
+    pressed = rf.from_toml(SCENE, ['shakedown.diagram="press"', *few])
     other = rf.shakedown(pressed)
     if found is None or other is None:
         return
-    assert other.diagram.load == "press"
+    bounded = other.diagram
+    lowest = np.interp(bounded.given, bounded.mean, bounded.lower)
+    assert bounded.load == "press" and lowest == pytest.approx(other.limits.lower, rel=0.02)
+    slip, closed = np.linspace(-0.1, 0.2, other.system.n), np.arange(other.system.n) != 2
+    opening = Opening(3.0, 3.0, slip, closed[None], True, True, 0.0)
+    texts = list[str]()
+    for of, study in ((scene, found), (pressed, replace(other, opening=opening))):
+        told = _files(of, study, {})["shakedown.json"]
+        keys = [key for key in told if key not in ("active", "safe_slip", "diagram", "notes")]
+        texts += [*str(study).splitlines(), *(f"{key}: {told[key]}" for key in keys)]
+    check_words(texts, REPORTS / "shakedown_told.txt")
     limits, diagram = found.limits, found.diagram
     assert diagram.given == 0.1 and limits.lower < 0.9 * limits.upper
     assert np.interp(0.1, diagram.mean, diagram.upper) == pytest.approx(limits.upper, rel=0.02)
