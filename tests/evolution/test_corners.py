@@ -97,9 +97,17 @@ def test_error_of_the_polygon_falls_with_the_square_of_the_corners_which_a_run_k
 
 
 @pytest.mark.one_rank
-def test_tolerance_out_of_reach_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_tolerance_out_of_reach_is_an_error_and_a_polygon_that_ends_is_told(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     scene, system = spring()
     monkeypatch.setattr(histories, "MOST_CORNERS", 64)
     with pytest.raises(SolveError, match="with 64 corners the error estimate") as caught:
         with_corners(system, replace(scene, history=replace(scene.history, tolerance=1e-9)))
     assert "\n" not in str(caught.value)
+    # a polygon that cannot be followed, where P lifts the node off, is told as the last one
+    lifted = replace(scene, history=harmonic({**SPRING, "P": Harmonic(1.0, 1.5)}))
+    free = replace(system, K=np.diag([STIFFNESS, 0.0]), rigid=np.array([[0.0], [1.0]]))
+    refined, doubling = with_corners(free, lifted)
+    assert doubling is not None and np.isnan(doubling[-1, 1])
+    assert refined.history.corners == doubling[-1, 0]

@@ -86,6 +86,11 @@ def test_the_lower_limit_is_proved_for_two_nodes_and_no_others(
     )
     system = replace(system, f=np.where(np.arange(n) < rubbing, system.f, 0.0))
     assert rf.shakedown_limits(system, mean, corners).lower_is.startswith(words)
+    # slip that changes the pressure of a node without friction is coupled too
+    loads = {"mean": [0.0, 0, 1, 1], "range": [1.0, 0, 0, 0]}
+    for c, known in ((0.0, "proved"), (0.3, "conjecture")):
+        pair = small_system(np.eye(4) + c * (np.eye(4, k=3) + np.eye(4, k=-3)), loads, [0.4, 0.0])
+        assert rf.shakedown_limits(pair, {"mean": 1.0}, TO_AND_FRO).lower_is == known
 
 
 @pytest.mark.parametrize("seed", range(8))
