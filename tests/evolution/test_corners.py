@@ -97,7 +97,7 @@ def test_error_of_the_polygon_falls_with_the_square_of_the_corners_which_a_run_k
 
 
 @pytest.mark.one_rank
-def test_tolerance_out_of_reach_is_an_error_and_a_polygon_that_ends_is_told(
+def test_a_tolerance_out_of_reach_is_an_error_and_polygons_that_end_are_told(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     scene, system = spring()

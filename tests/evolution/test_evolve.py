@@ -127,8 +127,8 @@ def test_a_path_that_ends_tells_by_a_whole_message_why_and_where(end: dict[str, 
     system = small_system(
         end["K"], end["loads"], end.get("f", 0.5), end.get("gap", 0.0), end.get("rigid", ())
     )
-    if "backward" in end:
-        system = replace(system, f_backward=np.full(system.n, end["backward"]))
+    arrays: dict[str, Any] = {k: np.array(end[k]) for k in ("f_backward", "held") if k in end}
+    system = replace(system, **arrays)
     history = table(system, end["path"], end.get("loop", ()), 1)
     for method in end.get("methods", ["events"]):
         solver = SolverOptions(method=method, steps_per_leg=3, on_jump=end.get("on_jump", "stop"))
