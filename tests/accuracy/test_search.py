@@ -103,7 +103,7 @@ def test_meshes_that_do_not_fit_or_have_no_answer_are_passed_over() -> None:
 
     found = search(scene_of(1e-3), solve)
     assert found.met and all(n % 12 == 0 and n >= 48 for n in sizes(found))
-    assert found.failures == [(24, "too coarse")]
+    assert found.shown()["failures"] == [[24, "too coarse"]]
 
     def never(_: Scene, elements: int) -> Level:
         raise NotConverged("no answer")

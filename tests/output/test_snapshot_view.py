@@ -224,7 +224,6 @@ def test_pictures_of_scenes_of_all_kinds_show_every_contact_edge_as_the_record_h
     assert made is not None
     view, fields, record = made
     parts, scene = [*record.by_edge().values()], rf.given(record.scene)
-    # half-planes would overlap
     assert view.factor <= 1.0 or not all(body.is_half_plane for body in scene.bodies)
     length = length_of(scene) or 1.0
     # a round number by which the largest displacement is a tenth of the height, or less

@@ -205,7 +205,6 @@ def test_a_load_and_its_conjugate_have_the_units_whose_product_is_work(
     scales.kinds, scales.units, scales.nondimensional = [kind], UNITS, False
     assert scales.load_unit(0) == unit
     assert scales.conjugate(0, prescribed=False)[1] == f"$ ({conjugate})"
-    # forces and displacements of two edges are no single one
     both = rf.Scene(loads=(load, replace(load, edge="bottom")))
     assert (kind_of(both, "a", axisymmetric=False) == kind) == (unit in ("MPa", ""))
 

@@ -223,7 +223,6 @@ def test_command_writes_a_curve_and_goes_on_with_it(
     capsys.readouterr()
     assert cli.main([*head, "--from", "0.1", "--count", "3"]) == 2
     assert "exists as a curve; continue it with --resume" in capsys.readouterr().err or comm.rank
-    # amplitudes may be added and left out
     assert cli.main([*head, "--from", "0.2", "--count", "2", "--resume"]) == 0
     comm.barrier()
     told = json.loads((out / "joint.json").read_text())

@@ -286,7 +286,6 @@ def test_all_scenes_wear_off_what_the_limit_cycle_of_a_run_dissipates(name: str)
     limit = replace(scene.history, until="limit", cycles=60)
     record = rf.evolve(rf.given(rf.condense(scene)), replace(scene, history=limit))
     energy = record.cycles.dissipation_density[-1] * record.weight
-    # Archard counts force times distance, a coefficient the energy
     worn_by = 1e-9 / (record.f if scene.wear.archard else 1.0)
     assert study.volume[-1] == pytest.approx(2.0 * np.sum(worn_by * energy), 1e-6, 0.0)
 
