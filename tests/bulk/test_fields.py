@@ -142,6 +142,8 @@ def test_quadrilaterals_beside_triangles_are_two_triangles_of_the_same_stresses(
     own = rf.given(both.body)[both.cells[:, 0]] == 0
     around = [[set(cell) <= set(quad) for quad in alone.cells] for cell in both.cells[own]]
     assert np.all(np.sum(around, axis=0) == 2)
+    centres = [both.points[both.cells[own]].mean(axis=1), alone.points[alone.cells].mean(axis=1)]
+    assert 0.5 * np.array(around).T @ centres[0] == pytest.approx(centres[1])
     for name, stress in alone.cell_stress.items():
         assert np.array_equal(both.cell_stress[name][own], stress[np.argmax(around, axis=1)])
 

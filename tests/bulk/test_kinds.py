@@ -137,6 +137,8 @@ def test_a_row_of_a_sweep_holds_the_last_cycle_of_the_summary_edge_by_edge(name:
 @pytest.mark.parametrize("name", KINDS)
 def test_scene_system_and_record_are_read_as_they_were_written(name: str, tmp_path: Path) -> None:
     scene, system, found = KINDS[name], systems(name), record(name)
+    sign, C = system.load_sign, system.load_compliance
+    assert np.outer(sign, sign) * C.T == pytest.approx(C, abs=1e-9 * np.abs(C).max())
     assert rf.from_toml(rf.to_toml(scene)) == scene
     rf.write_system(tmp_path / "system.h5", system)
     read = rf.read_system(tmp_path / "system.h5", scene)
