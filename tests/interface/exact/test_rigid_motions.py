@@ -60,6 +60,12 @@ def unpressed(f: float) -> Played:
     return free, [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0, 1.0]]
 
 
+def rolled() -> Played:
+    """Return a rigid body that touches with one foot, and rolls onto both when it is pressed."""
+    feet, rigid = np.diag([1.0, 1.0, 0.0, 0.0]), [[0.0, 0, 1, 1], [0.0, 0, -1, 1]]
+    return small_system(feet, {"press": [0.0, 0, 1, 2]}, 0.3, [0.0, 0.1], rigid), [0.0, 1.0, 0.5]
+
+
 @pytest.mark.parametrize(
     ("make", "given", "method"),
     [(hanging, (g0,), method) for g0 in (0.0, 0.25) for method in ("events", "gauss-seidel")]
@@ -67,7 +73,8 @@ def unpressed(f: float) -> Played:
     + [(beam, (k, [0, 1, 0]), "events") for k in (1e-7, 1e-9)]
     + [(lifted, pair, "events") for pair in product((1e-4, 1e-8, 1e-9), (0.0, 0.3))]
     + [(guided, pair, "events") for pair in product((1e-6, 1e-7, 1e-8), (0.49, 0.7, 1.1))]
-    + [(unpressed, (f,), "events") for f in (0.3, 2.0)],
+    + [(unpressed, (f,), "events") for f in (0.3, 2.0)]
+    + [(rolled, (), method) for method in ("events", "gauss-seidel")],
 )
 def test_bodies_that_are_almost_free_keep_all_laws(
     make: Callable[..., Played], given: tuple[Any, ...], method: str
