@@ -124,11 +124,8 @@ def test_the_slip_of_a_load_step_counts_from_where_a_node_lands(
 ) -> None:
     """Landed at v = -1, lambda = 1; it slips back to v = (lambda - 1) / 2 + c - lambda."""
     system = branched(replace(ONE, g0=np.ones(1)), cohesion, None)
-    record = rf.evolve(
-        system,
-        table(system, [[0, 0], [2, 2]]),
-        rf.SolverOptions(method="gauss-seidel", steps_per_leg=number),
-    )
+    solver = rf.SolverOptions(method="gauss-seidel", steps_per_leg=number)
+    record = rf.evolve(system, table(system, [[0, 0], [2, 2]]), solver)
     assert record.turning_points.v[-1, 0] == pytest.approx(-1.5 + (cohesion or 0.0), rel=1e-12)
     assert record.dissipation_first_loading == pytest.approx(D, rel=1e-12)
 
