@@ -123,12 +123,13 @@ SINGLE = {
     # of 210001065 and of 220001330 in the round-off of unloading; 210001186 and 220000051 begin on
     # seven and eight unloaded nodes, whose bonds are tried in all sets;
     # a jump of 240000090 and 240001789 has two sets of branches; equal nodes of 230001226 are on
-    # two; unloading of 300001735 ends just before its last sample
+    # two; unloading of 300001735 ends just before its last sample, a sample of 310000501 lies where
+    # it jumps
     "shear limits and cohesion": (
         capped,
         "98400228 99400018 99400084 99400121 130000329 130000475 130000566 140000383 140000834 "
         "141000291 141000339 141000323 160001574 170000323 190000935 210001065 220001330 "
-        "210001186 220000051 240000090 240001789 230001226 300001735",
+        "210001186 220000051 240000090 240001789 230001226 300001735 310000501",
         {ACCEPTED, REFUSED},
     ),
     # springs slide the body back in the last 1e-9 of unloading: no continuation, or a jump

@@ -52,8 +52,14 @@ def jump_between(
     return Jump(end, work, -stored - work)
 
 
-def add_jump(leg: Leg, part: tuple[float, float], jump: Jump) -> None:
-    """Add a jump between two places to what has been followed of a leg."""
+def add_jump(
+    leg: Leg, part: tuple[float, float], jump: Jump, samples: tuple[float, ...] = ()
+) -> None:
+    """Add a jump between two places to what has been followed of a leg.
+
+    States at places of samples in between are those before it.
+    """
+    leg.samples += [(place, leg.end) for place in samples if part[0] < place <= part[1]]
     jumped = Changes.between(part[1], leg.end.state, jump.end.state)
     leg.events = Changes.joined(leg.events, jumped)
     leg.stops.append((part[1], jump.end.u))

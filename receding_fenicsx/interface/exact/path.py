@@ -202,7 +202,8 @@ class EventPath:
             raise no_state_beyond(self.system, place)
         load = problem.load(s)
         leg.stops.append((walk.s, leg.end.u))
-        add_jump(leg, (walk.s, s), find_jump(self.segments, leg.end, load, place))
+        jump = find_jump(self.segments, leg.end, load, place)
+        add_jump(leg, (walk.s, s), jump, problem.samples)
         ends = load, problem.ends[1]
         rest = self.trace(problem.piece(leg.end, ends, leg.force_scale, (s, 1.0), jumps=1))
         leg.add(rest.placed(1.0 - s, s))

@@ -205,7 +205,7 @@ class BranchedPath:
             end = self.static_leg(start, (place, load), leg.force_scale).end
         except SolveError as lost:
             raise no_state_beyond(self.system, place) from lost
-        add_jump(leg, (s, beyond), jump_between(self.system, start, end, load))
+        add_jump(leg, (s, beyond), jump_between(self.system, start, end, load), whole.samples)
         return beyond
 
     def _piece(
