@@ -84,6 +84,7 @@ def test_a_field_of_a_wrong_type_is_refused_by_its_name(name: str) -> None:
         ({"f": np.zeros(3)}, r"f of the contact system has shape \(3,\), expected \(2,\)"),
         ({"f": np.array([0.1, np.nan])}, r"f of the contact system is nan at node 1 \(x = 1\)"),
         ({"f": np.array([-0.1, 0.1])}, r"f of the contact system is -0\.1 at node 0"),
+        ({"shear_limit": np.array([np.inf, np.nan])}, "shear_limit of .* is nan at node 1"),
         ({"g0": np.array([0.0, -1e-9])}, r"g0 of the contact system is -1e-09 at node 1"),
         ({"g0": np.array([np.inf, 0.0])}, "g0 of the contact system is inf at node 0"),
         ({"g0": 0.0 * np.eye(2)}, r"g0 of the contact system has shape \(2, 2\)"),

@@ -300,23 +300,26 @@ def test_probes_may_move_from_case_to_case() -> None:
 
 
 @pytest.mark.one_rank
-def test_a_case_whose_process_dies_is_a_row_and_is_tried_again(
+def test_a_case_whose_process_dies_or_has_no_memory_is_a_row_and_is_tried_again(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    out, over = tmp_path / "out", {"contact.friction": [0.2, 0.3, 0.4]}
+    out, over = tmp_path / "out", {"contact.friction": [0.2, 0.3, 0.4, 0.5]}
 
     def measure(record: rf.Record) -> dict[str, Any]:  # of no module, for a process of this machine
+        if record.f[0] == 0.5:
+            raise MemoryError
         return sweep_measures.dies_at_three_tenths(record)
 
     assert not runner.play(runner.Case(""), lambda: {"f": 1 / 0}).final
     table = rf.sweep(scene(), over, out, workers=1, measure=measure)
     assert table is not None
-    (bad,) = table.failed
+    bad, full = table.failed
     assert bad["contact.friction"] == 0.3 and "process was ended" in bad["error"]
-    assert table["f"].tolist()[::2] == [0.2, 0.4] and np.isnan(table["f"][1])
+    assert full["contact.friction"] == 0.5 and full["error"].startswith("MemoryError")
+    assert table["f"].tolist()[:3:2] == [0.2, 0.4] and np.isnan(table["f"][1::2]).all()
     monkeypatch.setattr(runner, "play", lambda *_: runner.Outcome({"f": 7.0}))
     again = rf.sweep(scene(), over, out, measure=measure, options=rf.StudyOptions(resume=True))
-    assert again is not None and again["f"].tolist() == [0.2, 7.0, 0.4]
+    assert again is not None and again["f"].tolist() == [0.2, 7.0, 0.4, 7.0]
 
 
 @pytest.mark.one_rank
