@@ -90,10 +90,7 @@ EVEN: dict[str, rf.Scene] = {
         history=replace(CYCLE, constant={}),
     ),
     "moved gap": simple(
-        loads=(
-            rf.Load("P", "top", pressure=0.2),
-            rf.Load("T", "bottom", gap="0.02*(1 + x**2)"),
-        ),
+        loads=(rf.Load("P", "top", pressure=0.2), rf.Load("T", "bottom", gap="0.02*(1 + x**2)")),
     ),
     "springs": simple(
         rf.Load("T", "top", (-1.0, 1.0), traction=("0.3*x", 0.3)),

@@ -70,12 +70,7 @@ def random_system(seed: int, n: int, margin: float) -> ContactSystem:
     return small_system(0.5 * (K + K.T), {"load0": loads[0], "load1": loads[1]}, f)
 
 
-def table(
-    system: ContactSystem,
-    path: Rows,
-    loop: Rows = (),
-    cycles: int = 0,
-) -> History:
+def table(system: ContactSystem, path: Rows, loop: Rows = (), cycles: int = 0) -> History:
     """Return the history through the corners of ``path`` and then round ``loop``."""
     width = len(system.load_names)
     corners = np.array(path, dtype=float).reshape(-1, width)

@@ -129,10 +129,7 @@ def test_output_neither_condenses_nor_computes_mechanics() -> None:
 
 # -- names of ``import receding_fenicsx as rf``: demos and documents need no others ----------------
 
-CHECKERS = {
-    "hard_cases": {"hard"},
-    "random_problems": {"problems", "stack_problems"},
-}
+CHECKERS = {"hard_cases": {"hard"}, "random_problems": {"problems", "stack_problems"}}
 """Modules of ``tests/`` that benchmarks use."""
 NEEDED = {"matplotlib", "mpi4py", "numpy", "petsc4py", "scipy", "h5py"}
 DEMOS = sorted((TOP / "demos").rglob("*.py"))

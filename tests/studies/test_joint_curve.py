@@ -88,24 +88,24 @@ def test_a_spring_that_is_moved_obeys_the_closed_form_of_a_slider(
     assert curve.slip == pytest.approx(2.0 * np.maximum(U - f / k, 0.0), rel=1e-12)
     # by command, of a saved system
     rf.write_system(tmp_path / "node.h5", system)
-    head = [
-        "joint",
-        str(tmp_path / "node.h5"),
-        "--out",
-        str(tmp_path / "by_command"),
-        "--to",
-        "1.3",
-    ]
+    head = ["joint", f"{tmp_path}/node.h5", f"--out={tmp_path}/by_command", "--to=1.3"]
     one = ["--from", "1.3", "--count", "1", "--drive"]
     assert cli.main([*head, *one, "mode:1"]) == 2 and cli.main([*head, *one, "U"]) == 0
     again = json.loads((tmp_path / "by_command" / "joint.json").read_text())["amplitudes"]
     assert [row["dissipation"] for row in again] == pytest.approx(D[-1:], rel=1e-12)
 
-    def fails(_: object, history: rf.History, drive: str) -> None:
-        raise rf.SolveError(f"{drive} at {history.loop[0, 1]:g}")
+    play, largest = joint._play_system, 0.5
+
+    def fails(part: object, history: rf.History, drive: str) -> object:
+        if history.loop[0, 1] > largest:
+            raise rf.SolveError(f"{drive} at {history.loop[0, 1]:g}")
+        return play(part, history, drive)
 
     monkeypatch.setattr(joint, "_play_system", fails)
-    assert cli.main([*head, "--from=0.1", "--drive=U", "--count=2", "--overwrite"]) == 1
+    again = [*head, "--from=0.1", "--drive=U", "--count=2", "--overwrite"]
+    assert cli.main(again) == 0 and "all amplitudes" not in capsys.readouterr().err
+    largest = 0.0
+    assert cli.main(again) == 1
     assert "joint: all amplitudes failed, the smallest with: U at 0.1\n" in capsys.readouterr().err
     # the files hold the numbers of the curve
     with (tmp_path / "out" / "joint.csv").open() as file:

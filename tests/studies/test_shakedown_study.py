@@ -28,10 +28,7 @@ SCENE = rf.to_toml(
         body=rf.Body(width=2.0),
         material=rf.Material(),
         contacts=(rf.Contact(friction=0.5),),
-        loads=(
-            rf.Load("press", "top", pressure=1.0),
-            rf.Load("shear", "top", traction=(1.0, 0.0)),
-        ),
+        loads=(rf.Load("press", "top", pressure=1.0), rf.Load("shear", "top", traction=(1.0, 0.0))),
         history=rf.HistoryOptions(
             "table",
             columns=("press", "shear"),
