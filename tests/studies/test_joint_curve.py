@@ -96,7 +96,7 @@ def test_a_spring_that_is_moved_obeys_the_closed_form_of_a_slider(
 
     play, largest = joint._play_system, 0.5
 
-    def fails(part: object, history: rf.History, drive: str) -> object:
+    def fails(part: Any, history: rf.History, drive: str) -> object:
         if history.loop[0, 1] > largest:
             raise rf.SolveError(f"{drive} at {history.loop[0, 1]:g}")
         return play(part, history, drive)
