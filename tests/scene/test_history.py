@@ -150,6 +150,7 @@ def test_arcs_between_extremes_are_divided_evenly_and_doubled_corners_divide_eve
         ([-1.0, -0.5, -1.0], [("unloading", 1, 0), ("loading", 1, 1)]),
         ([1.0, 0.5, 0.8, 0.2, 1.0], [("unloading", 1, "legs 0 to 3"), ("3", 1, 3)]),
         # each over its largest
+        ([(0.2, 1.0), (-0.4, 0.7), (-1.0, 0.9), (0.2, 1.0)], [("loading", 1, 1)]),
         ([(100.0, 0.0), (99.0, 0.5), (100.0, 0.0)], [("loading", 1, 0), ("unloading", 1, 1)]),
     ],
 )
