@@ -495,6 +495,7 @@ def _jump(
     totals.work += work
     # it is solved for just beyond its place
     totals.unsure += JUMP_STEP * abs(float(way @ body.r_star @ change))
+    totals.unsure += run.rounded(leg, here, body.reactions(load, u) + r, change)
     if not np.any(np.abs(change) > _own_round_off(run, leg, here, load, u)):
         # a node may reach its limit and stick where another one lands
         totals.hidden += 1
