@@ -190,10 +190,15 @@ def _opposed(joint: Joint, sides: tuple[_Side, _Side], where: str) -> tuple[Ints
     on = [first.on(second, near), second.on(first, near)]
     middles = 0.5 * (second.a + second.b)[on[1]]
     facing = np.sum(first.line.inward(middles) * second.line.inward(middles), axis=1)
-    if off > near or facing.max(initial=-1.0) > 0.0:
+    if off > near:
         raise InputError(
             f"{where}: {names} do not lie on each other, but {off:.3g} apart at ({x:g}, {y:g}); "
             "move one of the bodies (a gap is given by initial_gap)"
+        )
+    if facing.max(initial=-1.0) > 0.0:
+        raise InputError(
+            f"{where}: {names} lie on each other with both bodies on the same side; "
+            "move one of the bodies or name another edge of it"
         )
     if not on[0].any() and not on[1].any():
         raise InputError(f"{where}: {names} do not overlap; move one of the bodies")
