@@ -86,6 +86,7 @@ def record_of(
         jumps=totals.jumps,
         released=mirror.factor * totals.released,
         probes=probes_table(system, corners, samples),
+        choices=tuple(choice for cycle in cycles for choice in cycle.choices),
         uniqueness=PathUniqueness(
             **{key: getattr(unique, key) for key in same},
             margin=unique.margin if unique.certified or unique.cycle >= 0 else np.nan,

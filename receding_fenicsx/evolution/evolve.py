@@ -16,7 +16,8 @@ from receding_fenicsx.evolution.limit.search import LimitSearch, Progress
 from receding_fenicsx.evolution.problem import Problem, problem_of_history, problem_of_scene
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.evolution.run_state import RunState, check_force_range
-from receding_fenicsx.interface.branches.choice import Choice, Chooser
+from receding_fenicsx.interface.branches.choice import Chooser, by_key
+from receding_fenicsx.interface.mirror import mirror_of
 from receding_fenicsx.interface.system import ContactSystem, softest_motion
 from receding_fenicsx.scene.history import History, ended_by
 from receding_fenicsx.scene.model import OutputOptions, Scene, SolverOptions
@@ -110,6 +111,8 @@ def continue_history(
     to the leg that failed.
     """
     cycles, history = journal.cycles, problem.history
+    if problem.chooser is not None:
+        problem.chooser.log |= by_key(choice for cycle in cycles for choice in cycle.choices)
     run = RunState(problem, cycles)
     run.sample_finished()
     # the limit is searched along the first continuation only
@@ -132,7 +135,7 @@ def continue_history(
     except SolveError as error:
         unfinished = run.corners, run.position.totals, run.uniqueness.found
         error.record = record_of(problem.system, problem.solver, cycles, unfinished)
-        error.record.choices = _choices(problem)
+        error.record.choices = () if problem.chooser is None else problem.chooser.choices
         chosen = problem.solver.method == "events" and not problem.system.has_branches
         if isinstance(error, NoQuasiStaticContinuation) and chosen:
             found = error.record.uniqueness
@@ -149,14 +152,9 @@ def continue_history(
         raise
     last = None if search is not None and search.steady is not None else run.sample_last()
     record = record_of(problem.system, problem.solver, cycles, last=last, watch=run.steady)
-    record.choices = _choices(problem)
     if search is not None:
         search.tell(record)
     return record
-
-
-def _choices(problem: Problem) -> tuple[Choice, ...]:
-    return () if problem.chooser is None else problem.chooser.choices
 
 
 def _choices_before(problem: Problem) -> str:
@@ -164,20 +162,21 @@ def _choices_before(problem: Problem) -> str:
 
     Where they have not been looked for on the way, the path is followed once more.
     """
-    if problem.chooser is None:
-        output = OutputOptions(samples_per_leg=1, cycles=())
-        problem = replace(problem, chooser=Chooser(), output=output)
+    chooser = problem.chooser
+    if chooser is None:
+        chooser, output = Chooser(), OutputOptions(samples_per_leg=1, cycles=())
         with suppress(SolveError):
-            continue_history(problem, Journal())
-    return "" if problem.chooser is None else problem.chooser.text()
+            continue_history(replace(problem, chooser=chooser, output=output), Journal())
+    return chooser.text()
 
 
 def _message(run: RunState, number: int) -> str:
     """Return the results of a cycle in words."""
     cycle, before = run.cycles[number], run.cycles[number - 1].totals
     sweeps = f"{cycle.totals.sweeps - before.sweeps} sweeps, " if cycle.totals.sweeps else ""
+    D = mirror_of(run.model).factor * cycle.dissipation.sum()
     return (
         f"{cycle.totals.events - before.events} events, {sweeps}"
-        f"residual {cycle.totals.residual:.1e}, dissipation {cycle.dissipation.sum():.6g}, "
+        f"residual {cycle.totals.residual:.1e}, dissipation {D:.6g}, "
         f"change {run.steady.change[-1]:.1e}"
     )

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from receding_fenicsx.arrays import Array
+from receding_fenicsx.interface.branches.choice import Choice
 from receding_fenicsx.interface.law import State
 from receding_fenicsx.interface.measures.steady import CycleEnd, SteadyWatch
 from receding_fenicsx.interface.system import ContactState, ContactSystem, frictional_form
@@ -105,6 +106,7 @@ class FinishedCycle:
     samples: Samples | None = None  # its samples and events, where they were asked for
     # whether the path up to its end is the only one
     uniqueness: Uniqueness = field(default_factory=Uniqueness)
+    choices: tuple[Choice, ...] = ()  # among several continuations, made in it
 
 
 def steady_watch(

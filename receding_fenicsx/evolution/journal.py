@@ -28,8 +28,10 @@ from receding_fenicsx.evolution.instants import (
     event_rows,
     events_of,
 )
+from receding_fenicsx.interface.branches.choice import Choice
 from receding_fenicsx.interface.system import ContactState, ContactSystem
 from receding_fenicsx.interface.uniqueness.watch import Uniqueness
+from receding_fenicsx.scene.toml_reader import type_adapter
 
 WRITING_SHARE = 0.02
 """Largest part of the run's time spent on writing checkpoints. Where they come faster, as on small
@@ -131,6 +133,7 @@ def packed(cycles: list[FinishedCycle], system: ContactSystem) -> dict[str, NDAr
             "events": sum(map(len, own.events)),
             "totals": cycle.totals._asdict(),
             "uniqueness": dataclasses.asdict(cycle.uniqueness),
+            "choices": list(map(dataclasses.asdict, cycle.choices)),
         }
         for cycle, own in zip(cycles, sampled, strict=True)
     ]
@@ -188,6 +191,7 @@ def unpacked(path: Path, system: ContactSystem) -> list[FinishedCycle]:
                     Totals(**row["totals"]),
                     None if row["samples"] is None else samples,
                     Uniqueness(**unique | {"nodes": tuple(unique["nodes"])}),
+                    type_adapter(tuple[Choice, ...]).validate_python(row.get("choices", ())),
                 )
             )
             events = events[count:]

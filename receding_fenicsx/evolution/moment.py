@@ -71,16 +71,14 @@ class Moment:
 
 def moment_of(record: RecordData, table: States, row: int) -> Moment:
     """Return one row of a record's turning points or samples."""
-    names = record.load_names
+    names, own = record.load_names, "x f f_backward begins_on_axis cohesion shear_limit".split()
     return Moment(
         cycle=int(table.cycle[row]),
         leg=int(table.leg[row]),
         s=float(table.s[row]),
         load=dict(zip(names, table.load[row].tolist(), strict=True)),
         load_displacement=dict(zip(names, table.load_displacement[row].tolist(), strict=True)),
-        **{key: getattr(record, key) for key in ("x", "f", "f_backward", "begins_on_axis")},
-        cohesion=record.cohesion,
-        shear_limit=record.shear_limit,
+        **{key: getattr(record, key) for key in own},
         **{key: getattr(table, key)[row] for key in ("state", "P", "Q", "p", "q", "v", "w")},
     )
 

@@ -158,11 +158,8 @@ def _on(record: Record, nodes: Ints) -> Record:
         per_node = ("state", "P", "Q", "p", "q", "v", "w")
         return replace(table, **{name: getattr(table, name)[:, nodes] for name in per_node})
 
-    per_record = ("x", "points", "f", "g0", "weight", "edge")
-    optional: dict[str, Any] = {
-        name: None if (values := getattr(record, name)) is None else values[nodes]
-        for name in ("f_backward", "held", "cohesion", "shear_limit")
-    }
+    names = "x points f g0 weight edge f_backward held cohesion shear_limit".split()
+    own: dict[str, Any] = {name: getattr(record, name) for name in names}
     events, cycles = record.events, record.cycles
     place = np.full(len(record.x), -1)
     place[nodes] = np.arange(len(nodes))
@@ -170,8 +167,7 @@ def _on(record: Record, nodes: Ints) -> Record:
     columns = {f.name: getattr(events, f.name)[here] for f in fields(events)}
     return replace(
         record,
-        **{name: getattr(record, name)[nodes] for name in per_record},
-        **optional,
+        **{name: None if values is None else values[nodes] for name, values in own.items()},
         turning_points=states(record.turning_points),
         samples=states(record.samples),
         events=Events(**{**columns, "node": place[columns["node"]]}),

@@ -78,7 +78,7 @@ class RunState:
 
         SolveError: a leg has no solution; ``corners`` and ``position`` tell how far it came.
         """
-        dissipation = np.zeros(self.problem.system.n)
+        dissipation, chooser = np.zeros(self.problem.system.n), self.problem.chooser
         samples = Samples() if sampled or self.problem.is_sampled(number) else None
         start = instant(
             self.problem.system, (number, 0, 0.0), self.position.load, self.position.state
@@ -94,7 +94,6 @@ class RunState:
                 raise
             if self.problem.judged:
                 self.uniqueness.add((number, k), self.position.state, (a, b), leg, static)
-                chooser = self.problem.chooser
                 if chooser is not None and self.uniqueness.floats:
                     chooser.unsure.add((number, k, 1.0))
                 for choice in chooser.choices if chooser is not None else ():
@@ -105,8 +104,10 @@ class RunState:
             dissipation += leg.dissipation
             self.corners.append(instant(self.problem.system, (number, k, 1.0), b, leg.end))
         corners, self.corners = self.corners, []
-        slip, totals = corners[-1].v - start.v, self.position.totals
-        return FinishedCycle(corners, dissipation, slip, totals, samples, self.uniqueness.found)
+        slip, totals, found = corners[-1].v - start.v, self.position.totals, self.uniqueness.found
+        made = () if chooser is None else chooser.choices
+        choices = tuple(choice for choice in made if choice.cycle == number)
+        return FinishedCycle(corners, dissipation, slip, totals, samples, found, choices)
 
     def sample_finished(self) -> None:
         """Keep the samples of those finished cycles for which they are asked for, and no others.

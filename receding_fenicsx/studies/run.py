@@ -364,12 +364,13 @@ def run_history(
         journal = JournalFolder(folder / JOURNAL, system, every)
         if journal.cycles:
             log.info("resumes from the checkpoint after cycle %d", len(journal.cycles) - 1)
-    doubling = None
+    doubling = problem = None
     tell = Countdown(say, "evolve: cycle", "at most")
 
     try:
         scene, doubling = _with_corners(scene, system, folder, say)
-        record = continue_history(problem_of_scene(system, scene), journal, tell)
+        problem = problem_of_scene(system, scene)
+        record = continue_history(problem, journal, tell)
         record.doubling = doubling
         return record, None
     except SolveError as error:
@@ -380,12 +381,13 @@ def run_history(
         record.doubling = doubling
         return record, error
     except (KeyboardInterrupt, SystemExit) as signalled:
-        if folder is None or not journal.cycles:
+        if folder is None or problem is None or not journal.cycles:
             raise
         last, cycles = len(journal.cycles) - 1, history.history_from_scene(scene).cycles
         where = f"after cycle {last} of {cycles}"
         journal.write()
-        record = record_of(system, scene.solver, journal.cycles)
+        record = record_of(problem.system, problem.solver, journal.cycles)
+        record.doubling = doubling
         write_record(folder / "record.h5", record, overwrite=True)
         brief = summary.summarise(record, {"failure": f"interrupted {where}"})
         write_summary(folder / "summary.json", brief, overwrite=True)

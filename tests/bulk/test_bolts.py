@@ -100,9 +100,9 @@ def test_bolts_are_tightened_to_their_preloads_one_after_the_other() -> None:
     loads = (*lap().loads, rf.Load("kept", "a.right", traction=(1e-4, 0.0)))
     scene = with_preloads(lap(probes=(), history=slow, loads=loads), 0.01, 0.03)
     record = played(scene)
-    shortened = record.turning_points.load[:, 2:]
-    # once tightened, their lengths are locked under what is constant and what grows
-    assert len(shortened) == 4 and np.all(shortened[1:] == shortened[1]) and shortened[1].all()
+    first, second = record.turning_points.load[:, 2:].T
+    # once tightened, their lengths are locked under the next one, what is constant and what grows
+    assert first.tolist() == 4 * [first[0]] and np.all(second[1:] == second[1]) and second[1]
     force = record.turning_points.load_displacement[:, 2:]
     # the second one carries nothing before its turn; the first one follows
     np.testing.assert_allclose(force[0], [0.01, 0.0], atol=1e-11)
@@ -115,7 +115,7 @@ def test_bolts_are_tightened_to_their_preloads_one_after_the_other() -> None:
     plain = played(replace(one, bolts=(replace(bolt, preload=None, tightening=()),)))
     np.testing.assert_array_equal(plain.turning_points.P, found.turning_points.P)
     # that of the first bolt alone, up to what the second one carries within the leg
-    assert bolt.shortening == pytest.approx(shortened[0, 0], rel=2e-3)
+    assert bolt.shortening == pytest.approx(first[0], rel=2e-3)
 
 
 @pytest.mark.one_rank

@@ -12,12 +12,13 @@ import pytest
 from small import small_system
 
 from receding_fenicsx import evolve, given, summarise
-from receding_fenicsx.errors import SolveError
+from receding_fenicsx.errors import Interrupted, SolveError
 from receding_fenicsx.evolution import histories
 from receding_fenicsx.evolution.histories import with_corners
 from receding_fenicsx.interface.system import ContactSystem
 from receding_fenicsx.scene.model import Contact, Harmonic, HistoryOptions, Load, Scene
 from receding_fenicsx.scene.toml_file import to_toml
+from receding_fenicsx.store.hdf5 import read_record
 from receding_fenicsx.studies import run as study
 
 
@@ -91,6 +92,17 @@ def test_error_of_the_polygon_falls_with_the_square_of_the_corners_which_a_run_k
     told = summarise(record)["harmonic"]
     assert told.pop("doubling")[-1] == [number, error]
     assert told == {"corners": number, "error_estimate": error, "tolerance": 1e-3}
+    # of a run that is interrupted too
+
+    def stop(text: str) -> None:
+        if text.startswith("evolve: cycle 2 "):
+            raise KeyboardInterrupt
+
+    with pytest.raises(Interrupted, match="interrupted after cycle 2 of 3"):
+        study.run_history(scene, system, tmp_path, stop)
+    part = read_record(tmp_path / "record.h5")
+    assert part.scene == record.scene
+    assert np.array_equal(given(part.doubling), given(record.doubling), equal_nan=True)
     monkeypatch.setattr(study, "with_corners", lambda *_: pytest.fail("found anew"))
     again, kept = study._with_corners(scene, system, tmp_path, None)
     assert again == refined and np.array_equal(given(kept), doubling, equal_nan=True)

@@ -1,5 +1,6 @@
 """Descriptions for the screen: short whatever they describe, and true."""
 
+import re
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -71,6 +72,19 @@ def test_a_record_is_described_by_its_numbers_line_by_line() -> None:
     assert "modelled: half" in repr(record())
     first, *_ = record().at(9, leg=0).zones
     assert f"cycle 9, leg 0  {first[0]} {first[1]:.4g} to {first[2]:.4g}" in repr(record())
+
+
+def test_the_progress_of_a_cycle_tells_what_the_record_has() -> None:
+    """Of the whole contact, also where half of it is modelled."""
+    told = list[tuple[int, int, str]]()
+    note, output = lambda *step: told.append(step), rf.OutputOptions(1, "all")
+    found = rf.evolve(system(), cyclic(3, 0.25), None, output, progress=note)
+    for number, cycles, text in told:
+        D, change = found.cycles.dissipation[number - 1], found.steady.change[number - 1]
+        events = np.count_nonzero(found.events.cycle == number)
+        said = f"{events} events, residual 0, dissipation {D:.6g}, change {change:.1e}"
+        assert cycles == 3 and re.sub("(?<=residual )[^,]+", "0", text) == said
+    assert [number for number, *_ in told] == [1, 2, 3]
 
 
 def test_a_notebook_shows_the_zones_of_the_last_cycle_to_scale() -> None:

@@ -108,7 +108,7 @@ FORKS = table(FORKED, [[0, 0], [1, 0], [0, 1]], [[0, 1], [0, 0.5], [0, 1]], 4)
         (7, 5, cyclic(9), eliminate_tangential(block_system(16, 8, f=0.0)), None),
         (5, 2, replace(cyclic(20), until_limit=True), block_system(12, 6), None),
         *((2, 1, JUMPS, JUMPER, solver) for solver in (STATIC, replace(STATIC, method="events"))),
-        (2, 1, FORKS, FORKED, None),
+        *((2, 1, FORKS, FORKED, solver) for solver in (None, SolverOptions(branch=2))),
     ],
 )
 def test_run_gone_on_with_is_the_undisturbed_one_in_every_bit(
@@ -130,6 +130,7 @@ def test_run_gone_on_with_is_the_undisturbed_one_in_every_bit(
     # of these the totals and doubts are not those of an unjudged beginning
     unique = undisturbed.uniqueness
     assert unique is not None and undisturbed.jumps == (system is JUMPER)
+    assert len(undisturbed.choices) == (system is FORKED and solver is not None)
     small = system is JUMPER or system is FORKED
     assert unique.certified == (not small and solver is None)
 

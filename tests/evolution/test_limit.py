@@ -14,23 +14,16 @@ from small import cyclic
 from receding_fenicsx.errors import InputError, SolveError
 from receding_fenicsx.evolution.evolve import evolve
 from receding_fenicsx.evolution.limit import search, tail
-from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.output.report.run import limit_rows
 from receding_fenicsx.output.report.summary import summarise
 from receding_fenicsx.scene.model import SolverOptions
 
 pytestmark = [pytest.mark.one_rank, pytest.mark.once]
 
-BLOCK = block_system(40, 20)
 
-
-@pytest.fixture(scope="module")
-def limit() -> Record:
-    return evolve(BLOCK, cyclic(200), until="limit")
-
-
-def test_the_limit_is_that_of_many_plain_cycles(limit: Record) -> None:
-    plain = evolve(BLOCK, cyclic(400))
+def test_the_limit_is_that_of_many_plain_cycles() -> None:
+    block = block_system(40, 20)
+    limit, plain = evolve(block, cyclic(200), until="limit"), evolve(block, cyclic(400))
     assert limit.limit is not None and limit.limit.reached and limit.limit.jumped
     D, last = limit.cycles.dissipation, plain.cycles.dissipation
     # those of the history before the jump, and at least one of a search

@@ -16,28 +16,22 @@ from receding_fenicsx.store.run_folder import write_probes
 
 pytestmark = pytest.mark.one_rank
 
-BLOCK = rf.to_toml(
-    block(
-        degree=2,
-        elements=24,
-        history=rf.HistoryOptions(cycles=4),
-        output=rf.OutputOptions(6, checkpoint_cycles=2),
-        probes=(
-            rf.Probe("deep", point=(0.5, 0.5)),
-            rf.Probe("edge", segment=((-2.0, 0.0), (2.0, 0.0)), count=5),
-        ),
-    )
+BLOCK = block(
+    degree=2,
+    elements=24,
+    history=rf.HistoryOptions(cycles=1),
+    output=rf.OutputOptions(6),
+    probes=(
+        rf.Probe("deep", point=(0.5, 0.5)),
+        rf.Probe("edge", segment=((-2.0, 0.0), (2.0, 0.0)), count=5),
+    ),
 )
-
-
-def small(*overrides: str) -> rf.Scene:
-    return rf.from_toml(BLOCK, overrides)
 
 
 @cache
 def solved() -> tuple[rf.ContactSystem, rf.Record]:
-    system = rf.given(rf.condense(small()))
-    return system, rf.evolve(system, small())
+    system = rf.given(rf.condense(BLOCK))
+    return system, rf.evolve(system, BLOCK)
 
 
 def test_a_probe_that_is_not_in_the_record_is_refused(tmp_path: Path) -> None:
@@ -74,8 +68,8 @@ def test_table_and_file_have_a_row_for_each_instant_and_point(tmp_path: Path) ->
 
 def test_system_with_other_probes_is_refused() -> None:
     system, _ = solved()
-    moved = replace(small(), probes=(rf.Probe("deep", point=(0.5, 0.25)), small().probes[1]))
-    for wrong, scene in ((replace(system, probes=None), small()), (system, moved)):
+    moved = replace(BLOCK, probes=(rf.Probe("deep", point=(0.5, 0.25)), BLOCK.probes[1]))
+    for wrong, scene in ((replace(system, probes=None), BLOCK), (system, moved)):
         with pytest.raises(rf.InputError, match="condensed with other probes"):
             rf.evolve(wrong, scene)
-    assert rf.evolve(system, replace(small("history.cycles=1"), probes=())).probes is None
+    assert rf.evolve(system, replace(BLOCK, probes=())).probes is None

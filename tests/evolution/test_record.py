@@ -47,9 +47,6 @@ def record() -> Record:
     return evolved()
 
 
-# -- record.h5 -----------------------------------------------------------------------------------
-
-
 def test_record_reads_back_bitwise(record: Record, tmp_path: Path) -> None:
     short = evolved("history.kind=monotonic", "output.cycles=[]")
     assert len(short.cycles.dissipation) == 0
@@ -79,9 +76,6 @@ def test_record_file_has_the_layout_of_the_page_of_formats(record: Record, tmp_p
         assert list(file.attrs["load_names"]) == ["p0"] and file.attrs["format_version"] == 1
 
 
-# -- condensed systems ---------------------------------------------------------------------------
-
-
 def test_system_takes_the_scene_s_own_friction_and_gap(tmp_path: Path) -> None:
     path = tmp_path / "system.h5"
     stored = system_of(from_toml(BLOCK))
@@ -97,9 +91,6 @@ def test_system_takes_the_scene_s_own_friction_and_gap(tmp_path: Path) -> None:
     write_system(path, smooth, overwrite=True)
     with pytest.raises(InputError, match=r"system.h5: the system has no tangential"):
         read_system(path, from_toml(BLOCK))
-
-
-# -- damaged and foreign files -------------------------------------------------------------------
 
 
 @pytest.fixture(scope="module")
@@ -175,16 +166,10 @@ def test_dissipation_counts_where_it_is_beyond_both_round_offs(record: Record) -
             assert other.dissipates == (factor > 1.0)
 
 
-# -- summary.json --------------------------------------------------------------------------------
-
-
 def test_numbers_that_json_cannot_hold_become_null(record: Record, tmp_path: Path) -> None:
     bad = summarise(dataclasses.replace(record, residual_max=float("nan")))
     write_summary(tmp_path / "s.json", bad)
     assert json.loads((tmp_path / "s.json").read_text())["residual_max"] is None
-
-
-# -- replay --------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("f", [0.3, 0.7])

@@ -25,7 +25,6 @@ from receding_fenicsx.studies import run as study
 
 BLOCK = Path(__file__).parents[2] / "demos" / "block.toml"
 SMALL = ["mesh.contact_elements=24", "output.checkpoint_cycles=5"]
-MODULE = ("-m", "receding_fenicsx")
 comm = MPI.COMM_WORLD
 
 
@@ -88,10 +87,9 @@ def test_a_signal_leaves_a_run_that_can_be_gone_on_with(tmp_path: Path) -> None:
     arguments = ["run", str(BLOCK), "--out", str(out), "--pictures", "none"]
     settings = ["mesh.contact_elements=40", "history.cycles=100000", "history.until=steady"]
     settings += ["solver.steady_tolerance=1e-16"]
-    for setting in settings:
-        arguments += ["--set", setting]
+    arguments += [part for setting in settings for part in ("--set", setting)]
     process = subprocess.Popen(
-        [sys.executable, *MODULE, *arguments, "--verbose"],
+        [sys.executable, "-m", "receding_fenicsx", *arguments, "--verbose"],
         env=environment.child_environment(),
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from small import assert_same_bits
 
-from receding_fenicsx import condense, evolve, history_from_scene, read_scene, run
+from receding_fenicsx import condense, evolve, read_scene, run
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.evolution.evolve import evolve_bare
 from receding_fenicsx.interface.system import ContactSystem
@@ -69,12 +69,6 @@ def test_a_bare_evolution_has_the_states_of_the_whole_one() -> None:
     assert whole.uniqueness is not None and whole.uniqueness.certified
     assert bare.uniqueness is not None and not bare.uniqueness.certified
     assert np.isnan(bare.uniqueness.margin)
-
-
-def test_a_path_of_load_factors_claims_no_scene() -> None:
-    record = evolve(body(), history_from_scene(block("contact.friction=0.9")))
-    assert np.all(record.f == 0.35)
-    assert record.scene_toml == ""
 
 
 @pytest.mark.parametrize(

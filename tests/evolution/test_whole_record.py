@@ -46,6 +46,7 @@ def dressed(number: int) -> Problem | None:
         weight=rng.uniform(0.5, 2.0, n),
         edge=edge,
         edge_names=("one", "two", "three")[: edge[-1] + 1],
+        scene_toml="that of another path",
         load_compliance=C + C.T,
         load_sign=rng.choice([-1.0, 1.0], loads),
         probes=ProbeMatrix(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -230,13 +230,16 @@ class Chooser:
 
 def chooser_for(rule: str | int, choices: tuple[Choice, ...] = ()) -> Chooser | None:
     """Return a chooser with a rule that repeats given choices; None for the first continuation."""
-    if rule == FIRST and not choices:
-        return None
-    taken: dict[Key, int | Choice] = {}
+    return None if rule == FIRST and not choices else Chooser(rule, by_key(choices))
+
+
+def by_key(choices: Iterable[Choice]) -> dict[Key, Choice]:
+    """Return choices in their order by cycle, leg, and number on the leg."""
+    found: dict[Key, Choice] = {}
     for choice in choices:
-        number = sum(key[:2] == (choice.cycle, choice.leg) for key in taken)
-        taken[choice.cycle, choice.leg, number] = choice
-    return Chooser(rule, taken)
+        number = sum(key[:2] == (choice.cycle, choice.leg) for key in found)
+        found[choice.cycle, choice.leg, number] = choice
+    return found
 
 
 def _option_of(segments: Segments, y: Array, state: States, segment: Segment) -> _Option:

@@ -49,6 +49,8 @@ def test_load_steps_stop_where_the_path_ends_or_jump_there(
     assert record.jumps == 1
     assert record.released == pytest.approx(n * 32 / 211.75, rel=1e-6)
     assert record.turning_points.state.tolist() == [[State.STICK] * n, [State.SEPARATION] * n]
+    twice = evolve(lever, table(lever, [[0, 0], [1, 0], [0.25, 1]] * 2), steps(number, "static"))
+    assert (twice.jumps, twice.released) == (2, pytest.approx(2.0 * record.released, rel=1e-6))
     # nothing slips: with what is released the energy is whole
     assert record.dissipation_first_loading == 0.0 and record.energy_error_max <= 1e-12
 
