@@ -159,7 +159,8 @@ def _on(record: Record, nodes: Ints) -> Record:
         return replace(table, **{name: getattr(table, name)[:, nodes] for name in per_node})
 
     names = "x points f g0 weight edge f_backward held cohesion shear_limit".split()
-    own: dict[str, Any] = {name: getattr(record, name) for name in names}
+    every = {name: getattr(record, name) for name in names}
+    own: dict[str, Any] = {k: None if a is None else a[nodes] for k, a in every.items()}
     events, cycles = record.events, record.cycles
     place = np.full(len(record.x), -1)
     place[nodes] = np.arange(len(nodes))
@@ -167,7 +168,7 @@ def _on(record: Record, nodes: Ints) -> Record:
     columns = {f.name: getattr(events, f.name)[here] for f in fields(events)}
     return replace(
         record,
-        **{name: None if values is None else values[nodes] for name, values in own.items()},
+        **own,
         turning_points=states(record.turning_points),
         samples=states(record.samples),
         events=Events(**{**columns, "node": place[columns["node"]]}),

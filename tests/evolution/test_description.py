@@ -69,6 +69,13 @@ def test_a_record_is_described_by_its_numbers_line_by_line() -> None:
     found = rf.evolve(pair, table(pair, path[:3], path[2:], 3), None, rf.OutputOptions(5, (0, 3)))
     found.residual_max, found.energy_error_max, found.jumps, found.released = 2e-13, 3e-12, 2, 0.125
     assert repr(found) == Path(__file__).with_name("described.txt").read_text().rstrip()
+    doubtful = replace(rf.given(found.uniqueness), first_loading=1, first_loading_proved=False)
+    known = record().turning_points
+    states = np.broadcast_to(np.arange(len(record().x)) % 2 + 1, known.state.shape)
+    long = replace(record(), uniqueness=doubtful, turning_points=replace(known, state=states))
+    long.samples = replace(long.samples, cycle=np.arange(14))
+    for words in ("certified after the first loading, ", " 10, 11, ...", "| 73 more"):
+        assert words in repr(long)
     assert "modelled: half" in repr(record())
     first, *_ = record().at(9, leg=0).zones
     assert f"cycle 9, leg 0  {first[0]} {first[1]:.4g} to {first[2]:.4g}" in repr(record())
@@ -98,6 +105,9 @@ def test_a_notebook_shows_the_zones_of_the_last_cycle_to_scale() -> None:
         style = dict(part.split(":") for part in box.attrib["style"].split(";"))
         assert style["background"] == colours[state]
         assert float(style["flex"]) == pytest.approx(100.0 * (b - a) / length, abs=1e-4)
+    labels, legend = (list(page.iter("span"))[part] for part in (slice(2), slice(2, None)))
+    assert [label.text for label in labels] == ["cycle 9, leg 0", "cycle 9, leg 1"]
+    assert {each.text: each.attrib["style"].split()[-1] for each in legend} == colours
     # texts are escaped
     named = replace(found, edge_names=("<b>&",))
     ET.fromstring(named._repr_html_().replace("&nbsp;", ""))

@@ -48,22 +48,16 @@ def test_table_and_file_have_a_row_for_each_instant_and_point(tmp_path: Path) ->
     assert write_probes(tmp_path / "probes", record) == [
         tmp_path / "probes" / f"{name}.csv" for name in ("deep", "edge")
     ]
-    probe = record.probe("edge")
+    table = record.probe("edge").to_table()
     with open(tmp_path / "probes" / "edge.csv", newline="") as file:
-        rows = list(csv.DictReader(file))
-    table = probe.to_table()
-    assert list(rows[0]) == list(table)
-    n = len(probe.s)
-    assert len(rows) == 5 * n
-    row = rows[5 * (n // 2) + 3]
-    assert float(row["x"]) == 1.0 and row["point"] == "3"
-    assert [float(row[key]) for key in ("sxx", "syy", "szz", "sxy")] == probe.stress[
-        n // 2, 3
-    ].tolist()
-    xx, yy, zz, xy = probe.stress[n // 2, 3]
-    deviator = np.array([[xx, xy, 0.0], [xy, yy, 0.0], [0.0, 0.0, zz]])
-    deviator = deviator - np.eye(3) * np.trace(deviator) / 3.0
-    assert float(row["von_mises"]) == pytest.approx(np.sqrt(1.5 * (deviator**2).sum()))
+        head, *rows = csv.reader(file)
+    for name, column in zip(head, zip(*rows, strict=True), strict=True):
+        assert np.array_equal(np.array(column, table[name].dtype), table[name]), name
+    assert head == list(table) and len(rows) == 5 * len(record.probe("edge").s)
+    xx, yy, zz, xy = (table[key] for key in ("sxx", "syy", "szz", "sxy"))
+    mean = (xx + yy + zz) / 3.0
+    deviator = (xx - mean) ** 2 + (yy - mean) ** 2 + (zz - mean) ** 2 + 2.0 * xy**2
+    assert table["von_mises"] == pytest.approx(np.sqrt(1.5 * deviator))
 
 
 def test_system_with_other_probes_is_refused() -> None:

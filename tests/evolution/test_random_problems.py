@@ -1,29 +1,16 @@
 """Random problems: nothing is accepted that breaks a law, nothing refused that has a solution."""
 
+import tomllib
 from collections.abc import Callable
 from dataclasses import fields, replace
 from functools import cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from equations import EPS
-from problems import (
-    ACCEPTED,
-    FALSE,
-    MISNAMED,
-    REFUSED,
-    STEPS,
-    WRONG,
-    Outcome,
-    capped,
-    judge,
-    limited,
-    oblique,
-    problem,
-    sprung,
-    table_of,
-)
+from problems import ACCEPTED, FALSE, STEPS, WRONG, Outcome, judge, problem, sprung, table_of
 from replay import objections
 from small import small_system, table
 from stack_problems import FAMILIES
@@ -62,88 +49,16 @@ def test_accepted_answers_keep_the_laws_and_refusals_are_true(family: str, numbe
     assert not bad, f"{bad}\n{table_of(found.values())}"
 
 
-SINGLE = {
-    # unloaded, open on one of two edges; loads without a resultant leave the bodies free; in 1294
-    # and 20203 the loads of a leg cancel up to round-off, in 954 all contact forces vanish; the
-    # guides of 951078 and 200000708 are as steep as friction; 1200078 is wedged; 99000291 slips
-    # where it has almost no stiffness; 71000032 is halved in load steps, two of which the exact
-    # path begins at one state; the load of 71000428 presses nothing; all forces of 98001664 vanish
-    # together with its loads; 121001320 turns at once, and is seen but once before its loads
-    # are reversed; the resultant that 260000675 feels is round-off; 240000530 and 300000730 float
-    "guided bodies that come off an edge or float": (
-        oblique,
-        "181 298 340 422 437 549 595 600 954 1294 2153 2402 2522 2563 2578 2592 3813 4013 20203 "
-        "560562 562071 605252 951078 1200078 99000291 71000032 71000428 74000044 "
-        "98001664 121001320 140000082 140000258 140000605 140001707 200000708 260000675 "
-        "240000530 300000730",
-        {ACCEPTED, REFUSED},
-    ),
-    # near-singular bodies unloaded, feet that slip apart, levers, balanced and hanging bodies
-    "rigid motions that the contact leaves free": (
-        FAMILIES["plain"],
-        "202838 300652 401437 402286 402484 403564 403946 414070 414102 423839 424162 483327 "
-        "501660 73000433",
-        {ACCEPTED, REFUSED},
-    ),
-    # load steps lead to a jump, the exact path from the leg's start does not; a block of pivots is
-    # singular; a free body that is unloaded in load steps does not float off; sweeps cycle; a body
-    # drifts without friction, which dissipates nothing
-    "accepted": (
-        FAMILIES["plain"],
-        "20076 1050272 1120300 464364 621228 71000404 71000611 74000110 1248 1643 20638",
-        {ACCEPTED},
-    ),
-    # a node without friction one way slips and is put back by unloading; a body of 160000920 comes
-    # off its only node with friction
-    "other friction backward": (FAMILIES["directed"], "150400111 160000920", {ACCEPTED}),
-    # a body that was displaced far comes to rest; round-off of such displacements is no jump,
-    # one that vanishes in the limit is, and one in 120000696 among crossings of events' places
-    "in the limit": (limited, "1200155 1200094 71000467 1110647 120000696", {ACCEPTED}),
-    # springs of 1e-8 to 1e-9 of K carry loads a hundred times the force scale of open contacts;
-    # what 98000836, 98001255 and 120000045 dissipate is the work of forces on round-off
-    # of displacements; in 61000644, 61001002 and 98001488 a load step ends where the loads of its
-    # leg cancel but for round-off; 120001380 lands while it almost stands still;
-    # 121000130 has no stiffness but that of the springs; three nodes of 160000189 open at once, but
-    # for 1e-12; 160000593 is moved 1e6 off; a node of 190001426 slides along its cone at no force,
-    # one of 210001271 closes as no load is passed, on a rotation 4e-6 as stiff as the rest
-    "bodies lifted off soft springs": (
-        sprung,
-        "60000067 60000434 60000475 60000604 60001026 61000048 61000717 74000586 61000644 "
-        "61001002 98000836 98001255 98001488 101000225 101000485 101000499 "
-        "120001380 120000045 121000130 160000189 160000593 190001426 210001271",
-        {ACCEPTED},
-    ),
-    # one of two bonds opens and presses the other; loads that press nothing; a free body unloaded
-    # in load steps; the branch of a stuck node that is changed too early; 130000329 is unloaded
-    # with a shear limit in use; displacements of 130000475 and 130000566 fall from 1e5; a free
-    # body of 140000383 and 140000834 would slide on one of two branches that meet; bonds of
-    # unloaded nodes in 141000291 and 141000339 do not break where others press them least, open
-    # ones in 190000935 form none; 141000323 lands in the last round-off of a piece; sweeps of
-    # 160001574 end short of the law; a node of 170000323 changes branches within a load step, one
-    # of 210001065 and of 220001330 in the round-off of unloading; 210001186 and 220000051 begin on
-    # seven and eight unloaded nodes, whose bonds are tried in all sets;
-    # a jump of 240000090 and 240001789 has two sets of branches; equal nodes of 230001226 are on
-    # two; unloading of 300001735 ends just before its last sample, a sample of 310000501 lies where
-    # it jumps
-    "shear limits and cohesion": (
-        capped,
-        "98400228 99400018 99400084 99400121 130000329 130000475 130000566 140000383 140000834 "
-        "141000291 141000339 141000323 160001574 170000323 190000935 210001065 220001330 "
-        "210001186 220000051 240000090 240001789 230001226 300001735 310000501",
-        {ACCEPTED, REFUSED},
-    ),
-    # springs slide the body back in the last 1e-9 of unloading: no continuation, or a jump
-    "pulled back": (sprung, "61001120", {REFUSED, MISNAMED}),
-}
+SINGLE = tomllib.loads(Path(__file__).with_name("single.toml").read_text())["kind"]
 
 
 @pytest.mark.parametrize(
-    ("kind", "number"), [(kind, int(n)) for kind, row in SINGLE.items() for n in row[1].split()]
+    ("kind", "number"),
+    [pytest.param(kind, n, id=f"{kind['name']}-{n}") for kind in SINGLE for n in kind["numbers"]],
 )
-def test_a_single_hard_problem_breaks_no_law(kind: str, number: int) -> None:
-    change, _, allowed = SINGLE[kind]
-    outcome = judge(change(problem(number)))
-    assert outcome.verdict in allowed, outcome
+def test_a_single_hard_problem_breaks_no_law(kind: dict[str, Any], number: int) -> None:
+    outcome = judge(FAMILIES[kind["family"]](problem(number)))
+    assert outcome.verdict in kind["allowed"], outcome
     if number in (464364, 621228, 1200094):  # at once after a change of state
         assert outcome == Outcome(ACCEPTED, "with jumps")
 

@@ -36,12 +36,13 @@ def test_turning_points_are_found_by_the_size_of_the_load() -> None:
 def test_extremes_of_several_loads_do_not_depend_on_their_units() -> None:
     system = random_system(3, 4, 0.4)
     loop = [[0.5, 0.0], *[[1.0, 0.1], [0.3, 0.4]] * 2, [0.5, 0.0]]
-    found = evolve(system, table(system, [[0.0, 0.0], loop[0]], loop, 1))
+    # over the largest in the history, not in the cycle
+    found = evolve(system, table(system, [[0.0, 0.0], [0.5, 4.0], loop[0]], loop, 1))
     for units in ([1.0, 1.0], [1e3, 1.0], [1.0, 1e3]):
         points = found.turning_points
         other = replace(found, turning_points=replace(points, load=points.load * units))
         # of equal ones the last
-        assert (other.at(1, "maximum").leg, other.at(1, "minimum").leg) == (3, 4)
+        assert (other.at(1, "maximum").leg, other.at(1, "minimum").leg) == (2, 3)
 
 
 @pytest.mark.parametrize(
@@ -49,12 +50,12 @@ def test_extremes_of_several_loads_do_not_depend_on_their_units() -> None:
     [
         ({"cycle": 4}, "holds cycles 0 to 3"),
         ({"cycle": -5}, "holds cycles 0 to 3"),
-        ({"cycle": 1, "leg": 2}, "numbered from 0 to 1"),
+        ({"cycle": 0, "leg": 1}, "^cycle 0, leg 1: .* numbered from 0 to 0"),
         ({"cycle": 1.5}, "cycle has to be of type Integral, not float"),
         ({"cycle": 1, "leg": "loading"}, "leg has to be of type Integral or None, not str"),
         ({"cycle": 1, "leg": 0, "s": "half"}, "s has to be of type Real or None, not str"),
         ({"cycle": 1, "load": "least"}, "minimum"),
-        ({"cycle": 1, "load": 0.123, "leg": 0}, "the nearest is leg 0"),
+        ({"cycle": 1, "load": 0.506, "leg": 0}, r"is leg 0, s = 0.65, load \[0.5125"),
         ({"cycle": 1, "load": 0.25, "s": 1.0, "leg": 1}, "no such instant is stored"),
         ({"cycle": 1, "load": 0.5 * (1.0 + 0.25)}, "say which leg"),
         ({"cycle": 1, "s": 0.5}, "say which leg"),
@@ -81,13 +82,9 @@ def test_instants_and_nodes_of_a_dataset_are_selected_by_coordinates() -> None:
     frame = found.to_pandas()
     frame = frame[(frame.cycle == 3) & (frame["load.p0"] == 0.25)].sort_values("x")
     assert np.array_equal(frame.p.to_numpy(), low.p.values)
-    assert np.array_equal(found.to_table("events")["load.p0"], found.events.load[:, 0])
     samples = found.to_xarray("samples").sel(cycle=2).sel(leg=0)
     half = samples.sel(s=0.5, method="nearest")
     assert np.array_equal(half.P.values, found.at(2, leg=0, s=float(half.s)).P)
-    density = found.to_xarray("cycles").sel(cycle=2).sel(x=0.0, method="nearest")
-    centre = int(np.argmin(np.abs(found.x)))
-    assert density.dissipation_density == found.cycles.dissipation_density[1, centre]
 
 
 def test_contact_edges_of_a_dataset_are_selected_by_name() -> None:

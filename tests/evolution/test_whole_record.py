@@ -6,6 +6,7 @@ from collections import Counter
 from copy import deepcopy
 from dataclasses import fields, replace
 from functools import cache
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -15,6 +16,7 @@ from replay import objections
 from small import assert_same_bits, small_system, table
 
 import receding_fenicsx as rf
+from receding_fenicsx.evolution.moment import Moment, moment_of
 from receding_fenicsx.interface.system import ProbeMatrix, eliminate_tangential
 
 pytestmark = [pytest.mark.one_rank, pytest.mark.once]
@@ -73,7 +75,7 @@ def near(found: Any, wanted: Any, size: float = 0.0) -> bool:
     return bool(np.abs(found - wanted).max(initial=0.0) <= 1e-9 * scale)
 
 
-NUMBERS = range(5000, 5036)
+NUMBERS, TABLES = range(5000, 5036), ("turning_points", "samples", "cycles", "events")
 
 
 def test_a_record_is_what_follows_from_its_displacements() -> None:
@@ -150,8 +152,6 @@ def _check_probes(s: rf.ContactSystem, record: rf.Record) -> None:
         assert np.array_equal(probes.load[rows], part.load)
     at_rest = (probes.cycle == 0) & (probes.leg == 0) & (probes.s == 0.0)
     assert not probes.displacement[at_rest].any() and not probes.stress[at_rest].any()
-    assert record.probe("a").points.tolist() == s.probes.points[[0, 2]].tolist()
-    assert np.array_equal(record.probe("b").stress[:, 0], probes.stress[:, 1])
 
 
 def test_half_a_contact_is_recorded_as_the_whole_one_that_it_stands_for() -> None:
@@ -262,23 +262,78 @@ def test_the_record_of_an_edge_is_that_of_its_nodes() -> None:
     for number in NUMBERS:
         if (pair := played(number)) is None or len(set(pair[1].edge.tolist())) < 2:
             continue
-        record = pair[1]
+        record = replace(pair[1], cohesion=pair[1].weight, shear_limit=pair[1].x)
         several += 1
         for k, (name, part) in enumerate(record.by_edge().items()):
             nodes = np.flatnonzero(record.edge == k)
             assert name == record.edge_names[k]
-            for kind in ("turning_points", "samples", "cycles"):
-                for f in fields(getattr(part, kind)):
-                    mine = getattr(getattr(part, kind), f.name)
-                    all_ = getattr(getattr(record, kind), f.name)
-                    shared = f.name in ("cycle", "leg", "s", "load", "load_displacement")
-                    shared |= f.name == "dissipation"
-                    assert np.array_equal(mine, all_ if shared else all_[:, nodes]), f.name
-            for key in ("x", "points", "f", "g0", "weight", "edge", "f_backward", "held"):
-                all_ = getattr(record, key)
-                mine = getattr(part, key)
-                assert (all_ is None and mine is None) or np.array_equal(mine, all_[nodes]), key
-            here = np.isin(record.events.node, nodes)
-            assert np.array_equal(nodes[part.events.node], record.events.node[here])
-            assert np.array_equal(part.events.new, record.events.new[here])
+            for which in TABLES:
+                mine, all_ = part.to_table(which), record.to_table(which)
+                mine["node"], on = nodes[mine["node"]], np.isin(all_["node"], nodes)
+                for key, column in all_.items():
+                    assert np.array_equal(mine[key], column[on]), key
+            keys = "x points f g0 weight edge f_backward held cohesion shear_limit"
+            for key in keys.split():
+                all_, own = getattr(record, key), getattr(part, key)
+                assert (all_ is None and own is None) or np.array_equal(own, all_[nodes]), key
     assert several > 3
+
+
+def test_moments_and_tables_tell_what_the_record_holds() -> None:
+    for pair in filter(None, map(played, NUMBERS[:18])):
+        record = replace(pair[1], cohesion=pair[1].weight, shear_limit=pair[1].x)
+        n, names, table = len(record.x), record.load_names, record.turning_points
+        for which in TABLES:
+            part, columns, m = getattr(record, which), record.to_table(which), n
+            known = {f.name: getattr(part, f.name) for f in fields(part)}
+            for key in {"load", "load_displacement"} & known.keys():
+                values = known.pop(key)
+                known |= {f"{key}.{name}": values[:, k] for k, name in enumerate(names)}
+            if which == "cycles":
+                known["cycle"] = np.arange(len(part.dissipation)) + 1
+            if which == "events":
+                m = 1
+            else:
+                known |= {"node": np.arange(n)[None], "x": record.x[None]}
+            _check_columns(columns, known, m)
+            if which == "events":
+                continue
+            data = record.to_xarray(which)
+            del columns["node"]
+            named = {key: data[key].values for key in columns}
+            named = {k: a[None] if data[k].dims == ("node",) else a for k, a in named.items()}
+            _check_columns(columns, named, m)
+            for key in ("f", "weight", "f_backward", "cohesion", "shear_limit"):
+                assert np.array_equal(data.coords.get(key), getattr(record, key)), key
+            if len(record.edge_names) > 1:
+                assert data["edge"].values.tolist() == [record.edge_names[k] for k in record.edge]
+        for row, f in product(range(len(table.s)), fields(Moment)):
+            mine, own = getattr(moment_of(record, table, row), f.name), getattr(table, f.name, None)
+            mine = [mine[name] for name in names] if isinstance(mine, dict) else mine
+            wanted = getattr(record, f.name) if own is None else own[row]
+            assert np.array_equal(mine, wanted), f.name
+        probes = rf.given(record.probes)
+        for name in ("a", "b"):
+            own, columns = np.array(probes.names) == name, record.probe(name).to_table()
+            m = np.count_nonzero(own)
+            known = {key: getattr(probes, key) for key in ("cycle", "leg", "s")}
+            known["kind"] = np.array(["turning point", "sample", "event"])[probes.kind]
+            known |= {f"load.{name}": probes.load[:, k] for k, name in enumerate(names)}
+            x, y = probes.points[own].T
+            known |= {"point": np.arange(m)[None], "x": x[None], "y": y[None]}
+            values = np.concatenate([probes.displacement, probes.stress], axis=2)[:, own]
+            keys = "ux uy sxx syy szz sxy".split()
+            known |= {key: values[..., k] for k, key in enumerate(keys)}
+            largest = int(np.argmax(columns.pop("von_mises")))
+            _check_columns(columns, known, m)
+            point, cycle, leg, s = (columns[key][largest] for key in ("point", "cycle", "leg", "s"))
+            told = repr(record.probe(name))
+            assert told.endswith(f"point {point}, cycle {cycle}, leg {leg}, s = {s:.6g}")
+
+
+def _check_columns(columns: dict[str, Any], known: dict[str, Any], m: int) -> None:
+    """Compare a table with arrays over its rows (k,), its m nodes or points (1, m), or both."""
+    assert columns.keys() == known.keys()
+    for key, a in known.items():
+        whole = np.broadcast_to(a[:, None] if a.ndim == 1 else a, (len(known["cycle"]), m))
+        assert np.array_equal(columns[key], whole.ravel()), key
