@@ -104,6 +104,9 @@ def test_a_record_keeps_all_laws_and_loops_enclose_the_dissipation(name: str) ->
         again = rf.evolve(system, history, output=rf.OutputOptions(12, "all"))
         assert objections(system, history, again) == []
     assert found.energy_error_max < 1e-9 and found.residual_max < 1e-9
+    for probe in (probe for probe in ALL[name].probes if probe.edge):
+        on = [contact.edge == probe.edge for contact in ALL[name].contacts]
+        assert len(found.probe(probe.name).points) == np.sum(np.array(on)[found.edge])
     D = found.cycles.dissipation
     assert found.cycles.dissipation_density @ found.weight == pytest.approx(D, abs=1e-12)
     if name in KINDS and abs(D[1] - D[0]) < 1e-6 * D[0]:  # a closed loop

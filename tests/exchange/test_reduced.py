@@ -92,9 +92,10 @@ def test_of_a_stack_the_contacts_are_relative_displacements() -> None:
         materials=(rf.Material(200.0, 0.3, density=2.0, name="lower"),),
         mesh=rf.MeshOptions(8),
         contacts=(
-            rf.Contact("upper.bottom", friction=0.4, against="lower.top"),
+            rf.Contact("upper.bottom", (-1.0, 0.5), friction=0.4, against="lower.top"),
             rf.Contact("lower.bottom", None, two, 1e-3),
         ),
+        springs=(rf.Spring("upper.bottom", (0.5, 1.0), 50.0, 20.0, against="lower.top"),),
         loads=(rf.Load("N", "upper.top", pressure=0.01),),
     )
     model = rf.reduced_model(scene)
@@ -104,8 +105,8 @@ def test_of_a_stack_the_contacts_are_relative_displacements() -> None:
     assert np.array_equal(model.f, np.where(below, 0.2, 0.4))
     assert np.array_equal(model.f_backward, np.where(below, 0.1, 0.4))
     assert np.array_equal(model.g0, np.where(below, 1e-3, 0.0))
-    # both edges are 2 long
-    assert [model.weight[k].sum() for k in (below, ~below)] == pytest.approx([2.0, 2.0])
+    # beside the springs the upper edge is 1.5 long
+    assert [model.weight[k].sum() for k in (below, ~below)] == pytest.approx([2.0, 1.5])
     assert np.array_equal(model.points, system.points)
     # any u of the contacts with the rest free of forces: the least energy under C q = u
     n, m = model.C.shape
