@@ -57,7 +57,7 @@ def test_descriptions_are_short(item: object) -> None:
     assert len(repr(item())) < 3000  # type: ignore[operator]
 
 
-def test_a_record_is_described_by_its_numbers_line_by_line() -> None:
+def test_a_record_and_its_system_are_described_by_their_numbers_line_by_line() -> None:
     """Node 0 has f P = 1/2 and slips by 1/2, then by 1 both ways in each cycle; 1 has no friction.
 
     Each cycle has 4 changes of state. The numbers of uncertain size are put in.
@@ -68,7 +68,8 @@ def test_a_record_is_described_by_its_numbers_line_by_line() -> None:
     path = np.pad([[0, 0], [1, 0], [1, 1], [1, -1], [1, 1]], ((0, 0), (0, 3)))
     found = rf.evolve(pair, table(pair, path[:3], path[2:], 3), None, rf.OutputOptions(5, (0, 3)))
     found.residual_max, found.energy_error_max, found.jumps, found.released = 2e-13, 3e-12, 2, 0.125
-    assert repr(found) == Path(__file__).with_name("described.txt").read_text().rstrip()
+    half = replace(pair, half=True, f_backward=2.0 * pair.f, rigid=np.zeros((4, 1)))
+    assert f"{found!r}\n\n{half!r}\n" == Path(__file__).with_name("described.txt").read_text()
     doubtful = replace(rf.given(found.uniqueness), first_loading=1, first_loading_proved=False)
     known = record().turning_points
     states = np.broadcast_to(np.arange(len(record().x)) % 2 + 1, known.state.shape)

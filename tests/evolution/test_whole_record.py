@@ -317,7 +317,8 @@ def test_moments_and_tables_tell_what_the_record_holds() -> None:
             own, columns = np.array(probes.names) == name, record.probe(name).to_table()
             m = np.count_nonzero(own)
             known = {key: getattr(probes, key) for key in ("cycle", "leg", "s")}
-            known["kind"] = np.array(["turning point", "sample", "event"])[probes.kind]
+            kinds = np.array(["turning point", "sample", "event"])
+            known["kind"] = kinds[probes.kind]
             known |= {f"load.{name}": probes.load[:, k] for k, name in enumerate(names)}
             x, y = probes.points[own].T
             known |= {"point": np.arange(m)[None], "x": x[None], "y": y[None]}
@@ -327,8 +328,14 @@ def test_moments_and_tables_tell_what_the_record_holds() -> None:
             largest = int(np.argmax(columns.pop("von_mises")))
             _check_columns(columns, known, m)
             point, cycle, leg, s = (columns[key][largest] for key in ("point", "cycle", "leg", "s"))
-            told = repr(record.probe(name))
-            assert told.endswith(f"point {point}, cycle {cycle}, leg {leg}, s = {s:.6g}")
+            points, instants, stress = repr(record.probe(name)).splitlines()
+            assert stress.endswith(f"point {point}, cycle {cycle}, leg {leg}, s = {s:.6g}")
+            counts = [f"{np.count_nonzero(probes.kind == k)} {kinds[k]}s" for k in range(3)]
+            told, first, last = ", ".join(counts), probes.cycle[0], probes.cycle[-1]
+            assert instants == f"  instants   {told}, cycles {first} to {last}"
+            places = [tuple(place) for place in probes.points[own].tolist()]
+            where = f"point {places[0]}" if m == 1 else f"{places[0]} to {places[1]}"
+            assert points == f"Probe {name}: {m} point(s), {where}"
 
 
 def _check_columns(columns: dict[str, Any], known: dict[str, Any], m: int) -> None:

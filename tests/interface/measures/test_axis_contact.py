@@ -68,15 +68,13 @@ def stamp(gap: str = "x**2/40", **parts: object) -> rf.Scene:
 
 def test_a_free_body_counts_its_gap_from_the_axis_and_a_held_one_keeps_its_place() -> None:
     """The nodes at 1/8, 1/4, ... of a free body are let down by the gap of the first."""
-    free = study.condense(stamp())
-    held = study.condense(
-        stamp(supports=(rf.Support("y", edge="top"),), loads=(rf.Load("p", "right", pressure=1.0),))
-    )
-    cone = study.condense(stamp("0.1*x"))
-    if free is None or held is None or cone is None:
-        return
+    pressed = rf.Load("p", "right", pressure=1.0)
+    kept = stamp(supports=(rf.Support("y", edge="top"),), loads=(pressed,))
+    scenes = stamp(), kept, stamp("0.1*x"), stamp("0.05 + x**2/40")
+    free, held, cone, raised = (rf.given(study.condense(scene)) for scene in scenes)
     assert free.x[0] == 0.125
     assert free.g0 == pytest.approx((free.x**2 - 0.125**2) / 40.0, abs=1e-16)
     assert free.g0[0] == 0.0
     assert held.g0 == pytest.approx(held.x**2 / 40.0)
     assert cone.g0 == pytest.approx(0.1 * (cone.x - 0.125), abs=1e-16) and cone.g0[0] == 0.0
+    assert raised.g0 == pytest.approx(0.05 + free.g0, abs=1e-16)
