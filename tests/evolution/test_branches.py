@@ -117,6 +117,12 @@ def test_rules_take_the_continuation_they_name() -> None:
     assert states["least dissipation"] == states["first"] == states[1] == STICK
     assert {states[1], states[2], states[3]} == {STICK, SEPARATION, BACKWARD}
     assert states[9] == states[3]
+    # of a choice among three and one between two the larger number is told
+    node = small_system([[1.0, 0.9], [0.9, 1.0]], {"a": [1.3, 1.0], "b": [0.0, 1.0]}, 1.5)
+    most = rf.SolverOptions(branch="most dissipation")
+    record = rf.evolve(node, table(node, [[0, 0], [1, 0], [0, 1]]), most)
+    assert [choice.solutions for choice in record.choices] == [3, 2]
+    assert rf.given(record.uniqueness).solutions == 3
 
 
 def test_rules_take_what_dissipates_least_and_most_just_beyond_the_choice() -> None:

@@ -14,6 +14,7 @@ from small import small_system
 from receding_fenicsx import evolve, given, summarise
 from receding_fenicsx.errors import Interrupted, SolveError
 from receding_fenicsx.evolution import histories
+from receding_fenicsx.evolution.evolve import evolve_bare
 from receding_fenicsx.evolution.histories import with_corners
 from receding_fenicsx.interface.system import ContactSystem
 from receding_fenicsx.scene.model import Contact, Harmonic, HistoryOptions, Load, Scene
@@ -89,6 +90,8 @@ def test_error_of_the_polygon_falls_with_the_square_of_the_corners_which_a_run_k
     number, error = doubling[-1]
     assert record.scene is not None and record.scene.history.corners == number
     assert refined.history.corners == number
+    bare = evolve_bare(system, scene).cycles.dissipation
+    assert bare == pytest.approx(record.cycles.dissipation, rel=1e-12)
     told = summarise(record)["harmonic"]
     assert told.pop("doubling")[-1] == [number, error]
     assert told == {"corners": number, "error_estimate": error, "tolerance": 1e-3}
