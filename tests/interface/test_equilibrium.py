@@ -66,3 +66,7 @@ def test_a_half_body_lifts_off_where_its_load_vanishes() -> None:
     found = furthest(half, ONE, -ONE)
     assert found is not None and found.kind == "lift-off"
     assert found.s == pytest.approx(0.5, rel=1e-12)
+    # one that only turns about its first node cannot lift off
+    turn = np.concatenate([np.zeros(half.n), half.x / half.x.max()])[:, None]
+    found = furthest(replace(half, rigid=turn), ONE, -ONE)
+    assert found is not None and (found.kind, found.s) == ("overturning", pytest.approx(0.5))

@@ -88,6 +88,17 @@ def test_open_nodes_follow_without_reactions_and_frictionless_ones_without_shear
     assert rf.critical_friction(half, [2, 3, 4, 3, 2, 1, *states]).factor == found.factor
 
 
+def test_nodes_held_along_the_contact_are_left_out_and_those_held_across_it_slide() -> None:
+    system = random_system(6, 6)
+    held = replace(system, held=np.isin(np.arange(12), [0, 11]))
+    rest = np.setdiff1d(np.arange(12), [0, 6])
+    f = np.append(system.f[1:5], 0.0)
+    other = small_system(system.K[np.ix_(rest, rest)], {"press": [0.0] * 10}, f)
+    one, two = rf.critical_friction(held), rf.critical_friction(other)
+    assert one.factor == pytest.approx(two.factor, rel=1e-12)
+    assert one.signs.tolist() == [0.0, *two.signs] and one.mode[rest] == pytest.approx(two.mode)
+
+
 def test_scales_of_stiffness_and_friction_cancel() -> None:
     system = random_system(4, 7)
     one = rf.critical_friction(system)

@@ -109,6 +109,11 @@ def test_limits_are_those_of_all_pairs_of_corners(seed: int) -> None:
         limits = rf.shakedown_limits(case, mean, corners)
         expected = all_pairs(same, mean, corners)
         assert (limits.lower, limits.upper) == pytest.approx(expected, rel=1e-6)
+        for key in ("lower", "upper"):
+            x = [each.x for each in limits.active if each.limit == key]
+            assert x == [system.x[each.node] for each in limits.active if each.limit == key]
+            told = limits.binding(key)
+            assert told.endswith(f" from x = {min(x):.6g} to {max(x):.6g}") and told in repr(limits)
         for active in [each for each in limits.active if each.limit == "upper"]:
             # what binds vanishes at its corner
             change = [corners[active.vertex].get(name, 0.0) for name in same.load_names]
