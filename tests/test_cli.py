@@ -153,11 +153,6 @@ def test_run_prints_a_table_and_no_progress_into_a_file(
         assert not (out / "snapshots").exists()
     else:
         assert captured.out == ""
-    MPI.COMM_WORLD.Barrier()
-    assert cli.main(["run", BLOCK, *SMALL, "--out", str(out)]) == 2
-    MPI.COMM_WORLD.Barrier()
-    again = ["run", BLOCK, *SMALL, "--pictures", "none", "--out", str(out), "--overwrite"]
-    assert cli.main(again) == 0
 
 
 @pytest.mark.parametrize(

@@ -14,7 +14,7 @@ import pytest
 
 import receding_fenicsx as rf
 from receding_fenicsx import read_scene, workers
-from receding_fenicsx.pictures import begin_figures, default_instants
+from receding_fenicsx.pictures import begin_figures
 from receding_fenicsx.studies import run as study
 from receding_fenicsx.timing import Countdown, Timer, duration
 
@@ -50,18 +50,6 @@ def test_pictures_of_a_run_are_counted_and_those_in_pdf_are_the_figures(
             assert any(h.startswith(f"pictures of the body: {count - 1} of {count}") for h in heard)
 
     rf.on_root(COMM, compare)
-
-
-@pytest.mark.one_rank
-def test_a_body_is_drawn_in_the_first_cycles_and_the_last_or_under_the_largest_loads() -> None:
-    scene = read_scene(BLOCK, [SMALL[0], "history.cycles=3"])
-    system = rf.given(rf.condense(scene, MPI.COMM_SELF))
-    found = rf.evolve(system, scene)
-    places = [
-        [(now.cycle, now.leg) for now in default_instants(scene, system, found, many)]
-        for many in (True, False)
-    ]
-    assert places == [[(0, 0), (1, 0), (1, 1), (3, 0), (3, 1)], [(3, 1)]]
 
 
 @pytest.mark.one_rank

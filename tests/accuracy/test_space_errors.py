@@ -50,7 +50,9 @@ def test_where_a_zone_is_not_resolved_no_order_above_one_is_assumed() -> None:
     values = [(r, 3.0 + 0.01 * r**1.5) for r in (1.0, 2.0, 4.0)]
     levels = [rf.Level(round(64 / r), 0, 0.0, {"a": rf.Number(a)}) for r, a in values]
     assert rf.estimates_of(levels)["a"].error == pytest.approx(0.01)
-    # two meshes tell no order
+    # two meshes tell no order, and one that lacks the number nothing
+    without = replace(levels[1], numbers={})
+    assert np.isnan(rf.estimates_of([levels[0], without])["a"].error)
     assert rf.estimates_of(levels[:2])["a"].error == pytest.approx(0.01 * (2.0**1.5 - 1.0))
     levels[0] = replace(levels[0], resolved=False)
     assert rf.estimates_of(levels)["a"].error == pytest.approx(0.01 * (4.0**1.5 - 2.0**1.5) / 2.0)
@@ -98,15 +100,6 @@ def test_meshes_that_do_not_fit_the_scene_are_passed_over(monkeypatch: pytest.Mo
     found = space_errors.space_errors(scene_of(64), own, solve_some)
     assert tried == [32, 30, 24, 16, 14] and list(found) == ["a"]
     assert (found["a"].value, found["a"].error) == (1.0 + 1.0 / 64.0, pytest.approx(1.0 / 64.0))
-
-
-def test_no_estimate_claims_more_than_meshes_can_tell(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(space_errors, "level_of", level_of)
-    own: Any = {"same": rf.Number(-2.0), "missing": rf.Number(1.0)}
-    coarse: Any = {"same": rf.Number(-2.0)}
-    found = space_errors.space_errors(scene_of(64), own, lambda _: coarse)
-    assert found["same"].error == pytest.approx(2e-6)
-    assert np.isnan(found["missing"].error)
 
 
 # -- true errors ----------------------------------------------------------------------------------

@@ -134,8 +134,3 @@ def test_failure_of_the_coder_is_said_and_leaves_no_file(
     with pytest.raises(rf.RecedingError, match="FFmpeg failed"):
         draw.write_film(path, blank)
     assert not path.exists()
-
-
-def test_unknown_stress_is_refused_with_the_known_ones(shared_tmp_path: Path) -> None:
-    with pytest.raises(rf.InputError, match="max_shear"):
-        rf.animate(shared_tmp_path, 1, stress="szz", comm=COMM)

@@ -22,7 +22,7 @@ from small import cyclic, small_system, table
 import receding_fenicsx as rf
 from receding_fenicsx.measures.limit_nodes import limit_nodes
 from receding_fenicsx.output.plots.figures import _drawings
-from receding_fenicsx.output.plots.series import fitted_cycles, slip_lines
+from receding_fenicsx.output.plots.series import fitted_cycles, representative_nodes, slip_lines
 from receding_fenicsx.output.plots.zone_map import timelines_of, zone_map
 from receding_fenicsx.output.report.summary import report_html
 from receding_fenicsx.scene.history import leg_number
@@ -92,10 +92,12 @@ def test_slip_lines_find_the_power_that_the_slip_follows() -> None:
     found = record()
     N = np.arange(1.0, 31.0)
     slip = 1e-3 * np.outer(N**-2.5, np.where(np.abs(found.x) < 1.0, 1.0 + found.x, 0.0))
-    cycles = replace(
-        found.cycles, slip_increment=slip, dissipation=N, dissipation_density=np.zeros_like(slip)
-    )
+    density = np.zeros_like(slip)
+    density[0, 70], density[-1, 50] = 9.0, 1.0
+    cycles = replace(found.cycles, slip_increment=slip, dissipation=N, dissipation_density=density)
     made = replace(found, cycles=cycles)
+    # paths are drawn of the node that dissipates most in the last cycle
+    assert 50 in (nodes := representative_nodes(made)) and 70 not in nodes
     lines = slip_lines(made, unit=2.0)
     assert fitted_cycles(made).tolist() == [*range(4, 21)]
     assert [line.x for line in lines] == pytest.approx([0.5, 0.6, 0.7, 0.8])
@@ -373,6 +375,8 @@ def test_dissipation_is_drawn_over_all_cycles_and_another_method_beside() -> Non
         part = replace(found, cycles=replace(found.cycles, dissipation=D))
         drawn[f"{cycles} cycles"] = rf.figures.dissipation_per_cycle(part)
     check_figures(drawn.items(), REPORTS / "dissipation.txt")
+    both = [part.cycles.dissipation for part in (found, other)]
+    check_curves(drawn["both"].axes[0], *((range(1, 11), D / D[0]) for D in both))
 
 
 def test_nothing_sticks_where_there_is_no_friction() -> None:

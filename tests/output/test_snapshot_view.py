@@ -73,8 +73,6 @@ def test_view_is_over_the_height_and_the_pressure_that_acts(symmetry: str) -> No
     assert view.p == pytest.approx(table.p[1] / acting, rel=1e-9)
     assert view.q == pytest.approx(table.q[1] / acting, abs=1e-9)
     assert np.abs(view.q).max() > 0.05
-    assert view.p == pytest.approx(view.p[::-1], rel=1e-8)
-    assert view.q == pytest.approx(-view.q[::-1], abs=1e-8)
     for name, value in fields.stress.items():
         if name != "sxy":  # that of the axis is made zero
             assert view.stress[name].min() == pytest.approx(value.min() / acting, rel=1e-12)
@@ -82,7 +80,6 @@ def test_view_is_over_the_height_and_the_pressure_that_acts(symmetry: str) -> No
     # below the load the body is pressed by the pressure
     above = np.isclose(view.points[:, 1], 1.0) & (np.abs(view.points[:, 0]) < 0.8)
     assert view.stress["syy"][above] == pytest.approx(-1.0, abs=0.1)
-    assert (view.x_label, view.pressure_symbol) == ("$x/h$", "p_{0}")
     assert view.caption == r"first unloading, $p_{0} = \frac{1}{3}\,p_{0}^{\,\mathrm{max}}$"
     (load,) = view.arrows
     # the largest load's arrow is 0.24 of the height long
@@ -91,11 +88,6 @@ def test_view_is_over_the_height_and_the_pressure_that_acts(symmetry: str) -> No
     )
     # they end 0.02 of it above the deformed edge
     assert above_top(view, load.heads) == pytest.approx(0.02, abs=2e-3)
-    # forward is where the record slips forward
-    assert np.array_equal(view.strips[0].state, table.state[1])
-    # displacements are the record's, between vertices a picture's edge is straight
-    moved = (view.strips[0].moved - view.strips[0].place)[::2] * HEIGHT / view.factor
-    assert moved == pytest.approx(np.stack([table.v[1], table.w[1]], axis=1)[::2], abs=1e-9)
 
 
 def test_a_pull_by_a_pressure_with_a_negative_factor_is_a_tension_in_the_picture() -> None:

@@ -209,20 +209,16 @@ def test_the_figure_draws_damping_ratio_and_frequency_of_a_mode_else_d_and_stiff
     )
     assert curve.masing_defect == pytest.approx([1 / 3, 1 / 9, 1 / 7])
     if drive == "mode:1":
-        assert curve.zeta == pytest.approx(D / damping) and curve.omega == pytest.approx(omega)
+        for name, known in {"zeta": D / damping, "omega": omega}.items():
+            assert [row[name] for row in curve.rows()] == pytest.approx(known), name
 
 
-def test_command_writes_a_curve_and_goes_on_with_it(
-    shared_tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_command_writes_a_curve_and_goes_on_with_it(shared_tmp_path: Path) -> None:
     out = shared_tmp_path / "curve"
     head = ["joint", str(CYLINDERS), "--set", "mesh.contact_elements=40", "--drive", "Q"]
     head += ["--to", "0.4", "--out", str(out)]
     assert cli.main([*head, "--from", "0.1", "--count", "2"]) == 0
     comm.barrier()
-    capsys.readouterr()
-    assert cli.main([*head, "--from", "0.1", "--count", "3"]) == 2
-    assert "exists as a curve; continue it with --resume" in capsys.readouterr().err or comm.rank
     assert cli.main([*head, "--from", "0.2", "--count", "2", "--resume"]) == 0
     comm.barrier()
     told = json.loads((out / "joint.json").read_text())

@@ -54,13 +54,7 @@ def test_command_writes_what_the_next_run_can_start_from(
     shared_tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     file, out = scene_file(shared_tmp_path), shared_tmp_path / "study"
-    if root:  # an earlier study
-        out.mkdir()
-        (out / "shakedown.json").write_text("{}")
-    MPI.COMM_WORLD.Barrier()
-    assert cli.main(["shakedown", file, "--out", str(out)]) == 2
-    assert "already exists" in capsys.readouterr().err or not root
-    assert cli.main(["shakedown", file, "--out", str(out), "--overwrite"]) == 0
+    assert cli.main(["shakedown", file, "--out", str(out)]) == 0
     printed = capsys.readouterr().out
     summary = json.loads((out / "shakedown.json").read_text())
     assert (f"upper limit   {summary['upper']:.6g}" in printed) == root

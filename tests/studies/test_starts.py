@@ -41,7 +41,6 @@ def test_a_run_reports_the_limits_from_many_starts_in_this_process_or_others(
     # rank 0 prints
     assert ("limits from 6 initial slips" in capsys.readouterr().out) == (COMM.rank == 0)
     assert "limits from 6 initial slips" in (out / "report.html").read_text()
-    assert cli.main(["run", str(scene), "--out", str(out), "--resume", "--starts=1"]) == 2
     if COMM.size == 1:
         assert cli.main([*run, "--overwrite", "--workers=2"]) == 0
         assert json.loads((out / "summary.json").read_text())["limit"]["starts"] == starts

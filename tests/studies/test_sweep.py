@@ -10,7 +10,6 @@ from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from threading import Lock
 from typing import Any
 
 from mpi4py import MPI
@@ -157,8 +156,6 @@ def test_shares_played_apart_at_the_same_time_and_killed_make_the_same_table(
     def interrupt(_: str) -> None:
         with pytest.raises(rf.InputError, match="another run is using"):
             share(1)
-        with pytest.raises(rf.InputError, match="another run is using"):
-            rf.sweep(scene(), OVER, out, options=rf.StudyOptions(resume=True))
         raise KeyboardInterrupt
 
     tables: list[rf.SweepTable] = []
@@ -223,8 +220,6 @@ def test_a_sweep_goes_on_with_more_values_but_nothing_else(shared_tmp_path: Path
     # a title says nothing of the cases
     rf.sweep(scene("title=x"), over, out, options=replace(resume, progress=said.append))
     assert len(said) == (comm.rank == 0)
-    with pytest.raises(rf.InputError, match="exists as a sweep; continue it"):
-        rf.sweep(scene(), over, out)
     rf.sweep(scene(), over, out, options=rf.StudyOptions(overwrite=True))
     comm.Barrier()
     assert len(lines(out)) == 1
@@ -338,23 +333,6 @@ def test_values_of_the_command_line(texts: list[str], values: list[Any]) -> None
     (found,) = read_over(texts).values()
     assert found == pytest.approx(values) if isinstance(values[0], float) else found == values
     assert list(map(type, found)) == list(map(type, values))
-
-
-@pytest.mark.one_rank
-@pytest.mark.parametrize(
-    ("over", "options", "words"),
-    [
-        ({}, {}, "keys and values"),
-        ({"contact.friction": 0.3}, {}, "list of values"),
-        ({"contact.friction": [0.3]}, {"workers": 1.5}, "whole number"),
-        ({"contact.friction": [0.3]}, {"workers": 2, "measure": Lock().acquire}, "of a module"),
-    ],
-)
-def test_bad_arguments_are_refused(over: Any, options: Any, words: str) -> None:
-    if comm.size > 1 and options.get("workers") == 2:
-        words = "leave workers out"
-    with pytest.raises(rf.InputError, match=words):
-        rf.sweep(scene(), over, **options)
 
 
 def test_measures_that_are_no_numbers_are_rows_with_the_reason() -> None:
