@@ -96,8 +96,6 @@ def confirmed(system: rf.ContactSystem, history: rf.History, error: rf.RecedingE
     return not rates(body, b - a, choices(body, r, u, end.state[-1], near), 4**8)
 
 
-# -- the paper's block ----------------------------------------------------------------------------
-
 ELEMENTS = (("triangle", 2), ("quadrilateral", 1))
 
 
@@ -125,8 +123,6 @@ def on_grid(nx: int, ny: int) -> Played:
     """Use cells of aspect 1:50."""
     return grid_system(np.linspace(0.0, 2.0, nx + 1), np.linspace(0.0, 1.0, ny + 1)), cyclic(3)
 
-
-# -- other bodies ---------------------------------------------------------------------------------
 
 Path_ = tuple[tuple[float, ...], ...]
 PRESSED = rf.Load("p", "top", (-1.0, 1.0), pressure=1.0)

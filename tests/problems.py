@@ -66,9 +66,6 @@ class Outcome:
     said: str = ""
 
 
-# -- problems -------------------------------------------------------------------------------------
-
-
 def problem(number: int) -> Problem:
     """Return the problem of a number."""
     rng = np.random.default_rng([number, 20080])
@@ -336,9 +333,6 @@ def random_history(rng: np.random.Generator, system: rf.ContactSystem, ties: boo
         loop = [path[-1], *corners(1 + int(rng.integers(3)), path[-1]), path[-1]]
         if np.any(loop[-2] != loop[-1]):
             return table(system, path, loop, 1 + int(rng.integers(3)))
-
-
-# -- what became of them --------------------------------------------------------------------------
 
 
 def play(p: Problem, samples: int = SAMPLES) -> rf.Record:

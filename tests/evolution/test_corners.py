@@ -6,6 +6,7 @@ from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -117,9 +118,13 @@ def test_a_tolerance_out_of_reach_is_an_error_and_polygons_that_end_are_told(
 ) -> None:
     scene, system = spring()
     monkeypatch.setattr(histories, "MOST_CORNERS", 64)
+    traced = Mock(wraps=histories.first_cycles)
+    monkeypatch.setattr(histories, "first_cycles", traced)
     with pytest.raises(SolveError, match="with 64 corners the error estimate") as caught:
-        with_corners(system, replace(scene, history=replace(scene.history, tolerance=1e-9)))
+        options = replace(scene.history, tolerance=1e-9, cycles=5)
+        with_corners(system, replace(scene, history=options))
     assert "\n" not in str(caught.value)
+    assert {call.args[2] for call in traced.call_args_list} == {3}  # cycles that are compared
     # a polygon that cannot be followed, where P lifts the node off, is told as the last one
     lifted = replace(scene, history=harmonic({**SPRING, "P": Harmonic(1.0, 1.5)}))
     free = replace(system, K=np.diag([STIFFNESS, 0.0]), rigid=np.array([[0.0], [1.0]]))

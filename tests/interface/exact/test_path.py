@@ -21,14 +21,11 @@ def near(value: object) -> Any:
     return pytest.approx(value, rel=1e-12, abs=1e-13)
 
 
-F = 0.4
-
-
 @pytest.mark.parametrize("locked", [-0.3, 0.0, 0.25])
 def test_the_limit_cycle_of_a_coupled_pair_remembers_the_initial_slip(locked: float) -> None:
     # Node 1 always sticks where it was laid down, v1 = locked; K_tn couples that to the pressure of
     # node 0: P0 = 1 + c locked. Node 0 runs round the loop of a spring under that pressure.
-    k, c, top = 2.0, 0.5, 1.5
+    F, k, c, top = 0.4, 2.0, 0.5, 1.5
     K = np.diag([k, 0.5, 4.0, 4.0])
     K[1, 2] = K[2, 1] = c
     two = small_system(K, {"press": [0, 0, 1, 1], "push": [-1, 0, 0, 0]}, F)
@@ -38,9 +35,6 @@ def test_the_limit_cycle_of_a_coupled_pair_remembers_the_initial_slip(locked: fl
     assert record.turning_points.v[:, 1] == near([locked] * 12)
     assert record.turning_points.P[0, 0] == near(P0)
     assert record.cycles.dissipation == near([4 * F * P0 * (top - F * P0) / k] * 5)
-
-
-SMALL = block_system(40, 20)
 
 
 def test_a_thousand_cycles_keep_residual_and_energy() -> None:
@@ -76,15 +70,16 @@ def test_a_crowned_body_rolls_to_where_it_rests_under_its_load(top: float, f: fl
 
 
 def test_a_load_range_lost_in_round_off_is_refused() -> None:
-    fine = evolve(SMALL, cyclic(3, 1.0 - 1e-6)).cycles.dissipation
-    coarse = evolve(SMALL, cyclic(3, 1.0 - 1e-4)).cycles.dissipation
+    small = block_system(40, 20)
+    fine = evolve(small, cyclic(3, 1.0 - 1e-6)).cycles.dissipation
+    coarse = evolve(small, cyclic(3, 1.0 - 1e-4)).cycles.dissipation
     # the change of load alone decides: small ranges dissipate in proportion
     assert fine == pytest.approx(1e-2 * coarse, rel=1e-3)
     with pytest.raises(SolveError, match="enlarge the load range") as caught:
-        evolve(SMALL, cyclic(3, 1.0 - 1e-8))
+        evolve(small, cyclic(3, 1.0 - 1e-8))
     assert not len(caught.value.record.cycles.dissipation)  # type: ignore[attr-defined]
     with pytest.raises(SolveError, match="enlarge the load range"):
-        evolve(eliminate_tangential(replace(SMALL, f=np.zeros(SMALL.n))), cyclic(3, 1.0 - 1e-8))
+        evolve(eliminate_tangential(replace(small, f=np.zeros(small.n))), cyclic(3, 1.0 - 1e-8))
 
 
 def test_jumps_without_end_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:

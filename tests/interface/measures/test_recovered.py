@@ -77,9 +77,6 @@ def test_no_recovery_breaks_the_law_that_the_nodal_forces_keep() -> None:
         assert np.abs(f * p - np.abs(q))[state != STICK].max(initial=0.0) <= 1e-13
 
 
-# -- Cattaneo and Mindlin ------------------------------------------------------------------------
-
-
 def zigzag(error: Array) -> Array:
     """Part of an error that alternates from node to node."""
     return 0.25 * (error[:-2] - 2.0 * error[1:-1] + error[2:])

@@ -47,8 +47,6 @@ def test_a_decay_is_summed_to_its_limit(
     assert found[2] == pytest.approx(limit, abs=off, rel=0.0, nan_ok=True)
 
 
-# -- steady states from made-up ends of cycles ----------------------------------------------------
-
 R = np.array([3.0, -1.0, 2.0, 5.0])
 V = np.array([0.4, -0.2])
 
@@ -115,9 +113,6 @@ def test_a_cycle_is_steady_once_it_has_been_repeated(
     else:
         assert (found.period, found.kind) == expected[1:]
         assert found.cycle == expected[0]
-
-
-# -- closed forms beside nodes of other scales ----------------------------------------------------
 
 
 def beside(contraction: float, pull: float, stiffness: float, moved: float) -> rf.ContactSystem:

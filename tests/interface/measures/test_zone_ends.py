@@ -129,8 +129,9 @@ def test_intervals_hold_zones_narrower_than_a_spacing(degree: int, elements: int
         at = stuck(c, 0.5, shifted, 1)
         slips = np.where(shifted < 0.0, BACKWARD, FORWARD)
         state = np.where(np.abs(shifted) > 0.0, slips, STICK)
-        found = stick_half_width_estimate(replace(at, state=state))
-        assert 0.0 <= found.low < c < found.high and found.low <= found.value <= found.high
+        for image in (False, True):
+            found = stick_half_width_estimate(replace(at, state=state, half=image))
+            assert 0.0 <= found.low < c < found.high and found.low <= found.value <= found.high
 
 
 def test_where_no_power_is_known_there_is_the_nodal_bracket() -> None:
@@ -147,6 +148,10 @@ def test_where_no_power_is_known_there_is_the_nodal_bracket() -> None:
     for f in (0.0, 0.3):
         at = replace(pressed(0.7123, 0.5, 2, x, f), beta=None)
         assert contact_half_width_estimate(at).fitted == (f == 0.0)
+    # nor is a half width fitted of which one end is not
+    at = pressed(0.7123, 0.5, 2, x)
+    dented = np.where((x > -0.7) & (x < -0.65), 0.0, at.P)
+    assert not contact_half_width_estimate(replace(at, P=dented)).fitted
 
 
 def test_every_end_of_a_zone_is_estimated_from_the_side_where_tractions_vanish() -> None:
@@ -170,6 +175,19 @@ def test_every_end_of_a_zone_is_estimated_from_the_side_where_tractions_vanish()
     opposite = np.where(x < 0.0, BACKWARD, FORWARD)
     (end,) = zone_ends(replace(at, state=opposite))
     assert not end.fitted and end.low < 0.0 < end.high
+
+
+@pytest.mark.parametrize("degree", [1, 2])
+def test_both_ends_of_the_contact_of_a_ring_are_found(degree: int) -> None:
+    """Its radius is three times as large at the one end of the edge as at the other."""
+    x, c = edge(degree, 200 // degree), 0.7123
+    radius = 2.0 + x
+    weight = forces(x, degree, lambda s: 2.0 + s)
+    P = forces(x, degree, lambda s: (2.0 + s) * np.sqrt(np.maximum(c**2 - s**2, 0.0)))
+    at = replace(pressed(c, 0.5, degree, x), weight=weight, P=P, radius=radius)
+    for end, exact in zip(zone_ends(at), (-c, c), strict=True):
+        assert end.fitted and end.low < exact < end.high
+        assert abs(end.value - exact) < 0.04 * (x[1] - x[0])
 
 
 def test_dundurs_constant_of_known_pairs() -> None:
