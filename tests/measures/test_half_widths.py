@@ -32,7 +32,11 @@ def test_a_block_on_any_edge_has_the_ends_of_zones_of_one_lying_on_it(quarters: 
     lying = block(degree=2, elements=160, contacts=(foot,), history=cycle)
     known, image = played(lying), Image(quarters=quarters)
     assert contact_betas(known) == pytest.approx((BETA,))
-    assert all(half_width_estimates(known, 0, (BETA,))[key]["fitted"] for key in KEYS)
+    betas = (BETA,), (-BETA,), (BETA, -BETA)
+    one, two, both = (half_width_estimates(known, 0, each) for each in betas)
+    for key in KEYS:
+        ends = np.array([one[key]["interval"], two[key]["interval"]])
+        assert one[key]["fitted"] and both[key]["interval"] == [ends.min(), ends.max()]
     image.check(played(image.of(lying)), known, 1e-8)
 
 

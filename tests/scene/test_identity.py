@@ -85,6 +85,16 @@ def test_run_is_gone_on_with_only_where_no_key_but_the_free_ones_differs(tmp_pat
     for cycles, done in ((1, True), (2, True), (3, False)):
         plain = replace(FULL.history, cycles=cycles, until=None)
         assert is_finished(out, replace(FULL, history=plain)) == done, cycles
+    # what jumped goes on from where its limit was sought
+    for jumped, until, cycles, done in (
+        *((False, "limit", 2, True), (False, "limit", 9, False), (True, "limit", 2, True)),
+        *((False, None, 2, True), (True, None, 2, False)),
+    ):
+        limit = {"reached": False, "jumped": jumped}
+        write_summary(out / "summary.json", {**summary, "steady": steady, "limit": limit}, True)
+        history = replace(FULL.history, cycles=cycles, until=until)
+        assert is_finished(out, replace(FULL, history=history)) == done, (jumped, until, cycles)
+    write_summary(out / "summary.json", {**summary, "steady": steady}, True)
     for key, other in (*variants(FULL), *variants(FULL, change=lambda _: None)):
         seen.add(key)
         if key in FREE or other == FULL:

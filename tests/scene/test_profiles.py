@@ -172,8 +172,9 @@ def test_measured_block_is_closed_from_its_end_to_its_beginning(tmp_path: Path) 
     history = rf.history_from_scene(read(tmp_path, text, LOOP))
     assert history.path.tolist() == [[0, 0], [1.25, 0.5]]
     assert history.loop.tolist() == [[1.25, 0.5], [1, 0.25], [1.5, -0.5], [1.25, 0.5]]
-    both = read(tmp_path, text, FILE + LOOP)
-    assert rf.history_from_scene(both).path.shape == (4, 2) and both.history.columns == ("P", "Q")
+    (tmp_path / "loop.csv").write_text("Q,P\n0.25,1\n-0.5,1.5\n0.5,1.25\n")
+    both = rf.history_from_scene(read(tmp_path, text, FILE + LOOP.replace("signal", "loop")))
+    assert both.path.shape == (4, 2) and np.array_equal(both.loop, history.loop)
 
 
 def test_scene_holds_the_rows_and_notices_another_file(tmp_path: Path) -> None:

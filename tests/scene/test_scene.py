@@ -125,19 +125,6 @@ def test_what_is_no_regular_file_is_not_read(key: str, name: str, tmp_path: Path
     assert str(path) in str(caught.value)
 
 
-def test_material_of_a_body_is_the_one_it_names_or_that_of_its_name() -> None:
-    soft, hard, steel = (
-        rf.Material(float(k), 0.3, name=n) for k, n in ((1, ""), (2, "b"), (3, "s"))
-    )
-    scene = rf.Scene(
-        body=rf.Body("a"),
-        others=(rf.Body("b"), rf.Body("c", material="s"), rf.Body("b", material="s")),
-        material=soft,
-        materials=(hard, steel),
-    )
-    assert [scene.material_of(body).young for body in scene.bodies] == [1.0, 2.0, 3.0, 3.0]
-
-
 def test_points_of_a_segment_are_evenly_spaced_and_include_its_middle_exactly() -> None:
     """The middle of a symmetric one lies on the axis of symmetry."""
     line = rf.Probe("line", segment=((-0.7, 0.0), (0.7, 1.0)), count=3)
