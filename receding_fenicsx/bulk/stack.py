@@ -236,8 +236,8 @@ def contact_of(scene: Scene) -> tuple[ContactPoints, list[float]]:
         contacts.append(find_contact(part, space, mesh, np.zeros((0, 3)))[0])
     sizes = {}
     for part, nodes in zip(scenes, contacts, strict=True):
-        for (joint, sign), side in zip(sides_of_body(scene, part.body), nodes.sides, strict=True):
-            if side.slave or sign > 0:
+        for (joint, _), side in zip(sides_of_body(scene, part.body), nodes.sides, strict=True):
+            if side.slave:
                 ends = side.facets[side.facets.min(axis=1) >= 0, :2]
                 a, b = np.moveaxis(side.points[ends], 1, 0)
                 sizes[joint] = float(np.linalg.norm(b - a, axis=1).mean())

@@ -108,6 +108,7 @@ def test_bolts_are_tightened_to_their_preloads_one_after_the_other() -> None:
     np.testing.assert_allclose(force[0], [0.01, 0.0], atol=1e-11)
     assert force[1, 1] == pytest.approx(0.03, rel=1e-9) and force[1, 0] != force[0, 0]
     assert record.energy_error_max < 1e-9 and record.residual_max < 1e-9
+    assert rf.from_toml(rf.to_toml(rf.given(record.scene))) == record.scene
     # an elastic one is shortened by its own lengthening more
     soft = replace(scene, bolts=(scene.bolts[0], replace(scene.bolts[1], stiffness=4.0)))
     longer = played(soft).turning_points.load[-1, 3] - second[1]

@@ -14,6 +14,7 @@ from scipy.optimize import brentq
 
 import receding_fenicsx as rf
 from receding_fenicsx.bulk.from_scene import bulk_of
+from receding_fenicsx.bulk.stack import contact_of
 from receding_fenicsx.modal import _modes
 from receding_fenicsx.output.report.run import slip_warnings
 from receding_fenicsx.timing import Timer
@@ -64,6 +65,8 @@ def test_constant_pressure_and_shear_pass_a_joint_that_does_not_match(
     system, record = last(scene)
     n = counts[{None: int(counts[1] > counts[0]), "edge": 0, "against": 1}[slave]]
     assert system.n == degree * n + 1
+    swapped = replace(scene, body=scene.others[0], others=(scene.body,))
+    assert [*contact_of(scene)[1], *contact_of(swapped)[1]] == pytest.approx([2.0 / n] * 2)
     end, weight = record.turning_points, record.weight
     assert end.P[-1] == pytest.approx(weight, rel=1e-11)
     assert np.abs(end.Q[-1]) == pytest.approx(0.0 * weight if round_ else 0.3 * weight, abs=1e-12)

@@ -210,6 +210,8 @@ def test_loads_are_put_on_travel_and_are_taken_off() -> None:
     assert [unit.travel for unit in wheel.units] == [(-1.0,), (0.0,), (1.0,), (0.0,)]
     assert np.array_equal(history.path[1:], history.loop) and not history.path[0].any()
     assert rf.from_toml(rf.to_toml(scene)) == scene
+    both = rf.history_from_scene(strip(wheel, drag, replace(drag, name="side")))
+    assert np.array_equal(both.loop, np.column_stack([history.loop, hats]))
     # a uniform pressure over 1: (2 sqrt(1e-3))^2 / 4 = 1e-3
     assert len(replace(WHEEL, steps=None).units) == 1 + 32
 

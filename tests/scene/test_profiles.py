@@ -80,14 +80,6 @@ def test_a_curved_gap_of_fewer_points_than_nodes_is_warned_of() -> None:
     assert not found(51, "0.1 * abs(x)") and not found(5)
 
 
-def test_elements_that_do_not_lock_are_not_warned_of() -> None:
-    soft = ["material.poisson=0.49", "mesh.degree=1"]
-    assert rf.scene_warnings(rf.from_toml(BLOCK, soft))
-    for changes in ([*soft, 'material.kinematics="plane stress"'], [*soft, "mesh.degree=2"]):
-        assert not rf.scene_warnings(rf.from_toml(BLOCK, changes))
-    assert not rf.scene_warnings(rf.from_toml(BLOCK, ["material.poisson=0.4", "mesh.degree=1"]))
-
-
 PYTHON = {name: getattr(math, name) for name in "pi sqrt sin cos exp log tanh".split()}
 PYTHON |= {"where": lambda test, yes, no: yes if test else no, "min": min, "max": max, "abs": abs}
 

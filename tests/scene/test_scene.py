@@ -126,7 +126,6 @@ def test_what_is_no_regular_file_is_not_read(key: str, name: str, tmp_path: Path
 
 
 def test_points_of_a_segment_are_evenly_spaced_and_include_its_middle_exactly() -> None:
-    """The middle of a symmetric one lies on the axis of symmetry."""
     line = rf.Probe("line", segment=((-0.7, 0.0), (0.7, 1.0)), count=3)
     assert line.coordinates == ((-0.7, 0.0), (0.0, 0.5), (0.7, 1.0))
     fine = rf.Probe("fine", segment=((0.1, 0.0), (0.3, 0.9)), count=1000)
