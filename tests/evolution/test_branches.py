@@ -43,10 +43,12 @@ def test_branches_are_numbered_by_their_choices_from_the_first_on() -> None:
     assert lost > 0.0 and f"dissipation {lost:.6g};" in str(tree).splitlines()[3]
     # all is unloaded before the last leg, on which node 0 has the same two answers
     assert [branch.taken for branch in rf.branches(*two_nodes())] == [(1,), (2, 1), (2, 2)]
-    # all cycles are sampled
-    cycles = table(three, [[0.0], [1.0]], [[1.0], [0.9], [1.0]], 5)
-    sampled = rf.branches(three, cycles, most=1)[0].record.samples
-    assert set(sampled.cycle.tolist()) == {*range(6)}
+    # all cycles are sampled, and their dissipation is counted
+    tree = rf.branches(three, table(three, [[0.0], [1.0]], [[1.0], [0.0], [1.0]], 5), most=5)
+    assert set(tree[0].record.samples.cycle.tolist()) == {*range(6)}
+    lost = tree[4].record.cycles.dissipation.sum()
+    assert lost > tree[4].record.dissipation_first_loading == 0.0
+    assert str(tree).endswith(f"dissipation {lost:.6g}; ends: {tree[4].failure}")
 
 
 def test_states_on_a_branch_are_found_again_between_its_turning_points() -> None:

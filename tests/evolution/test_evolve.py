@@ -67,6 +67,9 @@ def test_the_usual_cycles_and_the_last_are_sampled() -> None:
     assert sorted(set(record.events.cycle.tolist())) == [0, 1, 2, 9, 12]
     assert record.samples.s.tolist() == pytest.approx(np.tile(np.arange(1, 41) / 40, 9))
     assert set(evolve(BLOCK, cyclic(2)).samples.cycle.tolist()) == {0, 1, 2}
+    # in load steps at the ends of those that are nearest
+    thirds = evolve(BLOCK, cyclic(0), replace(STEPS, steps_per_leg=8), OutputOptions(3, "all"))
+    assert thirds.samples.s.tolist() == [3 / 8, 5 / 8, 1.0]
     # the last one is traced once more, from its start
     every = evolve(BLOCK, cyclic(12), output=OutputOptions(cycles="all")).samples
     for name in ("load", "state", "P", "Q", "v"):

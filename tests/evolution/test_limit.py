@@ -16,16 +16,23 @@ from receding_fenicsx.evolution.evolve import evolve
 from receding_fenicsx.evolution.limit import search, tail
 from receding_fenicsx.output.report.run import limit_rows
 from receding_fenicsx.output.report.summary import summarise
-from receding_fenicsx.scene.model import SolverOptions
+from receding_fenicsx.scene.model import OutputOptions, SolverOptions
 
 pytestmark = [pytest.mark.one_rank, pytest.mark.once]
 
 
 def test_the_limit_is_that_of_many_plain_cycles() -> None:
-    block = block_system(40, 20)
-    limit, plain = evolve(block, cyclic(200), until="limit"), evolve(block, cyclic(400))
+    block, told = block_system(40, 20), list[tuple[int, int, str]]()
+    limit = evolve(block, cyclic(200), until="limit", progress=lambda *step: told.append(step))
+    plain = evolve(block, cyclic(400))
     assert limit.limit is not None and limit.limit.reached and limit.limit.jumped
     D, last = limit.cycles.dissipation, plain.cycles.dissipation
+    assert told[-1] == (len(D), 200, "limit found")
+    assert len(limit.steady.change) == len(D) and limit.steady.change[-1] == limit.limit.residual
+    # its cycle is sampled as the last one is, unless others are asked for
+    assert {0, 1, 2, len(D)} <= set(limit.samples.cycle.tolist())
+    first = evolve(block, cyclic(200), None, OutputOptions(cycles=(1,)), until="limit")
+    assert set(first.samples.cycle.tolist()) == {1} and len(first.cycles.dissipation) == len(D)
     # those of the history before the jump, and at least one of a search
     assert len(D) <= limit.limit.cycles_played <= 40 and limit.limit.unique == 1
     assert abs(D[-1] / last[-1] - 1.0) < 1e-8
