@@ -189,15 +189,21 @@ def test_a_state_between_turning_points_is_found_again() -> None:
     for number in NUMBERS:
         if (pair := played(number)) is None or pair[1].jumps:
             continue
-        (p, record), table = pair, pair[1].samples
+        p, record = pair
         if record.uniqueness is None or not record.uniqueness.certified:
             continue
-        size = np.abs([record.turning_points.v, record.turning_points.w]).max()
-        for row in np.random.default_rng(number).integers(len(table.s), size=3):
-            where = int(table.cycle[row]), int(table.leg[row]), float(table.s[row])
+        corners, samples, free = record.turning_points, record.samples, ~p.system.held
+        size, force = np.abs([corners.v, corners.w]).max(), np.abs(p.system.r_star).max()
+        rng = np.random.default_rng(number)
+        for pick, kept in product(rng.integers(1 << 30, size=3), (samples, corners)):
+            row = pick % len(kept.s)
+            where = int(kept.cycle[row]), int(kept.leg[row]), float(kept.s[row])
             found = rf.state_at(record, p.system, p.history, p.solver, where)
-            assert near(found.v, table.v[row], size) and near(found.state.w, table.w[row], size)
-            assert np.array_equal(found.state.state, table.state[row]), (number, where)
+            now = found.state
+            assert near(found.v, kept.v[row], size) and near(now.w, kept.w[row], size)
+            forces = np.append(kept.Q[row], kept.P[row])
+            assert near(now.r[free], forces[free], force)
+            assert np.array_equal(now.state, kept.state[row]), (number, where)
             compared[record.method] += 1
     assert min(compared["events"], compared["gauss-seidel"]) > 5, compared
 

@@ -80,6 +80,10 @@ def test_a_field_of_a_wrong_type_is_refused_by_its_name(name: str) -> None:
         ({"edge": np.array([1, 0])}, "sort the nodes"),
         ({"held": np.arange(4) > 1, "f": np.arange(2.0)}, "f of .* at node 1: has to be 0"),
         ({"held": np.arange(4) == 2, "f": 0.0 * ONES, "cohesion": ONES}, "cohesion of .* has to"),
+        (
+            {"held": np.arange(4) > 1, "f": 0.0 * ONES, "f_backward": ONES},
+            "f_backward of .* has to",
+        ),
         ({"rigid": np.ones((4, 1))}, "rigid of the contact system holds a motion that its K"),
         ({"f": np.zeros(3)}, r"f of the contact system has shape \(3,\), expected \(2,\)"),
         ({"f": np.array([0.1, np.nan])}, r"f of the contact system is nan at node 1 \(x = 1\)"),

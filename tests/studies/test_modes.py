@@ -35,6 +35,10 @@ def test_a_slender_block_that_sticks_vibrates_as_a_cantilever_and_a_bar() -> Non
     scene, bar = block(height, length, 8), 0.5 * np.pi / length * np.sqrt(200.0 / 2.0)
     round_ = replace(scene, material=replace(scene.material, kinematics="axisymmetric"))
     assert driven(round_, "mode:1", {"N": 1.0})[1][0] == pytest.approx(bar, rel=1e-6)
+    # along a contact without friction
+    smooth = replace(block(1.5, 1.0, 8, 0.0), supports=(rf.Support("x", edge="left"),))
+    _, omega = driven(smooth, "mode:3", {"N": 1.0})
+    assert np.abs(omega / bar - 1.0 / 1.5).min() < 1e-3
     _, omega = driven(scene, "mode:5", {"N": 1.0})
     assert omega[3] == pytest.approx(bar, rel=1e-6)
     # Euler and Bernoulli: roots of cos x cosh x = -1

@@ -20,6 +20,9 @@ def test_a_power_law_is_fitted_to_three_non_zero_values_at_least() -> None:
         for y in (-7.0 * N**exponent, np.where(N % 2 == 0, 0.0, N**exponent)):
             fit = fit_power_law(N, y)
             assert fit.exponent == pytest.approx(exponent, abs=1e-12) and fit.uncertainty < 1e-12
+    # residuals -.1, .2, -.1 of log y over log N = -1, 0, 1
+    fit = fit_power_law(np.exp([-1.0, 0.0, 1.0]), np.exp([0.0, 0.3, 0.0]))
+    assert fit.uncertainty == pytest.approx(0.1 * np.sqrt(3.0), rel=1e-9)
     with pytest.raises(ValueError, match="at least three non-zero values"):
         fit_power_law(N, np.where(N < 4, 1.0, 0.0))
 
