@@ -113,7 +113,10 @@ def write_user_element(
         named = [f"{freedoms[0][1]:10d}"]
         named += [f"{i:10d},{k:10d}" for i, (_, k) in enumerate(freedoms, 1) if i > 1]
     else:
-        nodes, named = list(dict.fromkeys(node for node, _ in freedoms)), ["      1,      2"]
+        # all nodes but the first one have their second freedom first
+        nodes, named = list(dict.fromkeys(node for node, _ in freedoms)), ["1, 2", "2, 2, 1"]
+        order = np.append([0, 1], np.arange(2, len(K)).reshape(-1, 2)[:, ::-1])
+        K = K[np.ix_(order, order)]
     head = ["**", f"*USER ELEMENT, NODES={len(nodes):10d}, LINEAR", "** ELEMENT NODES"]
     head += [f"** {', '.join(map(str, nodes[i : i + 10]))}," for i in range(0, len(nodes), 10)]
     mass = ["*MATRIX,TYPE=MASS", *["7.0"] * (len(K) * (len(K) + 1) // 2)]
@@ -122,7 +125,7 @@ def write_user_element(
     for i in range(len(K)):
         row = [f"{value:.{13 if calculix else 16}e}" for value in K[i, : i + 1]]
         lines += [", ".join(row[j : j + 4]) + "," for j in range(0, i + 1, 4)]
-    lines += ["**", *(mass if calculix else ["*DAMPING"])]
+    lines = [*lines, "**", *(mass if calculix else ["*DAMPING"])]
     (folder / "sub.mtx").write_text("\n".join(lines))
     return "sub.mtx"
 
