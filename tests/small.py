@@ -33,11 +33,7 @@ def assert_same_bits(a: object, b: object, place: str = "") -> None:
 
 
 def small_system(
-    K: Rows,
-    loads: Mapping[str, Rows],
-    f: float | Rows,
-    g0: float | Rows = 0.0,
-    rigid: Rows = (),
+    K: Rows, loads: Mapping[str, Rows], f: float | Rows, g0: float | Rows = 0.0, rigid: Rows = ()
 ) -> ContactSystem:
     """Return a system from its matrices, order [v; w]; ``loads`` are held reactions by name."""
     K = np.array(K, dtype=float)

@@ -39,11 +39,7 @@ def scene_of(number: int) -> rf.Scene:
             else:
                 contacts.append(
                     rf.Contact(
-                        edges[0],
-                        friction=friction,
-                        initial_gap=gap,
-                        against=edges[1],
-                        slave="edge",
+                        edges[0], friction=friction, initial_gap=gap, against=edges[1], slave="edge"
                     )
                 )
         y += height

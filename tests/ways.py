@@ -240,9 +240,7 @@ def _next(body: Body, now: Array, u: Array, r: Array, du: Array, dr: Array, near
         margins.append(
             (value, slope * dr[n:] + side * dr[:n], counts & np.isfinite(offset), near[:n])
         )
-    margins += [
-        ((body.g0 + u[n:]) * k, du[n:] * k, law & ~touches, near[n:]),
-    ]
+    margins += [((body.g0 + u[n:]) * k, du[n:] * k, law & ~touches, near[n:])]
     of_forces = _force_slack(body, du, dr)
     slacks = *[of_forces] * 5, SLACK * float(np.abs(body.k * du).max())
     first = np.inf

@@ -61,9 +61,7 @@ def test_a_search_that_fails_goes_on_playing(monkeypatch: pytest.MonkeyPatch) ->
     assert "not reached" in limit_rows(summarise(record))[0][1]
 
 
-def test_load_steps_from_the_exact_limit_repeat_themselves(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_load_steps_from_the_exact_limit_repeat_themselves(monkeypatch: pytest.MonkeyPatch) -> None:
     small = block_system(16, 8)
     steps = SolverOptions(method="gauss-seidel", steps_per_leg=10)
     record = evolve(small, cyclic(200), steps, until="limit")

@@ -95,10 +95,7 @@ def test_film_shows_all_frames_with_the_states_and_the_loads(
     [([(1, 1, 0)], "right"), ([(0, 1, 1)], "left"), ([(1, 0, 0), (0, 0, 1)], "center")],
 )
 def test_the_legend_of_a_film_is_where_no_frame_has_much_pressure(
-    rows: list[tuple[float, ...]],
-    place: str,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
+    rows: list[tuple[float, ...]], place: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(draw, "write_film", lambda *_: None)
     seen: list[Clock] = []

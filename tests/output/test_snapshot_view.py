@@ -20,13 +20,7 @@ import receding_fenicsx as rf
 from receding_fenicsx.bulk.fields import Fields
 from receding_fenicsx.evolution.instants import Instant
 from receding_fenicsx.output.plots.labels import length_of
-from receding_fenicsx.output.snapshots.page import (
-    QUANTITIES,
-    Clock,
-    colours_of,
-    compose,
-    layout_of,
-)
+from receding_fenicsx.output.snapshots.page import QUANTITIES, Clock, colours_of, compose, layout_of
 from receding_fenicsx.output.snapshots.view import Arrows, View, _caption, _traction
 
 DEMOS = Path(__file__).parents[2] / "demos"

@@ -79,11 +79,7 @@ def test_an_installation_that_cannot_be_written_compiles(tmp_path: Path, home: s
     variables |= {"PYTHONPATH": str(tmp_path), "HOME": str(tmp_path / home)}
     for repeated in (False, True):
         done = subprocess.run(
-            [sys.executable, "-c", RUN],
-            cwd=tmp_path,
-            env=variables,
-            capture_output=True,
-            text=True,
+            [sys.executable, "-c", RUN], cwd=tmp_path, env=variables, capture_output=True, text=True
         )
         assert done.returncode == 0, done.stderr
         count, folder = done.stdout.splitlines()
