@@ -10,9 +10,10 @@ import numpy as np
 import pytest
 from small import assert_same_bits
 
-from receding_fenicsx import condense, evolve, read_scene, run
+from receding_fenicsx import condense, evolve, given, read_scene, run
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.evolution.evolve import evolve_bare
+from receding_fenicsx.evolution.replay import instant_of
 from receding_fenicsx.interface.system import ContactSystem
 from receding_fenicsx.scene.model import Scene
 from receding_fenicsx.scene.toml_file import to_toml
@@ -39,16 +40,13 @@ def block(*changes: str) -> Scene:
 
 @cache
 def body() -> ContactSystem:
-    system = condense(block())
-    assert system is not None
-    return system
+    return given(condense(block()))
 
 
 @pytest.mark.parametrize("change", CHANGES)
 def test_a_scene_on_a_condensed_body_is_the_whole_run_of_that_scene(change: str) -> None:
     scene = block(*CHANGES[change])
-    whole = run(scene)
-    assert whole is not None
+    whole = given(run(scene))
     again = evolve(body(), scene)
     assert again.scene_toml == to_toml(scene)
     assert_same_bits(again, whole)
@@ -56,6 +54,16 @@ def test_a_scene_on_a_condensed_body_is_the_whole_run_of_that_scene(change: str)
     plain = evolve(body(), block())
     ends = plain.turning_points.P.tobytes(), plain.samples.s.tobytes()
     assert ends != (again.turning_points.P.tobytes(), again.samples.s.tobytes())
+
+
+def test_only_the_first_leg_after_an_initial_slip_is_known_at_its_end_alone() -> None:
+    scene = block(*CHANGES["initial slip"])
+    record = evolve(body(), scene)
+    found = instant_of(scene, body(), record, 1, "unloading", 1 / 3)
+    wanted = record.at(1, leg=0, s=1 / 3).v[record.x >= 0.0]
+    np.testing.assert_allclose(found.v, wanted, rtol=0.0, atol=1e-12 * np.abs(wanted).max())
+    with pytest.raises(InputError, match="initial_slip is one jump"):
+        instant_of(scene, body(), record, 0, "loading", 1 / 3)
 
 
 def test_a_bare_evolution_has_the_states_of_the_whole_one() -> None:
@@ -91,17 +99,16 @@ def test_what_is_neither_a_scene_nor_a_path_or_doubly_given_is_refused() -> None
     scene = block()
     with pytest.raises(InputError, match="history has to be of type Scene or History, not str"):
         evolve(body(), "demos/block.toml")  # type: ignore[arg-type]
-    for given in (
+    for more in (
         {"solver": scene.solver},
         {"output": scene.output},
         {"initial_slip": np.zeros(body().n)},
     ):
         with pytest.raises(InputError, match="brings its own solver, output and initial slip"):
-            evolve(body(), scene, **given)
+            evolve(body(), scene, **more)
     with pytest.raises(InputError, match="made by hand, for no scene"):
         evolve(replace(body(), scene_toml=""), scene)
-    smooth = condense(block("contact.friction=0.0"))
-    assert smooth is not None
+    smooth = given(condense(block("contact.friction=0.0")))
     with pytest.raises(InputError, match="has no tangential displacements"):
         evolve(smooth, scene)
     with pytest.raises(InputError, match=r"\[contact\] friction"):

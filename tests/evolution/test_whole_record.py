@@ -138,14 +138,13 @@ def _check_probes(s: rf.ContactSystem, record: rf.Record) -> None:
     for kind, part in enumerate(tables):
         for place in zip(part.cycle.tolist(), part.leg.tolist(), part.s.tolist(), strict=True):
             wanted.setdefault(place, kind)
-    probes = record.probes
-    assert probes is not None and s.probes is not None
+    probes, given_rows = rf.given(record.probes), rf.given(s.probes).rows
     columns = probes.cycle.tolist(), probes.leg.tolist(), probes.s.tolist()
     places = list(zip(*columns, strict=True))
     assert places == sorted(wanted) and probes.kind.tolist() == [wanted[at] for at in places]
     for kind, part in enumerate(tables[:2]):
         rows = [places.index(at) for at in zip(part.cycle, part.leg, part.s, strict=True)]
-        values = np.hstack([part.v, part.w, part.load]) @ s.probes.rows.transpose(0, 2, 1)
+        values = np.hstack([part.v, part.w, part.load]) @ given_rows.transpose(0, 2, 1)
         found = np.concatenate([probes.displacement[rows], probes.stress[rows]], axis=2)
         mine = probes.kind[rows] == kind
         assert near(found[mine], values.transpose(1, 0, 2)[mine])
@@ -157,9 +156,7 @@ def _check_probes(s: rf.ContactSystem, record: rf.Record) -> None:
 def test_half_a_contact_is_recorded_as_the_whole_one_that_it_stands_for() -> None:
     """In what the images of scenes lack: jumps, doubts, and supports at several edges."""
     seen = Counter[str]()
-    for pair in (*map(played, NUMBERS), jumping()):
-        if pair is None:
-            continue
+    for pair in filter(None, (*map(played, NUMBERS), jumping())):
         (p, a), s, x = pair, pair[0].system, pair[0].system.x
         b = play(replace(p, system=replace(s, half=True)))
         edges = [np.flatnonzero(s.edges == k) for k in np.unique(s.edges)]
@@ -228,8 +225,7 @@ def test_a_probe_at_an_event_is_that_of_a_path_that_ends_there() -> None:
         for j in every if record.jumps else every[::5]:
             path = np.vstack([p.history.path[: e.leg[j] + 1], e.load[j]])
             short = play(replace(p, history=replace(p.history, path=path, loop=path[:0], cycles=0)))
-            a, b = record.probes, short.probes
-            assert a is not None and b is not None
+            a, b = (rf.given(one.probes) for one in (record, short))
             k = int(np.flatnonzero((a.cycle == 0) & (a.leg == e.leg[j]) & (a.s == e.s[j]))[-1])
             assert near(a.stress[k], b.stress[-1], np.abs(a.stress).max()), p.number
             compared += a.kind[k] == 2

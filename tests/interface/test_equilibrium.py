@@ -11,7 +11,7 @@ from receding_fenicsx.interface.system import ContactSystem
 
 WHOLE = block_system(24, 6, half=False)
 N, DOWN = WHOLE.n, WHOLE.r_star[0, WHOLE.n :].sum()
-ONE, NOTHING = np.array([1.0]), np.array([0.0])
+ONE = np.array([1.0])
 
 
 def with_second(second: np.ndarray, scale: float = 1.0) -> ContactSystem:

@@ -8,12 +8,9 @@ from small import cyclic, random_system, small_system, table
 
 from receding_fenicsx.errors import NoQuasiStaticContinuation, SolveError
 from receding_fenicsx.evolution.evolve import evolve
-from receding_fenicsx.interface.law import State
 from receding_fenicsx.interface.system import eliminate_tangential
 from receding_fenicsx.scene.model import OutputOptions, SolverOptions
 
-STICK, OPEN = State.STICK, State.SEPARATION
-FORWARD, BACKWARD = State.FORWARD_SLIP, State.BACKWARD_SLIP
 ALL = OutputOptions(samples_per_leg=12, cycles="all")
 
 

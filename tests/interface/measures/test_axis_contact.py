@@ -37,6 +37,7 @@ def test_parabolic_gap_without_friction_is_hertz(method: str, degree: int) -> No
     """a^3 = 3 P R / (4 E*) and p = 3 P / (2 pi a^2) sqrt(1 - r^2 / a^2), also on the axis."""
     record = ball("contact.friction=0", f"mesh.degree={degree}", f"solver.method={method}")
     x, table, spacing = record.x, record.turning_points, 1.0 / (20.0 * degree)
+    assert record.corner_ends == [-1]
     for row, part in enumerate((0.01, 1.0)):
         a = A * part ** (1.0 / 3.0)
         assert table.P[row].sum() == pytest.approx(part * FORCE, rel=1e-9)
