@@ -117,9 +117,9 @@ def test_the_options_of_a_method_reach_it_beside_a_shear_limit_too(method: str) 
             evolve(three, path, replace(options, max_sweeps=3, polish=False))
         slow = replace(options, polish=False)
         loose = replace(slow, residual_tolerance=1e-6, change_tolerance=1e-6)
-        every = options, loose, slow, replace(slow, over_relaxation=1.0)
-        sweeps = [evolve(three, path, some).sweeps for some in every]
-        assert len(set(sweeps)) == 4 and sweeps[0] < sweeps[1] < min(sweeps[2:])
+        slower = replace(slow, over_relaxation=1.0), replace(slow, steps_per_leg=9)
+        sweeps = [evolve(three, path, some).sweeps for some in (options, loose, slow, *slower)]
+        assert len(set(sweeps)) == 5 and sweeps[0] < sweeps[1] < min(sweeps[2:])
 
 
 @pytest.mark.parametrize("end", ENDS)
