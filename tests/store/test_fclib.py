@@ -128,7 +128,9 @@ def test_nodes_held_normally_are_no_contacts_and_nodes_held_sideways_have_no_fri
 
 def test_export_of_a_run_s_step_is_that_step(tmp_path: Path) -> None:
     settings = ["mesh.contact_elements=24", "history.cycles=2", "solver.steps_per_leg=400"]
-    scene = rf.read_scene(BLOCK, settings)
+    rows, cycle = ((0.5,), (1.0,)), ((1.0 / 3.0,), (1.0,))
+    table = rf.HistoryOptions("table", columns=("p0",), rows=rows, cycle_rows=cycle, cycles=2)
+    scene = replace(rf.read_scene(BLOCK, settings), history=table)
     record = study.run(scene, tmp_path / "run", study.RunOptions(pictures=False), MPI.COMM_SELF)
     assert record is not None
     path = tmp_path / "step.hdf5"
@@ -151,6 +153,8 @@ def test_export_of_a_run_s_step_is_that_step(tmp_path: Path) -> None:
     with pytest.raises(rf.InputError, match="already exists"):
         rf.export(tmp_path / "run", path)
     assert "from s = 0 to 1" in rf.export(tmp_path / "run", path, overwrite=True)
+    later = rf.export(tmp_path / "run", path, (0, "1", 1.0), overwrite=True)
+    assert "cycle 0, leg 1, from s = 0.9975 to 1" in later
     for where, since, words in (
         ((1, "unloading", 0.0), None, "--at 0"),
         ((1, "unloading", 0.5), 0.6, "--since 0.6"),

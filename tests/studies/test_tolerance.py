@@ -15,6 +15,7 @@ from receding_fenicsx.output.report.run import tell_search
 from receding_fenicsx.reference.closed_forms import BLOCK
 from receding_fenicsx.store.workspace import CASES
 from receding_fenicsx.studies import run as study
+from receding_fenicsx.studies.accuracy.estimate import asked_numbers, level_of
 from receding_fenicsx.studies.accuracy.meshes import is_refined
 from receding_fenicsx.timing import Timer
 
@@ -83,6 +84,11 @@ def test_errors_are_estimated_on_own_meshes_two_bodies_and_several_edges(
     assert summary["timings"]["errors"] > 0.0
     on_axis = [p["p_axis"] for p in summary["turning_points"] if "p_axis" in p]
     assert not on_axis or numbers["centre_pressure"].value in on_axis
+    # ends of zones and largest pressures are asked for by name only
+    asked = asked_numbers(scene, [level_of(record, k) for k in (8, 16)])
+    edges = {f"{zone}_{end}" for zone in ("contact", "stick") for end in ("left", "right")}
+    local = edges | {"contact_half_width", "stick_half_width", "largest_pressure"}
+    assert list(asked) == [name for name in errors if name.partition("[")[0] not in local]
     for name, found in errors.items():
         number, plain = numbers[name], name.partition("[")[0]
         assert plain in rf.HEADLINE_NAMES and found["size"] in (number.size, None)

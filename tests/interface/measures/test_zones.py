@@ -50,6 +50,8 @@ def test_only_a_zone_around_the_middle_has_a_half_width(states: str, half: float
 def test_a_disc_of_stick_begins_on_the_axis() -> None:
     r = np.arange(5.0)
     assert rf.stick_half_width(r, coded("SSSFO"), begins_on_axis=True) == 2.5
+    # without a node on the axis
+    assert rf.stick_half_width(r[1:], coded("SSFO"), begins_on_axis=True) == 2.5
     assert np.isnan(rf.stick_half_width(r, coded("FSSFO"), begins_on_axis=True))
 
 
