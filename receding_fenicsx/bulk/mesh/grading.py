@@ -206,8 +206,8 @@ def _places_on(
     for place in places:
         if place.edge != edge or place.at == "corners":
             continue
-        # nothing ends on the axis of a body of revolution
-        at = ends if isinstance(place.at, str) else (place.at,)
+        # nothing ends on the axis of a body of revolution, where positions are 0
+        at = [s for s in ends if abs(s) > near] if isinstance(place.at, str) else [place.at]
         found += [replace(place, at=s) for s in at]
         low, high = min(p.span[0] for p in found), max(p.span[1] for p in found)
         if low < ends[0] - near or high > ends[1] + near:
