@@ -85,7 +85,6 @@ def test_run_is_gone_on_with_only_where_no_key_but_the_free_ones_differs(tmp_pat
     for cycles, done in ((1, True), (2, True), (3, False)):
         plain = replace(FULL.history, cycles=cycles, until=None)
         assert is_finished(out, replace(FULL, history=plain)) == done, cycles
-    # what jumped goes on from where its limit was sought
     for jumped, until, cycles, done in (
         *((False, "limit", 2, True), (False, "limit", 9, False), (True, "limit", 2, True)),
         *((False, None, 2, True), (True, None, 2, False)),

@@ -145,7 +145,7 @@ def read(folder: Path, text: str, history: str = FILE, body: str = SIGNALS) -> r
         ("# Q P\n# P Q\n1 0.25\n1.5 -0.5\n1 0.5\n", ""),
         ("P,2_1,Q\n1,20,0.25\n1.5,20,-0.5\n1,21,0.5\n", 'columns = ["P", "Q"]\n'),
         # a dwell is one row
-        ("time,P,Q\n0,0,0\n1,0,0\n2,1,0.25\n3,1,0.25\n4,1.5,-0.5\n5,1,0.5\n6,1,0.5\n", ""),
+        ("time,P,Q\n0,0,0\n1,0,0\n2,1,0.25\n3,1,0.25\n4,1.5,-0.5\n5,1,0.5\n5,1,0.5\n", ""),
     ],
 )
 def test_every_format_gives_the_same_rows(text: str, columns: str, tmp_path: Path) -> None:
