@@ -45,7 +45,9 @@ def test_pictures_of_a_run_are_counted_and_those_in_pdf_are_the_figures(
         }
         # a picture is the same beside few others and beside many
         assert few.items() < all_.items()
-        for pictures, count in ((few, 1), (all_, 2)):
+        for name, pictures, count in (("False", few, 1), ("True", all_, 2)):
+            costs = rf.read_summary(shared_tmp_path / name / "summary.json")["timings"]
+            assert costs["pictures"] > 0.0
             assert sum("snapshots" in name for name in pictures) == count
             assert any(h.startswith(f"pictures of the body: {count - 1} of {count}") for h in heard)
 

@@ -66,7 +66,7 @@ def test_film_shows_all_frames_with_the_states_and_the_loads(
     meta = next(reader)
     width, height = meta["size"]
     assert width == pytest.approx(1280, abs=2)
-    assert width % 2 == height % 2 == 0
+    assert width % 2 == height % 2 == 0 and meta["fps"] == 12
     frames = [np.frombuffer(frame, np.uint8).reshape(height, width, 3) for frame in reader]
     assert len(frames) == FRAMES + 6
     # the last picture stands still, the ones before differ
@@ -92,7 +92,7 @@ def test_film_shows_all_frames_with_the_states_and_the_loads(
 @pytest.mark.one_rank
 @pytest.mark.parametrize(
     ("rows", "place"),
-    [([(1, 1, 0)], "right"), ([(0, 1, 1)], "left"), ([(1, 0, 0), (0, 0, 1)], "center")],
+    [([(1, 1, 0)], "right"), ([(0, 1, 2)], "left"), ([(1, 0, 0), (0, 0, 2)], "center")],
 )
 def test_the_legend_of_a_film_is_where_no_frame_has_much_pressure(
     rows: list[tuple[float, ...]], place: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
@@ -119,6 +119,8 @@ def test_the_legend_of_a_film_is_where_no_frame_has_much_pressure(
             bulk, legs, np.linspace(0.0, 1.0, len(rows)), quantity_of("syy"), tmp_path / "film"
         )
     assert {clock.legend for clock in seen} == {f"upper {place}"}
+    # each load is over its own largest
+    assert np.array_equal(seen[0].load, np.sign(rows))
 
 
 @pytest.mark.one_rank

@@ -131,8 +131,6 @@ def test_curves_have_the_values_of_the_record() -> None:
     (end,) = np.flatnonzero((path.cycle == 3) & (path.leg == 2) & (path.s == 1.0))
     panel = rf.figures.probe_stresses(found, "path").axes[-1]
     check(panel, *((along, values) for values in stress[1][end].T))
-    with pytest.raises(rf.InputError, match="'pth': is not in the record; did you mean 'path'"):
-        rf.figures.probe_stresses(found, "pth")
 
 
 def test_figures_of_harmonic_loads_are_drawn_over_their_phase() -> None:

@@ -197,6 +197,13 @@ def test_band_of_states_has_the_colours_of_the_legend_where_the_states_are() -> 
         x, y = np.asarray(path.vertices).T
         ends.append((named[colour], x.min(), x.max()))
         assert y.max() < 0.0  # below the plane
+    # the tractions stand below their nodes, those of an upright edge over all of it
+    (strip,), tractions = view.strips, figure.axes[1]
+    for x in strip.x:
+        both = (axes.transData.transform((x, 0.0))[0] for axes in (body, tractions))
+        assert next(both) == pytest.approx(next(both), abs=0.01)
+    upright = replace(view, strips=(replace(strip, normal=np.array([1.0, 0.0])),))
+    assert page_of(upright).axes[1].get_xlim() == (strip.x[0], strip.x[-1])
     for found, zone in zip(ends, expected, strict=True):
         assert found[0] == zone[0] and found[1:] == pytest.approx(zone[1:])
 

@@ -132,7 +132,7 @@ def test_a_sweep_killed_twice_has_the_table_of_an_undisturbed_one(
     said: list[str] = []
     options = rf.StudyOptions(resume=True, progress=said.append)
     table = rf.sweep(scene(), OVER, out, options=options)
-    assert len(said) == 2 and said[0].startswith("sweep: case 5 of 6, ")
+    assert len(said) == 2 and said[0].startswith("sweep: case 5 of 6, 0 failed")
     assert table == undisturbed
     assert (out / "sweep.csv").read_bytes() == (whole / "sweep.csv").read_bytes()
     assert sorted(lines(out)) == sorted(lines(whole))
@@ -143,8 +143,7 @@ def test_a_sweep_killed_twice_has_the_table_of_an_undisturbed_one(
 def test_shares_played_apart_at_the_same_time_and_killed_make_the_same_table(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    whole, out = tmp_path / "whole", tmp_path / "out"
-    undisturbed = rf.sweep(scene(), OVER, whole)
+    out, undisturbed = tmp_path / "out", rf.sweep(scene(), OVER)
 
     def share(number: int, progress: Any = None) -> rf.SweepTable:
         options = rf.StudyOptions(shard=(number, 3), progress=progress)
@@ -164,10 +163,7 @@ def test_shares_played_apart_at_the_same_time_and_killed_make_the_same_table(
     tables.append(share(2, lambda text: another(text) if len(tables) == 0 else None))
     assert all(sum("not finished" in e for e in table["error"]) > 0 for table in tables)
     assert not (out / "sweep.csv").exists() and len(lines(out, "cases.1-of-3.jsonl")) == 1
-    with (out / "cases.1-of-3.jsonl").open("ab") as file:
-        file.write(b"half a li")
     assert share(1) == undisturbed
-    assert (out / "sweep.csv").read_bytes() == (whole / "sweep.csv").read_bytes()
     assert sum(len(lines(out, f"cases.{k}-of-3.jsonl")) for k in (1, 2, 3)) == 6
     # without shares it goes on with what all of them have finished, though a later one failed in it
     later = runner.CaseFile(out, "cases.9.jsonl")

@@ -11,7 +11,6 @@ import pytest
 
 import receding_fenicsx as rf
 from receding_fenicsx import cli
-from receding_fenicsx.output.report.run import tell_search
 from receding_fenicsx.reference.closed_forms import BLOCK
 from receding_fenicsx.store.workspace import CASES
 from receding_fenicsx.studies import run as study
@@ -102,7 +101,11 @@ def test_errors_are_estimated_on_own_meshes_two_bodies_and_several_edges(
             assert found["value"] == D[-1] / D[0]
         if name.startswith(("load_displacement", "dissipation_first")):
             assert found["order"] is not None, name
-        assert plain[:5] != "probe" or found["error"] < 0.05 * found["size"]
+        if plain[:5] == "probe":  # at the end of the first loading
+            axis = record.probe("axis")
+            end = np.flatnonzero(axis.cycle == 0)[-1]
+            assert found["value"] in (*axis.stress[end, 0], *axis.displacement[end, 0])
+            assert found["error"] < 0.05 * found["size"]
     # u_x and s_xy vanish on the axis
     probes = [f"probe_{k}[axis]" for k in ("uy", "sxx", "syy", "szz") if scene.probes]
     assert [name for name in errors if name.startswith("probe")] == probes
@@ -152,11 +155,6 @@ def test_a_tolerance_is_met_and_the_true_error_is_within_it(shared_tmp_path: Pat
     assert len(record.x) == len(rf.read_record(out / "record.h5").x) == last["nodes"]
     assert record.scene is not None
     assert record.scene.mesh.contact_elements == last["elements"]
-    (verdict,) = tell_search(summary).lines
-    assert verdict in rf.run_table(summary) and "tolerance 0.002 met" in verdict
-    printed = rf.run_table(summary, everything=True)
-    for level in found["way"]:
-        assert f"{level['elements']}  " in printed
 
 
 def test_a_tolerance_beyond_the_budget_keeps_the_best_run(
