@@ -370,6 +370,7 @@ def test_a_sweep_has_the_wear_life_of_its_cases(tmp_path: Path) -> None:
     )
     assert table is not None and set(table["wear_end"]) == {"depth reached"}
     assert np.asarray(table["wear_depth_max"], float) == pytest.approx(6e-4, rel=1.01e-3)
+    assert np.all(np.asarray(table["wear_volume_estimate"], float) > 0.0)  # of the last step
     life = table.grid("wear_cycles").astype(float)
     # a coefficient only scales the cycles; with more friction less slips
     assert life[0] == pytest.approx(2.0 * life[1], rel=0.02)
