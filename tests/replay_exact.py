@@ -272,7 +272,7 @@ def _rolls(
     if s > 0.0 and not abs(s - s_zero) <= PLACE:
         return False
     forces = np.abs([run.body.reactions(leg.load(s), u), run.body.K @ change])
-    return bool(forces.max() <= LAW * leg.force)
+    return bool(forces[:, ~run.system.held].max(initial=0.0) <= LAW * leg.force)
 
 
 def _moved(leg: Leg, here: States) -> Array:
