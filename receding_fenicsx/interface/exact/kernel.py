@@ -361,13 +361,22 @@ def noted(event: Ints, first: int, last: int, i: int, old: int, new: int) -> int
 
 
 @compiled
+def drop(contact: Contact, path: Path, label: int) -> None:
+    """Set a quantity to zero; what it was is imbalance."""
+    left = path.y[label]
+    path.y[label] = 0.0
+    for k in range(len(path.imbalance)):
+        path.imbalance[k] -= contact.sums_of_y[k, label] * left
+
+
+@compiled
 def put(contact: Contact, way: Way, path: Path, i: int, new: int, mark: np.uint64) -> np.uint64:
     """Change the state of a node; what the new one fixes is zero. Return the new hash."""
     y, old, a, b = path.y, path.state[i], A * len(path.state) + i, B * len(path.state) + i
     if new == SEPARATION or y[a] <= way.on_limit[a]:
-        y[a] = 0.0
+        drop(contact, path, a)
     if new == SEPARATION or y[b] <= way.on_limit[b]:
-        y[b] = 0.0
+        drop(contact, path, b)
     path.state[i] = new
     count, last = path.counts, path.counts[EVENTS]
     count[EVENTS] = noted(path.event, count[FIRST], last, i, old, new)
@@ -585,7 +594,7 @@ def follow(contact: Contact, matrix: Matrix, memory: Memory, way: Way, path: Pat
             tied(contact, way, path, i)
         count[FIRST], count[HIT], count[ROUNDS], count[GIVEN] = count[EVENTS], label, 0, 0
         count[CHOSEN] = count[ASKED] = 0
-        y[label] = 0.0
+        drop(contact, path, label)
         if path.place[3] > way.accepted and reach(y, contact.weight) < 0.1 * path.place[4]:
             # the round-off of far larger displacements before is none here
             path.place[3] = way.accepted

@@ -29,6 +29,7 @@ from receding_fenicsx.interface.exact.rest import (
     keeps_limits,
 )
 from receding_fenicsx.interface.exact.segments import EPSILON, Segment, Segments, States, ties_at
+from receding_fenicsx.interface.law import SEPARATION
 from receding_fenicsx.interface.residual import limit_excuse, reachable, residual_at_rest
 from receding_fenicsx.interface.system import Changes, ContactState, Leg, reactions
 from receding_fenicsx.interface.tolerances import ACCEPTED_RESIDUAL, ROUND_OFFS, UNLOADING_ROUND_OFF
@@ -152,15 +153,16 @@ class Walk:
         states = self._states_at(before, way)
         segment = states.decide(before)
         self._give(way, before, states.point.state, segment)
-        load = self.problem.load(self.s)
-        self.path.imbalance[:] = self.segments.balance.errors(self.path.y, load)
         return way._replace(on_limit=np.where(way.on_limit < 0.0, -1.0, states.on_limit))
 
     def _give(self, way: kernel_data.Way, before: States, state: States, segment: Segment) -> None:
         """Give states and rates with which to go on from here."""
         self._set(before, state)
-        entry = self.loop.fill(way, self.path, segment.q)
-        self.path.counts[kernel_data.GIVEN] = entry + 1
+        path, opened = self.path, np.tile(state == SEPARATION, 2)
+        path.y[2 * len(state) :][opened] = 0.0
+        path.imbalance[:] = self.segments.balance.errors(path.y, self.problem.load(self.s))
+        entry = self.loop.fill(way, path, segment.q)
+        path.counts[kernel_data.GIVEN] = entry + 1
 
     def _choose(self, way: kernel_data.Way) -> None:
         """Let the chooser take one of the continuations."""
@@ -179,8 +181,9 @@ class Walk:
         path, load, (a, b) = self.path, self.problem.load(self.s), self.problem.ends
         self._check(path.imbalance)
         # a node keeps the forces with which it lands: at an event those on the way there balance,
-        # but where the path is almost at a standstill
+        # but where the path is almost at a standstill, or a node opens before its forces are zero
         hit, worst = int(path.counts[kernel_data.HIT]), np.abs(path.imbalance).max()
+        opened = np.tile(path.state == SEPARATION, 2)
         for state in (path.state,) if hit < 0 else (self._before(), path.state):
             y = self.segments.values(self._refined(self._at(path.y, load, state), load))
             if state is not path.state:
@@ -189,8 +192,9 @@ class Walk:
                     if q[hit] < 0.0:
                         y -= y[hit] / q[hit] * q
                 y[hit] = 0.0
+                y[2 * self.system.n :][opened] = 0.0
             imbalance = self.segments.balance.errors(y, load)
-            if np.abs(imbalance).max() <= worst:
+            if np.abs(imbalance).max() <= 0.5 * worst:
                 break
         path.y[:], path.imbalance[:] = y, imbalance
         # it is removed again where it has doubled
