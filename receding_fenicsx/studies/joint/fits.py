@@ -135,7 +135,9 @@ def _least(
 ) -> Array:
     """Return the parameters of least squares within bounds, from several starts."""
     accuracy: dict[str, Any] = {"jac": "3-point", "xtol": 1e-15, "ftol": 1e-15, "gtol": 1e-15}
-    runs = [least_squares(errors, at, x_scale="jac", bounds=bounds, **accuracy) for at in starts]
+    # "dogbox" comes to solutions on bounds, as of an element that slips early, where "trf" creeps
+    way: dict[str, Any] = {"method": "dogbox", "x_scale": "jac", "bounds": bounds}
+    runs = [least_squares(errors, at, **way, **accuracy) for at in starts]
     found = sorted((run for run in runs if run.success), key=lambda run: run.cost)
     if not found:
         raise NotConverged("fit: did not converge; use fewer elements or more amplitudes")
