@@ -361,12 +361,13 @@ def noted(event: Ints, first: int, last: int, i: int, old: int, new: int) -> int
 
 
 @compiled
-def drop(contact: Contact, path: Path, label: int) -> None:
-    """Set a quantity to zero; what it was is imbalance."""
+def drop(contact: Contact, way: Way, path: Path, label: int) -> None:
+    """Set a quantity to zero; where it was not on its limit, what it was is imbalance."""
     left = path.y[label]
     path.y[label] = 0.0
-    for k in range(len(path.imbalance)):
-        path.imbalance[k] -= contact.sums_of_y[k, label] * left
+    if left > way.on_limit[label]:
+        for k in range(len(path.imbalance)):
+            path.imbalance[k] -= contact.sums_of_y[k, label] * left
 
 
 @compiled
@@ -374,9 +375,9 @@ def put(contact: Contact, way: Way, path: Path, i: int, new: int, mark: np.uint6
     """Change the state of a node; what the new one fixes is zero. Return the new hash."""
     y, old, a, b = path.y, path.state[i], A * len(path.state) + i, B * len(path.state) + i
     if new == SEPARATION or y[a] <= way.on_limit[a]:
-        drop(contact, path, a)
+        drop(contact, way, path, a)
     if new == SEPARATION or y[b] <= way.on_limit[b]:
-        drop(contact, path, b)
+        drop(contact, way, path, b)
     path.state[i] = new
     count, last = path.counts, path.counts[EVENTS]
     count[EVENTS] = noted(path.event, count[FIRST], last, i, old, new)
@@ -594,7 +595,7 @@ def follow(contact: Contact, matrix: Matrix, memory: Memory, way: Way, path: Pat
             tied(contact, way, path, i)
         count[FIRST], count[HIT], count[ROUNDS], count[GIVEN] = count[EVENTS], label, 0, 0
         count[CHOSEN] = count[ASKED] = 0
-        drop(contact, path, label)
+        y[label] = 0.0
         if path.place[3] > way.accepted and reach(y, contact.weight) < 0.1 * path.place[4]:
             # the round-off of far larger displacements before is none here
             path.place[3] = way.accepted
