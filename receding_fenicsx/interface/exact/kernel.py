@@ -361,23 +361,24 @@ def noted(event: Ints, first: int, last: int, i: int, old: int, new: int) -> int
 
 
 @compiled
-def drop(contact: Contact, way: Way, path: Path, label: int) -> None:
+def drop(y: Array, on: Array, label: int, sums_of_y: Array, imbalance: Array) -> None:
     """Set a quantity to zero; where it was not on its limit, what it was is imbalance."""
-    left = path.y[label]
-    path.y[label] = 0.0
-    if left > way.on_limit[label]:
-        for k in range(len(path.imbalance)):
-            path.imbalance[k] -= contact.sums_of_y[k, label] * left
+    left = y[label]
+    y[label] = 0.0
+    if left > on[label]:
+        for k in range(len(imbalance)):
+            imbalance[k] -= sums_of_y[k, label] * left
 
 
 @compiled
 def put(contact: Contact, way: Way, path: Path, i: int, new: int, mark: np.uint64) -> np.uint64:
     """Change the state of a node; what the new one fixes is zero. Return the new hash."""
-    y, old, a, b = path.y, path.state[i], A * len(path.state) + i, B * len(path.state) + i
-    if new == SEPARATION or y[a] <= way.on_limit[a]:
-        drop(contact, way, path, a)
-    if new == SEPARATION or y[b] <= way.on_limit[b]:
-        drop(contact, way, path, b)
+    y, on, old, n = path.y, way.on_limit, path.state[i], len(path.state)
+    a, b = A * n + i, B * n + i
+    if new == SEPARATION or y[a] <= on[a]:
+        drop(y, on, a, contact.sums_of_y, path.imbalance)
+    if new == SEPARATION or y[b] <= on[b]:
+        drop(y, on, b, contact.sums_of_y, path.imbalance)
     path.state[i] = new
     count, last = path.counts, path.counts[EVENTS]
     count[EVENTS] = noted(path.event, count[FIRST], last, i, old, new)
