@@ -496,8 +496,9 @@ def _jump(
     # it is solved for just beyond its place
     totals.unsure += JUMP_STEP * abs(float(way @ body.r_star @ change))
     totals.unsure += run.rounded(leg, here, body.reactions(load, u) + r, change)
-    if not np.any(np.abs(change) > _own_round_off(run, leg, here, load, u)):
-        # a node may reach its limit and stick where another one lands
+    smooth = np.abs(change - here.rates(load - leg.load(s_held)))
+    if not np.any(np.minimum(np.abs(change), smooth) > _own_round_off(run, leg, here, load, u)):
+        # a node may reach its limit and stick where another one lands, or slip on from there
         totals.hidden += 1
         return after
     totals.jumps += 1

@@ -151,6 +151,10 @@ class GaussSeidelPath:
                 return leg
             if targets[-1] - s > 10.0 * part:
                 targets.append(s + 10.0 * part)  # grow gradually
+        # sweeps may keep to another one of several continuations
+        exact = self._exact_path(problem, leg, s_end)
+        if exact is not None:
+            return exact
         raise SolveError(
             f"the load step before {system.load_text(problem.load(s_end))} was taken in "
             "300 parts without finding whether the contact jumps in it; use method events"
