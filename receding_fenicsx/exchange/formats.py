@@ -76,8 +76,9 @@ def read_vector(path: Path, freedoms: list[Freedom]) -> Array:
                 values[place[node, k]] += value
     except (ValueError, IndexError, TypeError) as error:
         raise InputError(f"{path}: is not a load ({error})".replace("\n", " ")) from None
-    if values.shape != (len(freedoms),) or not np.all(np.isfinite(values)):
-        raise InputError(f"{path}: needs {len(freedoms)} finite values, has {values.size}")
+    finite = np.count_nonzero(np.isfinite(values))
+    if not finite == values.size == len(freedoms):
+        raise InputError(f"{path}: needs {len(freedoms)} finite values, has {finite}")
     return values
 
 

@@ -139,7 +139,7 @@ def set_value(raw: dict[str, Any], key: str, value: Any, where: str) -> None:
         return
     check_known(kind, KNOWN, where, "table")
     if kind == "title" or not names:
-        raise InputError(f"{where}: write {kind}.key=value")
+        raise InputError(f"{where}: write {kind}{'' if kind == 'title' else '.key'}=value")
     table, (name, *parts) = _table_to_set(raw, kind, names, where)
     if parts and name not in ("friction", "parameters", "constant", "harmonic", "mean"):
         raise InputError(f"{where}: write {kind}.key=value")
