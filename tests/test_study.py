@@ -57,6 +57,8 @@ def test_arguments_of_wrong_types_are_refused_by_name() -> None:
         ("read_scene: path", lambda: api.read_scene(number)),
         ("overrides", lambda: api.read_scene(DEMOS / "block.toml", number)),
         ("override", lambda: api.read_scene(DEMOS / "block.toml", [number])),
+        ("a scene is needed, .*, not a str", lambda: api.condense("block.toml")),
+        ("history_from_scene: scene", lambda: api.history_from_scene("block.toml")),
         ("joint_curve: scene", lambda: api.joint_curve("block.toml", "p0", [1.0])),
         ("joint_curve: drive", lambda: api.joint_curve(scene, number, [1.0])),
         ("joint_curve: amplitudes", lambda: api.joint_curve(scene, "p0", "1 to 2")),
@@ -74,7 +76,8 @@ def test_arguments_of_wrong_types_are_refused_by_name() -> None:
     if system is not None:
         calls += [
             ("evolve: system", lambda: api.evolve("system.h5", scene)),
-            ("evolve: history", lambda: api.evolve(system, "cyclic")),
+            ("evolve: history .* Scene or History, not str", lambda: api.evolve(system, "cyclic")),
+            ("branches: history", lambda: api.branches(system, "cyclic")),
             ("evolve: solver", lambda: api.evolve(system, scene, "events")),
             ("evolve: output", lambda: api.evolve(system, scene, None, number)),
             ("evolve: progress", lambda: api.evolve(system, scene, progress=number)),

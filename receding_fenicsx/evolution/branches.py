@@ -16,6 +16,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from receding_fenicsx.arrays import check_types
 from receding_fenicsx.errors import InputError, SolveError
 from receding_fenicsx.evolution.evolve import continue_history
 from receding_fenicsx.evolution.histories import tightened
@@ -131,6 +132,14 @@ def branches(
         InputError: as :func:`~receding_fenicsx.evolution.evolve.evolve`; the method is not
             "events", or ``solver.branch`` is given.
     """
+    check_types(
+        "branches",
+        system=(system, ContactSystem),
+        history=(history, Scene, History),
+        most=(most, int),
+        solver=(solver, SolverOptions, None),
+        output=(output, OutputOptions, None),
+    )
     problem = _problem(system, history, solver, output)
     if problem.solver.method != "events" or problem.solver.branch != "first":
         raise InputError(

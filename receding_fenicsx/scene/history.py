@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import cosdg
 
-from receding_fenicsx.arrays import Array, Ints, as_numbers, described, over_largest
+from receding_fenicsx.arrays import Array, Ints, as_numbers, check_types, described, over_largest
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.scene.checks import Rules, broken, check_known, refuse, unused
 from receding_fenicsx.scene.model import INTERFERENCE, Harmonic, HistoryOptions, Scene
@@ -95,8 +95,6 @@ def named_factors(names: tuple[str, ...], row: Array) -> str:
 
 def check_history(history: History, load_names: tuple[str, ...]) -> None:
     """Raise InputError unless a history drives given loads from rest, in a closed loop."""
-    if not isinstance(history, History):
-        raise InputError(f"evolve: a Scene or a History is needed, not a {type(history).__name__}")
     if history.load_names != load_names:
         raise InputError(f"the history drives {history.load_names}, the system has {load_names}")
     path, loop, n = history.path, history.loop, len(load_names)
@@ -175,8 +173,7 @@ def history_from_scene(scene: Scene) -> History:
     Before it each of the scene's preloads has a leg of its own, and the loads in ``constant`` are
     applied on one, and kept. InputError: a load is not driven, or an option is invalid.
     """
-    if not isinstance(scene, Scene):
-        raise InputError(f"a Scene is needed, not a {type(scene).__name__}")
+    check_types("history_from_scene", scene=(scene, Scene))
     options, names = scene.history, scene.driven_names
     varying = tuple(name for name in names if name not in options.constant)
     refuse(broken([_rules(scene, varying)]))

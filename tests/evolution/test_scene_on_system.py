@@ -95,15 +95,9 @@ def test_a_scene_of_another_body_is_refused(change: str, words: str) -> None:
     assert words in text and "condense" in text and "\n" not in text
 
 
-def test_what_is_neither_a_scene_nor_a_path_or_doubly_given_is_refused() -> None:
-    scene = block()
-    with pytest.raises(InputError, match="history has to be of type Scene or History, not str"):
-        evolve(body(), "demos/block.toml")  # type: ignore[arg-type]
-    for more in (
-        {"solver": scene.solver},
-        {"output": scene.output},
-        {"initial_slip": np.zeros(body().n)},
-    ):
+def test_what_is_doubly_given_or_of_another_scene_is_refused() -> None:
+    scene, slip = block(), np.zeros(body().n)
+    for more in ({"solver": scene.solver}, {"output": scene.output}, {"initial_slip": slip}):
         with pytest.raises(InputError, match="brings its own solver, output and initial slip"):
             evolve(body(), scene, **more)
     with pytest.raises(InputError, match="made by hand, for no scene"):
