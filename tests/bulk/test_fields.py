@@ -137,6 +137,8 @@ def test_quadrilaterals_beside_triangles_are_two_triangles_of_the_same_stresses(
     scene = pair(load, cell="quadrilateral", others=(below,), supports=(held,), probes=())
     bodies = bulk_of(scene, MPI.COMM_SELF, Timer(None))
     nodes = rf.given(rf.condense(scene, MPI.COMM_SELF)).n
+    turned = replace(scene, contacts=(rf.Contact("b.top", against="a.bottom"),))
+    assert len(stack.contact_of(turned)[0].x) == nodes
     parts = solve_fields(bodies, np.ones(2), np.random.default_rng(1).standard_normal(2 * nodes))
     alone, both = (rf.given(gather_fields(some)) for some in (parts[:1], parts))
     bodies.destroy()

@@ -8,9 +8,10 @@ from mpi4py import MPI
 import gmsh
 import numpy as np
 import pytest
-from bodies import block, everything, make_mesh
+from bodies import ROUND, block, everything, make_mesh
 
 import receding_fenicsx as rf
+from receding_fenicsx.bulk.mesh.meshing import make_meshes
 from receding_fenicsx.bulk.mesh.user_mesh import read_user_meshes
 
 comm = MPI.COMM_WORLD
@@ -21,6 +22,8 @@ comm = MPI.COMM_WORLD
     [
         ((), [(2.0, 1.0)]),
         ((rf.Load("a", "top", (-1.0, 1.0), pressure=1.0),), [(1.0, 1.0), (2.0, 1.0)]),
+        # of a cylinder, on whose axis nothing ends
+        ((rf.Load("a", "top", (0.0, 1.0), pressure=1.0),), [(1.0, 1.0), (2.0, 1.0)]),
         (
             (
                 rf.Load("a", "top", (-1.2, 0.3), pressure=1.0),
@@ -34,6 +37,8 @@ def test_triangles_grow_from_contact_and_ends_of_loads_and_supports(
     loads: tuple[rf.Load, ...], ends: list[tuple[float, float]]
 ) -> None:
     held = block(elements=80, growth=1.25, loads=loads, supports=(rf.Support("x", "right"),))
+    round_ = any(load.span == (0.0, 1.0) for load in loads)
+    held = replace(held, material=ROUND if round_ else held.material)
     points, cells = everything(make_mesh(comm, held, True))
     corners = points[cells]
     sides = np.hypot(*np.moveaxis(corners - np.roll(corners, 1, axis=1), 2, 0))
@@ -45,36 +50,47 @@ def test_triangles_grow_from_contact_and_ends_of_loads_and_supports(
     assert np.median(ratio) == pytest.approx(1.0, abs=0.15)
 
 
-def test_layers_of_quadrilaterals_shrink_towards_ends_of_loads() -> None:
+def test_layers_of_quadrilaterals_shrink_towards_contacts_and_ends_of_loads() -> None:
     loads = (
         rf.Load("a", "top", (-1.0, 1.0), pressure=1.0),
         rf.Load("b", "right", (0.1, 0.3), pressure=1.0),
     )
     scene = block("quadrilateral", elements=160, growth=1.3, loads=loads)
-    points, _ = everything(make_mesh(comm, scene, True))
-    levels = np.unique(points[:, 1])
-    heights, middle = np.diff(levels), 0.5 * (levels[1:] + levels[:-1])
-    distance = np.min([np.abs(middle - at) for at in (0.0, 0.6, 0.8, 1.0)], axis=0)
-    ratio = heights / (4.0 / 160 + 0.3 * distance)
-    assert 0.75 < ratio.min() and ratio.max() < 1.33
+    stacked = replace(
+        scene,
+        body=rf.Body("a"),
+        others=(rf.Body("b", position=(0.0, 1.0)),),
+        contacts=(rf.Contact("a.bottom"), rf.Contact("b.bottom", against="a.top")),
+        loads=(rf.Load("c", "b.top", pressure=1.0),),
+    )
+    for each, ends in ((scene, (0.0, 0.6, 0.8, 1.0)), (stacked, (0.0, 1.0))):
+        points, _ = everything(make_meshes(comm, each, True)[0])
+        levels = np.unique(points[:, 1])
+        heights, middle = np.diff(levels), 0.5 * (levels[1:] + levels[:-1])
+        distance = np.min([np.abs(middle - at) for at in ends], axis=0)
+        ratio = heights / (4.0 / 160 + 0.3 * distance)
+        assert 0.75 < ratio.min() and ratio.max() < 1.33
 
 
 @pytest.mark.parametrize("half", [False, True])
 def test_vertices_lie_at_ends_of_spans_and_at_points(half: bool) -> None:
-    wanted = [(0.77, 1.0), (2.0, 0.31), (1.5, 0.0), (0.31, 0.47), (0.0, 0.2), (0.0, 0.61)]
-    scene = block(
-        loads=(
-            rf.Load("a", "top", (-0.77, 0.77), pressure=1.0),
-            rf.Load("b", "right", (-0.19, 0.1), pressure=1.0),
-        ),
-        contacts=(rf.Contact(span=(-1.5, 1.5)),),
-        supports=tuple(rf.Support("x", point=at) for at in (*wanted[3:], (-0.31, 0.47))),
+    """To the bit: gmsh gets numbers of twelve figures."""
+    third = 1.0 / 3.0
+    wanted = [(0.77, 1.0), (2.0, third), (1.5, 0.0), (third, 0.47), (0.0, 0.2), (0.0, 2.0 * third)]
+    loads = (
+        rf.Load("a", "top", (-0.77, 0.77), pressure=1.0),
+        rf.Load("b", "right", (third - 0.5, 0.1), pressure=1.0),
     )
-    points, _ = everything(make_mesh(comm, scene, half))
-    for x, y in wanted:
-        assert np.hypot(points[:, 0] - x, points[:, 1] - y).min() < 1e-15
-        if not half:
-            assert np.hypot(points[:, 0] + x, points[:, 1] - y).min() < 1e-15
+    supports = tuple(rf.Support("x", point=at) for at in (*wanted[3:], (-third, 0.47)))
+    scene = block(loads=loads, contacts=(rf.Contact(span=(-1.5, 1.5)),), supports=supports)
+    columns = block("quadrilateral", load=loads[1], supports=(rf.Support("y", point=(-0.5, 0.47)),))
+    levels = [(x, y) for x in (0.0, 0.5, 2.0) for y in (third, 0.6, 0.47, 1.0)]
+    for each, places in ((scene, wanted), (columns, levels)):
+        points, _ = everything(make_mesh(comm, each, half))
+        for x, y in places:
+            assert np.hypot(points[:, 0] - x, points[:, 1] - y).min() < 1e-15
+            if not half:
+                assert np.hypot(points[:, 0] + x, points[:, 1] - y).min() < 1e-15
 
 
 def test_a_gmsh_session_of_the_user_survives() -> None:
@@ -95,41 +111,26 @@ def test_a_gmsh_session_of_the_user_survives() -> None:
 DEMOS = Path(__file__).parents[3] / "demos"
 
 
-def refined(*places: rf.Refinement, elements: int = 16, **parts: object) -> rf.Scene:
-    """The block with refined places."""
-    scene = block(elements=elements, degree=2, **parts)  # type: ignore[arg-type]
-    return replace(scene, mesh=replace(scene.mesh, refine=places))
-
-
-def pair(offset: float, *places: rf.Refinement) -> rf.Scene:
-    """Two rectangles, the lower one wider and moved by an offset."""
-    return rf.Scene(
-        body=rf.Body("a", width=4.0, position=(0.0, 1.0)),
-        others=(rf.Body("b", width=6.0, position=(offset, 0.0)),),
-        mesh=rf.MeshOptions(16, growth=1.4, refine=places),
-        contacts=(rf.Contact("a.bottom", against="b.top", friction=0.4),),
-        loads=(rf.Load("p", "a.top", pressure=1.0),),
-        supports=(rf.Support("xy", "b.bottom"),),
-        history=rf.HistoryOptions(load="p", cycles=1),
-        solver=rf.SolverOptions(symmetry="none"),
-    )
-
-
 @pytest.mark.parametrize("offset", [0.0, 0.7])
 def test_all_contacts_of_a_stack_are_graded(offset: float) -> None:
     """Also both edges of the block in the middle; each contact carries the load and the moment."""
-    scene = pair(offset, rf.Refinement(0.02), rf.Refinement(0.05, 0.4, 1.5))
-    lowest = rf.Body("c", width=5.0, position=(0.0, -1.0))
-    scene = replace(
-        scene,
-        others=(*scene.others, lowest),
+    scene = rf.Scene(
+        body=rf.Body("a", width=4.0, position=(0.0, 1.0)),
+        others=(
+            rf.Body("b", width=6.0, position=(offset, 0.0)),
+            rf.Body("c", width=5.0, position=(0.0, -1.0)),
+        ),
+        mesh=rf.MeshOptions(
+            16, growth=1.4, refine=(rf.Refinement(0.02), rf.Refinement(0.05, 0.4, 1.5))
+        ),
         contacts=(
-            *scene.contacts,
+            rf.Contact("a.bottom", against="b.top", friction=0.4),
             rf.Contact("b.bottom", against="c.top", friction=0.4),
             rf.Contact("c.bottom", friction=0.4),
         ),
         loads=(rf.Load("p", "a.top", pressure="1 + 0.1*x"),),
-        supports=(),
+        history=rf.HistoryOptions(load="p", cycles=1),
+        solver=rf.SolverOptions(symmetry="none"),
     )
     record = rf.run(scene)
     if record is None:

@@ -12,21 +12,13 @@ from bodies import CELLS, block, make_mesh
 from geo import RECTANGLE
 from msh import Array, Ints, rectangle, turned, write_msh
 
-from receding_fenicsx.bulk.from_scene import condensed
 from receding_fenicsx.bulk.mesh.user_mesh import words_of
 from receding_fenicsx.errors import InputError
-from receding_fenicsx.evolution.problem import with_profiles
-from receding_fenicsx.interface.system import ContactSystem
-from receding_fenicsx.mpi import given, on_root
-from receding_fenicsx.scene.model import Body, Contact, Load, Scene
-from receding_fenicsx.timing import Timer
+from receding_fenicsx.mpi import on_root
+from receding_fenicsx.scene.model import Body, Contact, HistoryOptions, Load, Scene
+from receding_fenicsx.studies.run import condense
 
 comm = MPI.COMM_WORLD
-
-
-def system_of(scene: Scene) -> ContactSystem | None:
-    system, _ = condensed(scene, comm, Timer())
-    return on_root(comm, lambda: with_profiles(scene, given(system)))
 
 
 def file_of(scene: Scene, path: Path, change: Callable[[Array], Array]) -> Scene:
@@ -53,10 +45,11 @@ def test_turned_body_has_the_same_condensed_system(
     )
     table = {"x": [-1.5, 0.0, 1.0], "value": [0.01, 0.0, 0.02]}
     foot = Contact(span=(-1.5, 1.0), friction="0.3 + 0.1*x", initial_gap=table)
-    scene = block(cell, degree, loads=loads, contacts=(foot,))
+    history = HistoryOptions(load="p0", constant={"side": 1.0})
+    scene = block(cell, degree, loads=loads, contacts=(foot,), history=history)
     mesh = shared_tmp_path / "block.msh"
     user = file_of(scene, mesh, lambda points: turned(points, degrees, (0.3, -0.7)))
-    expected, found = system_of(scene), system_of(user)
+    expected, found = condense(scene), condense(user)
     if expected is None or found is None:
         return
     scale = np.abs(expected.K).max()
@@ -81,7 +74,7 @@ def test_scaling_factor_of_a_geo_file_counts(end: str, shared_tmp_path: Path) ->
     on_root(comm, lambda: path.write_text(text))
     comm.barrier()
     scene = block(contacts=(Contact(edge="foot"),), load=Load("p", "head", pressure=1.0))
-    system = system_of(replace(scene, body=Body(mesh=str(path))))
+    system = condense(replace(scene, body=Body(mesh=str(path))))
     if system is not None:
         assert system.x[[0, -1]] == pytest.approx([-1.0, 1.0], rel=1e-14)
 
@@ -143,7 +136,7 @@ def test_cells_may_run_clockwise_and_facets_be_listed_twice(
     turned_cells[1] = turned_cells[1, ::-1]
     twice = {name: np.vstack([facets, facets[:, ::-1]]) for name, facets in EDGES.items()}
     cases = (cells, EDGES), (turned_cells, EDGES), (cells, twice)
-    found = [system_of(two_cells(path, cells=[each], edges=edges)) for each, edges in cases]
+    found = [condense(two_cells(path, cells=[each], edges=edges)) for each, edges in cases]
     for other in found[1:]:
         if found[0] is not None and other is not None:
             assert np.array_equal(found[0].points, other.points) and found[0].n == 3
