@@ -23,16 +23,17 @@ from receding_fenicsx.output.plots import style
 
 
 def check_texts(figure: Figure, name: str) -> None:
-    """Assert that all texts of a figure are on its page and none lies on another."""
+    """Assert that all texts of a figure are on its page, none on another, and legends beside."""
     boxes = text_boxes(figure)
     page = figure.bbox
     for i, (text, box) in enumerate(boxes):
-        assert page.x0 <= box.x0, f"{name}: {text}"
-        assert box.x1 <= page.x1, f"{name}: {text}"
-        assert page.y0 <= box.y0, f"{name}: {text}"
-        assert box.y1 <= page.y1, f"{name}: {text}"
+        assert page.x0 <= box.x0 and box.x1 <= page.x1, f"{name}: {text}"
+        assert page.y0 <= box.y0 and box.y1 <= page.y1, f"{name}: {text}"
         for other, beside in boxes[:i]:
             assert not box.overlaps(beside), f"{name}: '{text}' on '{other}'"
+    for legend in figure.legends:
+        box = legend.get_window_extent()
+        assert not any(box.overlaps(axes.bbox) for axes in figure.axes), f"{name}: legend on axes"
 
 
 def text_boxes(figure: Figure) -> list:

@@ -33,16 +33,8 @@ def dies_at_three_tenths(record: rf.Record) -> dict[str, Any]:
     return {"f": record.f.max()}
 
 
-def array(record: rf.Record) -> dict[str, Any]:
-    return {"P": record.turning_points.P}
-
-
-def number(record: rf.Record) -> Any:
-    return record.residual_max
-
-
-def taken(record: rf.Record) -> dict[str, Any]:
-    return {"error": 0.0}
+def made(_: rf.Record, found: Any) -> Any:
+    return found
 
 
 def wrong(record: rf.Record) -> dict[str, Any]:

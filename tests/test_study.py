@@ -54,6 +54,8 @@ def test_arguments_of_wrong_types_are_refused_by_name() -> None:
         ("run: scene", lambda: api.run("block.toml")),
         ("run: out", lambda: api.run(scene, number)),
         ("run: options", lambda: api.run(scene, None, {"overwrite": True})),
+        ("folder; give out", lambda: api.run(scene, options=api.RunOptions(error=True))),
+        ("folder; give out", lambda: api.run(scene, options=api.RunOptions(starts=2))),
         ("read_scene: path", lambda: api.read_scene(number)),
         ("overrides", lambda: api.read_scene(DEMOS / "block.toml", number)),
         ("override", lambda: api.read_scene(DEMOS / "block.toml", [number])),

@@ -70,8 +70,10 @@ class RunOptions:
         all_pictures: draw all figures, and snapshots at the turning points of the first and the
             last cycles.
         pdf: draw the figures as PDF too.
-        error: solve on coarser meshes too, and estimate the space errors of the headline numbers.
+        error: solve on coarser meshes too, and estimate the space errors of the headline numbers;
+            needs an output folder.
         starts: number of initial slips from which the limit is found too; 0: only the scene's own.
+            They need an output folder.
         workers: number of new processes that find these limits; default: this process.
         tolerance: choose the mesh by the errors of the numbers, as ``accuracy.tolerance`` of the
             scene, which it replaces.
@@ -117,6 +119,8 @@ def run(
     check_types(
         "run", scene=(scene, Scene), out=(out, str, Path, None), options=(options, RunOptions)
     )
+    if out is None and (options.error or options.starts):
+        raise InputError("run: errors and starts are results of its folder; give out")
     if options.tolerance is not None:
         scene = replace(scene, accuracy=replace(scene.accuracy, tolerance=options.tolerance))
     validate(scene)
@@ -233,8 +237,7 @@ def _starts(
     """Return the limits from further initial slips, on rank 0; collective."""
 
     def limits(executor: Executor | None) -> dict[str, Any]:
-        file = None if folder is None else CaseFile(folder)
-        progress = StudyOptions(progress=timer.say)
+        file, progress = CaseFile(mpi.given(folder)), StudyOptions(progress=timer.say)
         runner = Runner(Kind("starts"), progress, file, options.workers, executor)
         system, record = mpi.given(found.system), mpi.given(found.record)
         states = steady_states(system, found.scene, options.starts, runner=runner)

@@ -179,16 +179,17 @@ def initial_slips(
 def _states(record: Record) -> NDArray[np.int8]:
     """Return the state of each node over the last cycle of a record."""
     table, density = record.turning_points, record.cycles.dissipation_density
-    state = np.full(len(record.x), State.STICK, dtype=np.int8)
     if not len(density):
-        return state
+        return np.full(len(record.x), State.STICK, dtype=np.int8)
     rows = table.cycle == len(density)
     last, slips = table.state[rows], density[-1] > 1e-9 * density.max()
-    # a node that slips between the turning points only: v moves by slip alone
+    # a node may slip between the turning points only: v moves by slip alone
     moves = np.diff(table.v[np.flatnonzero(rows)[0] - 1 :][: len(last) + 1], axis=0)
-    largest = np.take_along_axis(moves, np.abs(moves).argmax(axis=0)[None], axis=0)[0]
-    state = np.where(largest >= 0.0, State.FORWARD_SLIP, State.BACKWARD_SLIP)
-    for at in last:
+    round_off = 1e-9 * np.abs(moves).max()
+    state = np.full(len(record.x), State.FORWARD_SLIP)  # there and back within a leg
+    for move, at in zip(moves, last, strict=True):
+        way = np.where(move > 0.0, State.FORWARD_SLIP, State.BACKWARD_SLIP)
+        state = np.where(np.abs(move) > round_off, way, state)
         state = np.where(np.isin(at, (State.FORWARD_SLIP, State.BACKWARD_SLIP)), at, state)
     rest = np.where(np.any(last == State.SEPARATION, axis=0), State.SEPARATION, State.STICK)
     return np.where(slips, state, rest).astype(np.int8)

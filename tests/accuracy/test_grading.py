@@ -86,6 +86,8 @@ def test_places_lie_at_zone_ends_and_at_corners_that_touch() -> None:
     assert [place.size for place in graded.mesh.places] == pytest.approx(
         [size] * len(graded.mesh.places)
     )
+    ranges = [place.at for place in graded.mesh.places if isinstance(place.at, tuple)]
+    assert all(low < high for low, high in ranges) and len(ranges) < len(graded.mesh.places)
     first = rf.summarise(record)["turning_points"][0]
     for end in first["zone_ends"]:
         inside = (

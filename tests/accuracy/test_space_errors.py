@@ -43,7 +43,10 @@ def test_an_error_in_order_is_estimated_exactly(factors: tuple[float, ...], orde
     assert observed_order(values) == pytest.approx(order, rel=1e-6)
     assert estimated_error(values, observed_order(values)) == pytest.approx(abs(slope), rel=1e-6)
     # out of order: pairs of meshes tell 0, 1/2 and 1/3, the largest counts
-    assert estimated_error([(1.0, 7.0), (2.0, 7.0), (4.0, 6.0)], 1.0) == 0.5
+    for last, most in ((7.0, 8.0), (6.0, -2.0)):
+        values = [(1.0, 7.0), (2.0, last), (4.0, 6.0)]
+        assert estimated_error(values, 1.0) == 0.5 + (last < 7.0) / 2
+        assert observed_order(values) == most
 
 
 def test_where_a_zone_is_not_resolved_no_order_above_one_is_assumed() -> None:
@@ -58,15 +61,24 @@ def test_where_a_zone_is_not_resolved_no_order_above_one_is_assumed() -> None:
     assert rf.estimates_of(levels)["a"].error == pytest.approx(0.01 * (4.0**1.5 - 2.0**1.5) / 2.0)
 
 
-@pytest.mark.parametrize(("order", "singular"), [(-0.5, True), (0.0, True), (0.5, False)])
+@pytest.mark.parametrize(
+    ("values", "singular"),
+    [
+        ([5.0 + n**0.5 for n in (16, 32, 64)], True),
+        ([np.log(n) for n in (16, 32, 64)], True),
+        ([5.0 + n**-0.5 for n in (16, 32, 64)], False),
+        ([4.0, 3.0, 5.0], False),  # it turns
+        ([500.0, 500.4, 500.8], False),  # it hardly moves
+    ],
+)
 def test_a_number_that_moves_on_without_end_is_called_singular(
-    order: float, singular: bool
+    values: list[float], singular: bool
 ) -> None:
-    def number(elements: int) -> rf.Number:
-        return rf.Number(np.log(elements) if order == 0.0 else 5.0 + elements**-order)
-
-    levels = [rf.Level(n, 0, 0.0, {"a": number(n)}) for n in (16, 32, 64)]
-    assert np.isinf(rf.estimates_of(levels)["a"].error) == singular
+    # a fourth mesh hardly coarser than the finest shows noise, which counts for nothing
+    sizes = dict(zip((16, 32, 64), values, strict=True)) | {60: 1.0001 * values[-1]}
+    for more in (sizes, {n: -a for n, a in sizes.items()}):
+        levels = [rf.Level(n, 0, 0.0, {"a": rf.Number(a)}) for n, a in more.items()]
+        assert np.isinf(rf.estimates_of(levels)["a"].error) == singular
 
 
 # -- coarser meshes -------------------------------------------------------------------------------
@@ -81,13 +93,9 @@ def test_all_sizes_of_a_coarser_mesh_are_enlarged_alike() -> None:
     assert rf.scaled_mesh(scene_of(64, "mesh.growth=2.5"), 16).mesh.growth == 3.0
 
 
-def level_of(record: Any, elements: int) -> rf.Level:
-    return rf.Level(elements, 0, 0.0, record)
-
-
 def test_meshes_that_do_not_fit_the_scene_are_passed_over(monkeypatch: pytest.MonkeyPatch) -> None:
     """Records are made up: their only number has an error of the first order in the mesh size."""
-    monkeypatch.setattr(space_errors, "level_of", level_of)
+    monkeypatch.setattr(space_errors, "level_of", lambda a, n: rf.Level(n, 0, 0.0, a))
     tried = []
 
     def solve_some(scene: rf.Scene) -> Any:

@@ -135,14 +135,12 @@ def test_parameters_are_those_of_a_brute_force_search() -> None:
         c = np.zeros(3)
         for _ in range(4):
             c = minimize(largest, c, method="Nelder-Mead", options=search).x
-        assert found["crossland"].value[k] == pytest.approx(
-            largest(c) / np.sqrt(2.0) + 0.2 * trace.max() / 3.0, rel=1e-5
-        )
+        crossland = largest(c) / np.sqrt(2.0) + 0.2 * trace.max() / 3.0
+        assert found["crossland"].value[k] == pytest.approx(crossland, rel=1e-5)
         centre = np.array([[c[0], c[2], 0], [c[2], c[1], 0], [0, 0, -c[0] - c[1]]])
         tresca = np.ptp(np.linalg.eigvalsh(deviator - centre), axis=1) / 2.0
-        assert found["dang_van"].value[k] == pytest.approx(
-            (tresca + 0.4 * trace / 3.0).max(), rel=1e-3
-        )
+        dang_van = (tresca + 0.4 * trace / 3.0).max()
+        assert found["dang_van"].value[k] == pytest.approx(dang_van, rel=1e-3)
 
 
 def test_spheres_hold_all_points_and_touch_enough_of_them() -> None:
@@ -178,9 +176,8 @@ def test_parameters_along_a_crack_are_those_of_its_body_and_drawn_over_its_depth
 ) -> None:
     swt = rf.fatigue(record_with_a_crack)["crack"]["swt"].value
     probe, last = record_with_a_crack.probe("crack"), len(record_with_a_crack.cycles.dissipation)
-    lower = rf.fatigue_at(
-        probe.stress[probe.cycle == last], rf.Material(E, NU), rf.FatigueOptions()
-    )
+    stress = probe.stress[probe.cycle == last]
+    lower = rf.fatigue_at(stress, rf.Material(E, NU), rf.FatigueOptions())
     assert swt == pytest.approx(lower["swt"].value, rel=1e-9)
     drawn = rf.figures.fatigue_along(record_with_a_crack, "crack").axes[0]
     check_curves(drawn, (np.linspace(0.0, 0.6, 30), swt))
@@ -251,10 +248,8 @@ def test_a_node_slips_that_touches_at_one_instant_of_the_cycle(
     record_with_a_crack: rf.Record,
 ) -> None:
     record = record_with_a_crack
-    known, samples, points = (
-        rf.fatigue(record)["edge"]["ruiz_f1"].value,
-        *(replace(part, P=0.0 * part.P) for part in (record.samples, record.turning_points)),
-    )
+    known = rf.fatigue(record)["edge"]["ruiz_f1"].value
+    samples, points = (replace(t, P=0.0 * t.P) for t in (record.samples, record.turning_points))
     away = replace(record, samples=samples, turning_points=points)
     assert not rf.fatigue(away)["edge"]["ruiz_f1"].value.any()
     samples.P[-2] = record.samples.P[-2]

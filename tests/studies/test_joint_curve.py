@@ -156,9 +156,8 @@ def test_the_slip_is_that_of_nodes_that_touch_all_the_time() -> None:
 @pytest.mark.one_rank
 def test_a_preload_without_equilibrium_is_no_macroslip() -> None:
     """A slider on rollers is pulled off before it is driven."""
-    system = small_system(
-        np.diag([2.5, 0.0]), {"P": [0.0, 1.0], "U": [-2.5, 0.0]}, 0.4, rigid=[[0.0, 1.0]]
-    )
+    loads = {"P": [0.0, 1.0], "U": [-2.5, 0.0]}
+    system = small_system(np.diag([2.5, 0.0]), loads, 0.4, rigid=[[0.0, 1.0]])
     with pytest.raises(rf.NoEquilibrium) as caught:
         joint.first_loading(system, "U", np.array([[0.0, 0.0], [-1.0, 0.0]]), [0.1])
     assert "lift-off" in str(caught.value)
@@ -172,20 +171,13 @@ def test_the_figure_draws_damping_ratio_and_frequency_of_a_mode_else_d_and_stiff
     a, D = np.array([0.2, 0.5, 1.0]), np.array([0.3, 0.9, 7.0])
     k, masing = np.array([9.0, 8.0, 5.0]), np.array([0.2, 1.0, 8.0])
     # by Masing's rule 8 times the work, where nothing moves
-    backbone = joint.Backbone(
-        np.append(0.0, a), np.zeros(4), np.append(0.0, masing / 8.0), 1.5, "lifts"
-    )
-    tables = [
-        rf.SweepTable(
-            ("amplitude",),
-            (tuple(a),),
-            tuple(
-                {"dissipation": d, "stiffness": each, "error": ""}
-                for d, each in zip(found, k, strict=True)
-            ),
-        )
+    load, work = np.append(0.0, a), np.append(0.0, masing / 8.0)
+    backbone = joint.Backbone(load, np.zeros(4), work, 1.5, "lifts")
+    rows = [
+        tuple({"dissipation": d, "stiffness": s, "error": ""} for d, s in np.stack([found, k], 1))
         for found in (D, D * [1.1, 1.0, 1.3])
     ]
+    tables = [rf.SweepTable(("amplitude",), (tuple(a),), each) for each in rows]
     curve = rf.JointCurve(drive, tables, backbone, np.array([2.5, 7.0]))
     figure = joint.joint_figure(curve)
     check_figures([("joint curve", figure)], REPORTS / f"joint_{drive[0]}.txt")
@@ -195,6 +187,9 @@ def test_the_figure_draws_damping_ratio_and_frequency_of_a_mode_else_d_and_stiff
     line = linregress(np.log(a), np.log(D))
     assert curve.exponent == pytest.approx((line.slope, line.stderr))
     left, right = figure.axes
+    for axes in figure.axes:  # amplitudes 1, 2, 5 and 10 times a power of ten are named
+        names = [float(label.get_text()) for label in axes.get_xticklabels()]
+        assert all(f"{name:.0e}"[0] in "125" and name == float(f"{name:.0e}") for name in names)
     # a mass-normalised mode: omega^2 = alpha/q and zeta = D / (2 pi omega^2 q^2)
     q, omega = a / k, np.sqrt(k)
     damping = 2.0 * np.pi * omega**2 * q**2

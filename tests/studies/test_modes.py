@@ -86,10 +86,8 @@ def test_frequency_and_damping_follow_from_the_loop() -> None:
 @pytest.mark.one_rank
 def test_bolts_and_springs_between_bodies_hold_a_mode() -> None:
     """Of two stiff blocks on elastic springs, w^2 = k / m, whichever way the springs are given."""
-    a, b = (
-        rf.Body(name, width=1.0, height=1.0, position=(0.0, y))
-        for name, y in (("a", 1.0), ("b", 0.0))
-    )
+    heights = ("a", 1.0), ("b", 0.0)
+    a, b = (rf.Body(n, width=1.0, height=1.0, position=(0.0, y)) for n, y in heights)
     scene = replace(
         block(1.0, 1.0, 8),
         body=a,
@@ -99,10 +97,8 @@ def test_bolts_and_springs_between_bodies_hold_a_mode() -> None:
         loads=(rf.Load("N", "a.top", traction=(0.0, 0.001)),),
         supports=(rf.Support("xy", edge="b.bottom"), rf.Support("x", edge="a.left")),
     )
-    spread = tuple(
-        rf.Spring("a.bottom", span, normal=0.6, against="b.top")
-        for span in ((-0.5, -0.25), (0.25, 0.5))
-    )
+    spans = (-0.5, -0.25), (0.25, 0.5)
+    spread = tuple(rf.Spring("a.bottom", s, normal=0.6, against="b.top") for s in spans)
     bolt = rf.Bolt("tie", "a.top", "b.bottom", 1e-3, stiffness=0.3)
     for parts in ({"springs": spread}, {"bolts": (bolt,)}):
         _, omega = driven(replace(scene, **parts), "mode:1", {"N": 1.0})

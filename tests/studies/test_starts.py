@@ -2,6 +2,8 @@
 
 import json
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 from mpi4py import MPI
 
@@ -11,7 +13,7 @@ from bodies import block
 
 import receding_fenicsx as rf
 from receding_fenicsx import cli
-from receding_fenicsx.studies.starts import SteadyStates, starts_summary
+from receding_fenicsx.studies.starts import SteadyStates, _states, starts_summary
 
 SCENE = rf.to_toml(block(elements=8, history=rf.HistoryOptions(cycles=200, until="limit")))
 COMM = MPI.COMM_WORLD
@@ -77,6 +79,17 @@ def test_a_run_that_its_limit_has_ended_is_not_played_again(
     COMM.Barrier()
     record = rf.read_record(out / "record.h5")
     assert record.limit is None and len(record.cycles.dissipation) == 3
+
+
+def test_a_node_has_the_direction_of_its_last_slip_in_the_last_cycle() -> None:
+    # nodes by column; two legs after a first loading
+    v = np.array([[0, 0, 0, 0, 0, 0, 0], [3, 1, 1, 0, 2, 1, 0], [2, 0, 1 - 1e-13, 0, 1, 1, 0]])
+    state = np.array([[1] * 7, [1, 1, 1, 3, 3, 2, 3], [1, 1, 1, 1, 1, 1, 4]])
+    density = np.array([[1.0, 1.0, 1.0, 1.0, 1.0, 0.0, 1e-12]])
+    table = SimpleNamespace(cycle=np.array([0, 1, 1]), state=state, v=v)
+    cycles = SimpleNamespace(dissipation_density=density)
+    record: Any = SimpleNamespace(x=v[0], turning_points=table, cycles=cycles)
+    assert _states(record).tolist() == [4, 4, 3, 3, 4, 2, 1]
 
 
 def test_each_arrangement_has_the_zones_of_a_start_that_came_to_it() -> None:

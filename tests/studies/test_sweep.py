@@ -227,9 +227,7 @@ def test_a_sweep_goes_on_with_more_values_but_nothing_else(shared_tmp_path: Path
         rf.sweep(scene(), over, out, options=resume)
 
 
-def test_a_sweep_goes_on_only_with_the_values_that_its_function_holds(
-    shared_tmp_path: Path,
-) -> None:
+def test_a_sweep_goes_on_only_with_the_values_of_its_function(shared_tmp_path: Path) -> None:
     def bound(factor: float) -> list[Callable[..., Any]]:
         def inner(record: rf.Record) -> dict[str, Any]:
             return {"half": factor * record.turning_points.P[-1].max()}
@@ -269,10 +267,8 @@ def test_files_among_values_are_beside_the_scene_and_named_in_the_table(
     shared_tmp_path: Path,
 ) -> None:
     rf.on_root(comm, lambda: (shared_tmp_path / "gap.csv").write_text("-2, 0.5\n2, 0.25\n"))
-    over, options = (
-        {"contact.initial_gap": [{"file": "gap.csv"}]},
-        rf.StudyOptions(folder=shared_tmp_path),
-    )
+    over = {"contact.initial_gap": [{"file": "gap.csv"}]}
+    options = rf.StudyOptions(folder=shared_tmp_path)
     table = rf.sweep(scene("history.cycles=1"), over, options=options)
     if table is not None:
         assert table["contact.initial_gap"].tolist() == ["gap.csv"]
@@ -332,10 +328,11 @@ def test_values_of_the_command_line(texts: list[str], values: list[Any]) -> None
 
 
 def test_measures_that_are_no_numbers_are_rows_with_the_reason() -> None:
+    made = sweep_measures.made
     for measure, reason in (
-        (sweep_measures.array, "'P' must be a number or a text, not a ndarray"),
-        (sweep_measures.number, "must return a dictionary, not a float"),
-        (sweep_measures.taken, "'error' cannot be the name of a column"),
+        (partial(made, found={"P": np.zeros(2)}), "'P' must be a number or a text, not a ndarray"),
+        (partial(made, found=0.5), "must return a dictionary, not a float"),
+        (partial(made, found={"error": 0.0}), "'error' cannot be the name of a column"),
         (sweep_measures.wrong, "ZeroDivisionError"),
     ):
         table = rf.sweep(scene("history.cycles=1"), {"contact.friction": [0.2]}, measure=measure)

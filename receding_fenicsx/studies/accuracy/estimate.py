@@ -263,7 +263,7 @@ def estimated_error(
 
 
 def observed_order(values: Sequence[tuple[float, float]]) -> float:
-    """Return the median order that triples of meshes show; NaN without one."""
+    """Return the median order, -2 to 8, that triples of meshes show; NaN without one."""
     orders = []
     for (r, a), (s, b), (t, c) in combinations(values, 3):
         near, far = abs(a - b), abs(b - c)
@@ -295,8 +295,8 @@ def is_singular(values: Sequence[tuple[float, float]], order: float, size: float
         if value[0] >= MIN_RATIO * chain[-1][0]:
             chain.append(value)
     steps = np.diff([a for _, a in chain])
-    one_way = len(steps) > 1 and bool(np.all(steps > 0.0) or np.all(steps < 0.0))
-    return one_way and order < 0.2 and abs(steps[0]) > 1e-3 * size
+    one_way = bool(np.all(steps > 0.0) or np.all(steps < 0.0))
+    return order < 0.2 and one_way and abs(steps[0]) > 1e-3 * size  # not of two meshes: no order
 
 
 # -- the numbers that are asked for ------------------------------------------------------------
