@@ -12,7 +12,6 @@ from bodies import ONCE, block, cylinder, last, played
 from geo import TWO_LAYERS
 
 import receding_fenicsx as rf
-from receding_fenicsx.bulk.closures import _across
 from receding_fenicsx.bulk.from_scene import bulk_of
 from receding_fenicsx.modal import _modes
 from receding_fenicsx.scene.symmetry import is_half_meshed
@@ -79,16 +78,6 @@ def test_stiff_bodies_rest_on_the_springs_between_them(degree: int, edge: str) -
     np.testing.assert_allclose(table.w[0], -0.6 / 4.0, rtol=1e-6)
     np.testing.assert_allclose(table.P[1].sum(), 1.2 - 4.0 * 0.2, rtol=1e-5)
     np.testing.assert_allclose(table.v[2], (0.4 - 0.3 * 0.4) / 3.0, rtol=1e-5)
-
-
-def test_tangential_springs_across_a_gap_are_refused() -> None:
-    """Opposite forces along two edges that are apart would turn the pair."""
-    spring = rf.Spring("a.bottom", normal=1.0, against="b.top")
-    edge, below = (np.array([[0.0, y], [1.0, y]]) for y in (1.0, 0.9))
-    down = np.array([0.0, -1.0])
-    assert _across(spring, edge, below[::-1], down).tolist() == [1, 0]
-    with pytest.raises(rf.InputError, match=r"tangential: .* are 0.1 apart, where forces"):
-        _across(replace(spring, tangential=1.0), edge, below, down)
 
 
 COAT, CORE = rf.Material(10.0, 0.3, name="coat"), rf.Material(1.0, 0.2, name="core")

@@ -11,6 +11,7 @@ import pytest
 from bodies import ROUND, block, everything, make_mesh
 
 import receding_fenicsx as rf
+from receding_fenicsx.bulk.mesh.grading import size_callback
 from receding_fenicsx.bulk.mesh.meshing import make_meshes
 from receding_fenicsx.bulk.mesh.user_mesh import read_user_meshes
 
@@ -33,21 +34,35 @@ comm = MPI.COMM_WORLD
         ),
     ],
 )
-def test_triangles_grow_from_contact_and_ends_of_loads_and_supports(
+def test_triangles_grow_from_contact_places_and_ends_of_loads_and_supports(
     loads: tuple[rf.Load, ...], ends: list[tuple[float, float]]
 ) -> None:
     held = block(elements=80, growth=1.25, loads=loads, supports=(rf.Support("x", "right"),))
     round_ = any(load.span == (0.0, 1.0) for load in loads)
     held = replace(held, material=ROUND if round_ else held.material)
-    points, cells = everything(make_mesh(comm, held, True))
-    corners = points[cells]
-    sides = np.hypot(*np.moveaxis(corners - np.roll(corners, 1, axis=1), 2, 0))
-    middle = corners.mean(axis=1)
-    far = [np.hypot(*(middle - end).T) for end in ends]
-    asked = 4.0 / 80 + 0.25 * np.min([middle[:, 1], *far], axis=0)
-    ratio = sides.mean(axis=1) / asked
-    assert 0.5 < ratio.min() and ratio.max() < 1.6
-    assert np.median(ratio) == pytest.approx(1.0, abs=0.15)
+    for places in (None, (rf.Refinement(0.02, (-0.7, -0.3)),)):
+        scene = replace(held, mesh=replace(held.mesh, refine=places))
+        points, cells = everything(make_mesh(comm, scene, True))
+        corners = points[cells]
+        sides = np.hypot(*np.moveaxis(corners - np.roll(corners, 1, axis=1), 2, 0))
+        x, y = corners.mean(axis=1).T
+        far = [np.hypot(x - end[0], y - end[1]) for end in ends]
+        asked = 4.0 / 80 + 0.25 * np.min([y, *far], axis=0)
+        if places:
+            beside = np.maximum(np.abs(x - 0.5) - 0.2, 0.0)
+            asked = np.minimum(asked, 0.02 + 0.25 * np.hypot(beside, y))
+        ratio = sides.mean(axis=1) / asked
+        assert 0.5 < ratio.min() and ratio.max() < 1.6
+        assert np.median(ratio) == pytest.approx(1.0, abs=0.15)
+
+
+def test_sizes_grow_with_the_distance_from_a_range_of_any_direction() -> None:
+    ends = np.random.default_rng(1).uniform(-1.0, 1.0, (2, 2))
+    size = size_callback([(rf.Refinement(0.1, growth=1.5), *ends)])
+    line = ends[0] + np.linspace(0.0, 1.0, 20001)[:, None] * (ends[1] - ends[0])
+    for x, y in np.random.default_rng(2).uniform(-2.0, 2.0, (20, 2)):
+        known = 0.1 + 0.5 * np.hypot(*(line - [x, y]).T).min()
+        assert size(2, 1, x, y, 0.0, 0.9) == pytest.approx(min(known, 0.9), abs=1e-6)
 
 
 def test_layers_of_quadrilaterals_shrink_towards_contacts_and_ends_of_loads() -> None:
