@@ -276,7 +276,8 @@ def test_systems_are_exchanged_without_mpi(
 # -- as a program of its own, on one rank and more -----------------------------------------------
 
 
-FAILS_ALONE = (Path(__file__).parent / "programs" / "fails_alone.txt").read_text()
+PROGRAMS = Path(__file__).parent / "programs"
+FAILS_ALONE = (PROGRAMS / "fails_alone.txt").read_text()
 """A program of which one rank fails while the other goes on to a collective."""
 WAYS = {
     "command": f"study.check = work; sys.exit(cli.main(['check', {BLOCK!r}]))",
@@ -322,19 +323,9 @@ def test_ranks_that_fail_together_do_not_abort_the_job(
 
 @pytest.mark.one_rank
 def test_import_and_help_wait_for_no_library_and_set_threads_before_them() -> None:
-    code = (
-        "import sys, receding_fenicsx, os\n"
-        "from receding_fenicsx import cli; cli.main(['run', '--help'])\n"
-        "late = 'dolfinx petsc4py mpi4py gmsh pyvista vtk matplotlib numpy h5py numba scipy '\n"
-        "late += 'pydantic'\n"
-        "print(set(late.split()) & set(sys.modules))\n"
-        "print(os.environ['OPENBLAS_NUM_THREADS'], os.environ['OMP_NUM_THREADS'])\n"
-        "receding_fenicsx.evolve, receding_fenicsx.ContactSystem, receding_fenicsx.Scene\n"
-        "print({'mpi4py', 'dolfinx', 'pyvista', 'numba'} & set(sys.modules))\n"
-    )
     clean = {k: v for k, v in environment.child_environment().items() if "NUM_THREADS" not in k}
     done = subprocess.run(
-        [sys.executable, "-c", code],
+        [sys.executable, "-c", (PROGRAMS / "prints_late_imports.txt").read_text()],
         env=clean | {"OMP_NUM_THREADS": "3"},
         capture_output=True,
         text=True,

@@ -102,19 +102,7 @@ def test_what_interrupts_waiting_ends_the_work() -> None:
     assert answer(os.getpid) != process
 
 
-PROGRAM = """
-import os, signal, sys, time
-from receding_fenicsx import workers
-
-workers.result("idle", workers.submit("idle", os.getpid))
-busy = workers.submit("busy", lambda: time.sleep(3600.0))
-if sys.argv[1] == "fail":
-    sys.exit(3)
-if sys.argv[1] == "interrupt":
-    print("ready", flush=True)
-    workers.result("busy", busy)
-os.kill(os.getpid(), signal.SIGKILL)
-"""
+PROGRAM = Path(__file__).parent / "programs" / "ends_while_busy.txt"
 """Program, without a guard, that ends while one process has a job and another has none."""
 
 
@@ -123,11 +111,9 @@ os.kill(os.getpid(), signal.SIGKILL)
     ("how", "code"), [("fail", 3), ("interrupt", -signal.SIGINT), ("kill", -signal.SIGKILL)]
 )
 def test_no_process_is_left_behind(how: str, code: int, tmp_path: Path) -> None:
-    program = tmp_path / "program.py"
-    program.write_text(PROGRAM)
     mark = {"WORKERS_MARK": str(tmp_path)}
     started = subprocess.Popen(
-        [sys.executable, str(program), how],
+        [sys.executable, str(PROGRAM), how],
         env={**child_environment(), **mark},
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,

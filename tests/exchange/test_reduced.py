@@ -41,15 +41,18 @@ def test_statically_it_is_the_condensed_contact_and_its_mass_is_that_of_the_body
     assert np.abs(f + system.r_star).max() < 1e-11 * np.abs(system.r_star).max()
     assert model.load_names == ("N",) and np.all(model.f == 0.4) and np.all(model.g0 == 0.0)
     # translations and the rotation about the middle of the edge
-    zero, x = np.zeros(system.n), model.points[:, 0]
-    one = zero + 1.0
-    motions = np.array([[*one, *zero], [*zero, *one], [*zero, *x]]).T
-    motions = np.vstack([motions, np.zeros((3, 3))])
+    zero, one = np.zeros(system.n), np.ones(system.n)
+    parts = [[*one, *zero], [*zero, *one], [*zero, *model.points[:, 0]]]
+    motions = np.pad(np.array(parts).T, ((0, 3), (0, 0)))
     assert np.abs(model.K @ motions).max() < 1e-9 * np.abs(model.K).max()
     mass = motions.T @ model.M @ motions
     # rho b h, and rho (b h^3 / 3 + h b^3 / 12) about the edge; the mass's centre lies above it
     assert np.diag(mass) == pytest.approx([4.0, 4.0, 2.0 * (2.0 / 3.0 + 8.0 / 12.0)], rel=1e-9)
     assert abs(mass[0, 2]) == pytest.approx(4.0 * 0.5, rel=1e-9)
+    # a platen moves along with the translations
+    pressed = BLOCK.replace("pressure = 0.01", "platen = true\nforce = [0.0, -0.01]")
+    mass = motions.T @ rf.reduced_model(rf.from_toml(pressed.format(count=3))).M @ motions
+    assert mass[:2, :2] == pytest.approx(4.0 * np.eye(2), abs=1e-8)
     assert np.abs(model.M[-3:, -3:] - np.eye(3)).max() < 1e-9
     assert np.diag(model.K)[-3:] == pytest.approx(model.omega**2, rel=1e-9)
 

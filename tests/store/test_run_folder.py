@@ -19,15 +19,7 @@ pytestmark = pytest.mark.one_rank
 
 BLOCK_FILE = Path(__file__).parents[2] / "demos" / "block.toml"
 BLOCK = rf.read_scene(BLOCK_FILE)
-LOCK = f"""
-import pathlib, sys, time
-from receding_fenicsx.store.run_folder import run_folder
-from receding_fenicsx.scene.toml_file import read_scene
-with run_folder(pathlib.Path(sys.argv[1]), read_scene({str(BLOCK_FILE)!r}), resume=True):
-    print("locked", flush=True)
-    while True:
-        time.sleep(1)
-"""
+LOCK = Path(__file__).parents[1] / "programs" / "holds_a_folder.txt"
 
 
 class Killed(BaseException):
@@ -161,9 +153,8 @@ def test_folder_in_use_is_left_alone(tmp_path: Path) -> None:
     out = tmp_path / "run"
     interrupt(out)
     # a lock belongs to a process: another one takes it
-    child = subprocess.Popen(
-        [sys.executable, "-c", LOCK, str(out)], stdout=subprocess.PIPE, env=rf.child_environment()
-    )
+    words, clean = [sys.executable, LOCK, out, BLOCK_FILE], rf.child_environment()
+    child = subprocess.Popen(words, stdout=subprocess.PIPE, env=clean)
     assert child.stdout is not None
     try:
         assert child.stdout.readline() == b"locked\n"
