@@ -97,12 +97,13 @@ def test_marks_of_utf_8_at_the_start_of_files_are_passed_over(shared_tmp_path: P
 @pytest.mark.parametrize(
     ("name", "content", "words"),
     [
-        ("scene.toml", b"\xff", "scene.toml: is not a text file in UTF-8"),
-        ("scene.toml", b"", "scene.toml: is damaged (the scene is empty)"),
-        ("journal/0.npz", bytes(500), "0.npz: is damaged"),
-        ("journal", None, "holds no run that can be resumed"),
-        ("system.h5", b"", "system.h5: is damaged"),
-        ("summary.json", b'{"turning_points": 3}', "summary.json: is not a summary of a run"),
+        ("scene.toml", b"\xff", "/scene.toml: is not a text file in UTF-8"),
+        ("scene.toml", b"", "/scene.toml: is damaged (the scene is empty); use --overwrite"),
+        ("journal/0.npz", bytes(500), "/journal/0.npz: is damaged"),
+        ("journal", None, ": holds no run that can be resumed; choose another folder"),
+        ("system.h5", b"", "/system.h5: is damaged"),
+        ("summary.json", b'{"turning_points": 3}', "/summary.json: is not a summary of a run"),
+        ("summary.json", b"{", "/summary.json: is damaged or not a JSON file"),
     ],
 )
 @pytest.mark.one_rank
@@ -120,7 +121,8 @@ def test_damaged_run_is_not_resumed_and_leaves_nothing_beside_it(
     else:
         (tmp_path / "run" / name).write_bytes(content)
     more = ["--set", "history.cycles=9", "--resume", "--out", str(tmp_path / "run")]
-    assert words in refused(capsys, "run", write(tmp_path / "scene.toml", SCENE), *more)
+    told = refused(capsys, "run", write(tmp_path / "scene.toml", SCENE), *more)
+    assert f"{tmp_path / 'run'}{words}" in told
     assert sorted(os.listdir(tmp_path)) == ["run", "scene.toml"]
 
 

@@ -97,6 +97,9 @@ def run_folder(
                 or not any((part / name).exists() for name in (SYSTEM, CASES))
             ):
                 shutil.rmtree(part, ignore_errors=True)
+                if earlier == path and isinstance(error, InputError):
+                    # a damaged file is that of the finished run, which stays
+                    error.args = tuple(s.replace(f"{part}/", f"{path}/") for s in error.args)
             raise
 
 

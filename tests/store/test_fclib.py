@@ -163,6 +163,16 @@ def test_export_of_a_run_s_step_is_that_step(tmp_path: Path) -> None:
     ):
         with pytest.raises(rf.InputError, match=words):
             rf.export(tmp_path / "run", tmp_path / "x.hdf5", where, since)
+    slipped = replace(scene, history=replace(table, initial_slip="1e-3*x"))
+    for stored, words in (
+        (rf.to_toml(slipped), "initial_slip: the first leg does not start from rest"),
+        ("", "record.h5: has no scene; give the folder of a run"),
+    ):
+        other = replace(record, scene_toml=stored)
+        rf.write_record(tmp_path / "run" / "record.h5", other, overwrite=True)
+        with pytest.raises(rf.InputError, match=words):
+            rf.export(tmp_path / "run", tmp_path / "x.hdf5")
+        assert not (tmp_path / "x.hdf5").exists()
 
 
 def test_export_of_a_saved_system_from_the_command_line(

@@ -172,7 +172,10 @@ def test_geo_files_take_a_size_field() -> None:
     scene = rf.read_scene(DEMOS / "dovetail.toml", overrides)
     pads = ("right", 0.01, 0.1), ("left", 0.03, -0.2)
     both = tuple(rf.Refinement(size, at, 1.6, f"blade.{pad}") for pad, size, at in pads)
-    system = rf.condense(replace(scene, mesh=replace(scene.mesh, refine=both)))
+    sides = zip(scene.contacts, ("edge", "against"), strict=True)  # the nodes of either body
+    contacts = tuple(replace(contact, slave=slave) for contact, slave in sides)
+    mesh = replace(scene.mesh, refine=both)
+    system = rf.condense(replace(scene, mesh=mesh, contacts=contacts))
     if system is not None:
         right, left = (system.x[system.edge == k] for k in (0, 1))
         assert max(np.abs(right - 0.1).min(), np.abs(left + 0.2).min()) < 1e-9
