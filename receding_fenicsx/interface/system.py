@@ -436,8 +436,9 @@ def eliminate_tangential(system: ContactSystem) -> ContactSystem:
         slides = np.linalg.qr(motions[free])[0]
         resultant = np.abs(slides.T @ Q_star).max(axis=0)
         # relative to all reactions: two mirrored bodies have normal ones only
-        if np.any(resultant > 1e-10 * np.abs(system.r_star).sum(axis=1)):
-            name = system.load_names[int(np.argmax(resultant))]
+        pushing = resultant > 1e-10 * np.abs(system.r_star).sum(axis=1)
+        if pushing.any():
+            name = system.load_names[int(np.argmax(pushing))]
             raise InputError(
                 f"load '{name}' pushes the frictionless body along, and nothing resists it: "
                 "add a [[support]] or friction"

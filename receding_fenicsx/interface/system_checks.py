@@ -83,8 +83,9 @@ def check_system(system: ContactSystem) -> None:
                 f"{name} of the contact system at node {i}: has to be 0, as a support holds the "
                 "node normally and carries the force there"
             )
-    back = (np.diff(system.x) < 0.0) & (np.diff(system.edges) == 0)
-    if np.any(back) or np.any(np.diff(system.edges) < 0):
+    step = np.diff(system.edges)
+    back = (step < 0) | (np.diff(system.x) < 0.0) & (step == 0)
+    if np.any(back):
         i = int(np.argmax(back))
         raise InputError(
             f"x of the contact system falls from node {i} to node {i + 1}; sort the nodes along x "
