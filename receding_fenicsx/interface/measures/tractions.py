@@ -125,7 +125,7 @@ def recover(at: Tractions) -> tuple[Array, Array]:
 
     middle = midside_nodes(at.x, at.weight, at.radius)
     # at a shear limit q does not follow p, with a cohesion it is not proportional
-    if len(middle) > 2 and friction.is_cone:
+    if friction.is_cone:
         values, active = _middle_values(at, middle), np.ones(len(middle), dtype=bool)
         while np.any(active):
             moved = _moved(at, (middle, values), active)
