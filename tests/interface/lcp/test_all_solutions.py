@@ -17,14 +17,19 @@ from receding_fenicsx.interface.system import ContactSystem
 NONE = np.zeros(0, dtype=np.intp)
 
 
-@pytest.mark.parametrize("n", [3, 24])
-def test_only_a_search_that_finds_all_solutions_says_so(n: int) -> None:
-    # K_tt - f K_nt = -.35: each node by itself may stick or slip back
-    system = small_system(np.kron([[1.0, 0.9], [0.9, 1.0]], np.eye(n)), {"a": [1.0, 0.0] * n}, 1.5)
-    r0 = np.concatenate([-np.ones(n), np.ones(n)])
-    found = all_solutions(system, r0, Undecided(NONE, np.arange(n), NONE, NONE), NONE)
+# K_tt - f K_nt and f P - Q of two nodes: each sticks or slips back; one slips, the other, or both
+@pytest.mark.parametrize(("M", "sign", "each"), [(-np.eye(2), 1, 4), ([[1, 4], [4, 9]], -1, 3)])
+@pytest.mark.parametrize("pairs", [2, 12])
+def test_only_a_search_that_finds_all_solutions_says_so(
+    M: np.ndarray, sign: int, each: int, pairs: int
+) -> None:
+    K_nt = np.diag([1, 9]) - M
+    K = np.kron(np.block([[np.diag([1, 9]), K_nt], [K_nt, 99 * np.eye(2)]]), np.eye(pairs))
+    system = small_system(K, {"a": np.kron(sign * np.array([-1, -3, 0, 0]), np.ones(pairs))}, 1.0)
+    undecided = Undecided(NONE, np.arange(2 * pairs), NONE, NONE)
+    found = all_solutions(system, system.r_star[0], undecided, NONE)
     assert len(found.states) > 0 and set(found.states.ravel().tolist()) <= {STICK, BACKWARD}
-    assert found.complete == (len(found.states) == 2**n) == (n == 3)
+    assert found.complete == (len(found.states) == each**pairs) == (pairs == 2)
 
 
 @pytest.mark.filterwarnings("error")
