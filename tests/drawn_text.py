@@ -22,18 +22,27 @@ from numpy.typing import ArrayLike
 from receding_fenicsx.output.plots import style
 
 
-def check_texts(figure: Figure, name: str) -> None:
-    """Assert that all texts of a figure are on its page, none on another, and legends beside."""
-    boxes = text_boxes(figure)
-    page = figure.bbox
+def check_page(figure: Figure, name: str) -> None:
+    """Assert that no text is on another, legends are beside the axes, curves and ticks in them."""
+    boxes, page = text_boxes(figure), figure.bbox
     for i, (text, box) in enumerate(boxes):
-        assert page.x0 <= box.x0 and box.x1 <= page.x1, f"{name}: {text}"
-        assert page.y0 <= box.y0 and box.y1 <= page.y1, f"{name}: {text}"
+        assert page.contains(*box.min) and page.contains(*box.max), f"{name}: {text}"
         for other, beside in boxes[:i]:
             assert not box.overlaps(beside), f"{name}: '{text}' on '{other}'"
     for legend in figure.legends:
         box = legend.get_window_extent()
         assert not any(box.overlaps(axes.bbox) for axes in figure.axes), f"{name}: legend on axes"
+    for axes in filter(lambda axes: axes.axison, figure.axes):
+        for k, axis in enumerate((axes.xaxis, axes.yaxis)):
+            low, high = np.sort(axis.get_view_interval())
+            slack, ticks = 1e-9 * (high - low), axis.get_majorticklocs()
+            shown = ticks[np.abs(ticks - 0.5 * (low + high)) <= 0.5 * (high - low) + slack]
+            assert axis.get_scale() == "log" or 1 != len(shown) < 10, f"{name}: {shown}"
+            for line in axes.lines:
+                values, moved = np.asarray(line.get_xydata())[:, k], line.get_transform()
+                beyond = (values < low - slack) | (values > high + slack)
+                free = not moved.contains_branch_seperately(axes.transData)[k]
+                assert free or not beyond.any(), f"{name}: {line.get_label()}, {values[beyond]}"
 
 
 def text_boxes(figure: Figure) -> list:
@@ -98,7 +107,7 @@ def check_figures(drawn: Iterable[tuple[str, Figure]], known: Path) -> None:
     """Assert that figures show what a file tells, on their pages, and no text on another."""
     found = []
     for name, figure in drawn:
-        check_texts(figure, name)
+        check_page(figure, name)
         found += told(figure, name)
     check_words(found, known)
 

@@ -16,6 +16,7 @@ from drawn_text import REPORTS, check_curves, check_figures, check_words, names_
 from matplotlib.collections import PolyCollection
 from matplotlib.colors import to_hex, to_rgb, to_rgba_array
 from matplotlib.figure import Figure
+from matplotlib.path import Path as MplPath
 from PIL import Image
 from small import cyclic, small_system, table
 
@@ -70,16 +71,30 @@ def test_zone_map_from_events_agrees_with_every_sample(
         assert np.array_equal(drawn.states(s)[settled], table.state[row][settled])
 
 
-def test_a_boundary_of_zones_begins_wherever_a_node_changes_its_state() -> None:
+def test_zones_and_their_boundaries_are_where_nodes_change_their_states() -> None:
+    """Pairs of nodes have the same random states: a boundary joins each change of both."""
     found = record(method="gauss-seidel")
-    table = found.samples
+    table, x = found.samples, found.x
     rows = np.flatnonzero((table.cycle == 9) & (table.leg == 0))
     state = table.state.copy()
-    state[rows] = np.random.default_rng(1).choice([1, 1, 1, 3], (len(rows), len(found.x)))
+    pairs = np.random.default_rng(1).choice([1, 1, 1, 3, 4], (len(rows), len(x) // 2 + 1))
+    state[rows] = np.repeat(pairs, 2, axis=1)[:, : len(x)]
     drawn = zone_map(replace(found, samples=replace(table, state=state)), 9, 0)
-    begins = {tuple(point) for line in drawn.boundaries.tolist() for point in line}
-    lines = zip(found.x.tolist(), drawn.timelines, strict=True)
-    assert {(x, s) for x, line in lines for s in line.s[1:-1].tolist()} <= begins
+    ends = drawn.boundaries.tolist()
+    begins, joined = {tuple(point) for line in ends for point in line}, drawn.boundaries[:, :, 0]
+    beside, known = [], []
+    for i, line in enumerate(drawn.timelines):
+        assert {(x[i], s) for s in line.s[1:-1].tolist()} <= begins
+        both = np.sum(np.all(joined == [x[i], x[(i + 1) % len(x)]], axis=1))
+        assert i % 2 or i + 1 == len(x) or both == len(line.s) - 2 > 5
+        for side in (1e-3, -1e-3):
+            beside += [(x[i] + side * (x[1] - x[0]), s) for s in 0.5 * (line.s[1:] + line.s[:-1])]
+            known += line.state.tolist()
+    shown = np.zeros(len(known))
+    for zone, polygon in drawn.pieces:
+        shown[MplPath(polygon).contains_points(beside)] = zone
+    inside = np.abs(np.array(beside)[:, 0]) < x[-1]
+    assert np.array_equal(shown[inside], np.array(known)[inside])
     # nodes 3 to 5 begin to slip at the turning point between both legs
     state[:] = 1
     state[(table.cycle == 9) & (table.leg == 1), 3:6] = 3
@@ -140,19 +155,25 @@ def test_a_change_between_stick_and_slip_that_is_undone_at_once_is_no_zone() -> 
         assert [i for i, line in enumerate(lines) if len(line.state) > 1] == alone
 
 
-def test_between_samples_the_end_of_a_zone_passes_its_nodes_one_after_the_other() -> None:
-    """Slip spreads from node 9 over 10 to 13; node 14, which was open, slips the other way."""
+@pytest.mark.parametrize("force", [True, False])
+def test_between_samples_the_end_of_a_zone_passes_its_nodes_one_after_the_other(
+    force: bool,
+) -> None:
+    """Slip spreads from node 9 over 10 to 13; node 14, which was open, slips the other way.
+
+    In a last sample without any force every state is admissible: it has no zones.
+    """
     found = record(method="gauss-seidel")
     rows = np.flatnonzero((found.samples.cycle == 10) & (found.samples.leg == 0))
-    state, k = found.samples.state.copy(), len(rows) // 2
-    state[rows], state[rows, 9], state[rows[:k], 14] = STICK, BACKWARD, OPEN
-    state[rows[k:], 10:14], state[rows[k:], 14] = BACKWARD, FORWARD
-    lines = timelines_of(replace(found, samples=replace(found.samples, state=state)), 10, 0)
-    before, after = found.samples.s[rows[k - 1 : k + 1]]
+    state, P, last = found.samples.state.copy(), found.samples.P.copy(), rows[-1]
+    state[rows], state[rows, 9], state[rows[:-1], 14], P[last] = STICK, BACKWARD, OPEN, force
+    state[last, 10:14], state[last, 14] = BACKWARD, FORWARD
+    made = replace(found, samples=replace(found.samples, state=state, P=P))
+    before, after = found.samples.s[rows[-2:]]
+    changes = {i: line.changes[1:] for i, line in enumerate(timelines_of(made, 10, 0))}
     for i, part in {10: 0.125, 11: 0.375, 12: 0.625, 13: 0.875, 14: 0.5}.items():
-        ((s, new),) = lines[i].changes[1:]
-        assert s == pytest.approx(before + part * (after - before))
-        assert new == (FORWARD if i == 14 else BACKWARD)
+        s, new = before + part * (after - before), FORWARD if i == 14 else BACKWARD
+        assert changes[i] == ([(pytest.approx(s), new)] if force else [])
 
 
 def moves_of(found: rf.Record, s: float) -> dict[str, np.ndarray]:
@@ -232,19 +253,11 @@ def test_nodes_that_slip_are_on_the_edge_of_the_cone_of_either_direction() -> No
         assert slips.sum() > 3 and q[slips] == pytest.approx(ends, abs=1e-12)
 
 
-FIGURES = [
-    "tractions_first_loading",
-    "zones_first_unloading",
-    "tractions_first_unloading",
-    "slip_per_cycle",
-    "zones_last_cycle",
-    "zones_by_cycle",
-    "dissipation_per_cycle",
-    "dissipation_density",
-    "hysteresis",
-    "trajectories",
-    "tractions_last_cycle",
-]
+FIGURES = (
+    "tractions_first_loading zones_first_unloading tractions_first_unloading slip_per_cycle "
+    "zones_last_cycle zones_by_cycle dissipation_per_cycle dissipation_density hysteresis "
+    "trajectories tractions_last_cycle"
+).split()
 """Figures of a block under cycles."""
 
 
@@ -386,8 +399,10 @@ def test_nothing_sticks_where_there_is_no_friction() -> None:
     assert low.zones[len(low.zones) // 2][0] == "contact"
     text = rf.run_table(rf.summarise(found), everything=True)
     assert "contact to" in text and "stick to" not in text
-    drawn = rf.figures.tractions(found, low), rf.figures.zone_maps(found, 1)
-    check_figures(zip(("tractions", "zones"), drawn, strict=True), REPORTS / "frictionless.txt")
+    draw = rf.figures
+    drawn = draw.tractions(found, low), draw.zone_maps(found, 1), draw.trajectories(found)
+    names = "tractions", "zones", "trajectories"
+    check_figures(zip(names, drawn, strict=True), REPORTS / "frictionless.txt")
 
 
 def around(legs: int, cycles: int = 2) -> rf.Record:

@@ -8,7 +8,6 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 from drawn_text import REPORTS, check_curves, check_figures
-from matplotlib.axes import Axes
 
 import receding_fenicsx as rf
 from receding_fenicsx.output.plots.figures import draw_all
@@ -85,12 +84,6 @@ def test_figures_draw_what_is_known_with_all_texts_on_the_page(
     check_figures(drawn, REPORTS / f"{kind if limit is None else 'limited'}.txt")
 
 
-def curve(axes: Axes, n: int) -> np.ndarray:
-    """Points (n, 2) of one curve."""
-    lines = [line for line in axes.lines if line.get_linestyle() != "None"]
-    return np.array(lines[n].get_data(), dtype=float).T
-
-
 def test_curves_have_the_values_of_the_record() -> None:
     """Those of the legends' names, as the known texts tell."""
     found, check = fretting("table"), partial(check_curves, guides=False)
@@ -135,14 +128,13 @@ def test_curves_have_the_values_of_the_record() -> None:
 
 def test_figures_of_harmonic_loads_are_drawn_over_their_phase() -> None:
     found = fretting("harmonic")
-    figure = rf.figures.cycle_maps(found, 3)
-    zones, loads = figure.axes
+    zones, loads = rf.figures.cycle_maps(found, 3).axes
     assert sum(zones.get_xlim()) == 0.0  # both halves, which differ
-    Q, bulk = curve(loads, 1), curve(loads, 2)
-    assert Q[:, 0] == pytest.approx(np.cos(np.radians(Q[:, 1])), abs=1e-12)
-    # over its largest, 0.1 + 0.3
-    cosine = np.cos(np.radians(bulk[:, 1] - PHASE))
-    assert bulk[:, 0] == pytest.approx((0.1 + AMPLITUDE * cosine) / 0.4, abs=1e-12)
+    at = np.asarray(loads.lines[0].get_ydata())
+    Q, bulk = (np.cos(np.radians(at - phase)) for phase in (0.0, PHASE))
+    # the tension is over its largest, 0.1 + 0.3
+    parts = 1.0, Q, (0.1 + AMPLITUDE * bulk) / 0.4
+    check_curves(loads, *((part, at) for part in parts), (0.0, [0.0, 1.0]))
     # what is drawn at the phase of a turning point are its states
     table = found.turning_points
     drawn = zone_map(found, 3)
@@ -199,7 +191,7 @@ def test_the_force_of_a_prescribed_displacement_is_that_of_the_contact(kinematic
     assert f"displacement d {resultant.min():.4g} to" in rf.run_table(summary)
     axes = rf.figures.hysteresis(found, 1).axes[0]
     assert axes.get_title(loc="left") == "(a) force on the edge"
-    assert curve(axes, 0)[-1] == pytest.approx([1.0, resultant[-1]], rel=1e-9)
+    assert axes.lines[0].get_xydata()[-1] == pytest.approx([1.0, resultant[-1]], rel=1e-9)
     # the record holds the conjugate of the load factor
     assert found.at(1, "maximum").load_displacement["d"] == pytest.approx(0.02 * resultant[-1])
 

@@ -8,7 +8,7 @@ from typing import Any, cast
 import matplotlib as mpl
 import numpy as np
 import pytest
-from drawn_text import REPORTS, check_curves, check_words, names_of_colours, told
+from drawn_text import REPORTS, check_curves, check_page, check_words, names_of_colours, told
 from kinds import EVEN, UNEVEN
 from matplotlib.collections import PolyCollection
 from matplotlib.colors import to_hex
@@ -174,14 +174,15 @@ def view_alone() -> View:
     return made[0]
 
 
-def page_of(view: View) -> Figure:
-    """The page around an empty field."""
-    fringes = next(q for q in QUANTITIES if q.name == "max_shear")
-    colours = colours_of(2.0 * view.stress["max_shear"], fringes, view.pressure_symbol)
+def page_of(view: View, stress: str = "max_shear", clock: Clock | None = None) -> Figure:
+    """The page around an empty field, with contour lines of a stress."""
+    quantity = next(q for q in QUANTITIES if q.name == stress)
+    values = view.stress[stress] * (2.0 if stress == "max_shear" else 1.0)
+    colours = colours_of(values, quantity, view.pressure_symbol)
     with mpl.rc_context(rf.style.RC):
         layout = layout_of(view, dpi=50.0)
         empty = np.zeros((*layout.pixels[::-1], 4), dtype=np.uint8)
-        return compose(view, layout, empty, colours)
+        return compose(view, layout, empty, colours, clock, values)
 
 
 @pytest.mark.one_rank
@@ -280,16 +281,13 @@ def test_pages_draw_what_is_known() -> None:
         load = table.load[:, :2] / np.abs(table.load[:, :2]).max(axis=0)
         time = np.linspace(0.0, 1.0, len(load))
         names = tuple(f"${load_name}$" for load_name in record.load_names[:2])
-        clock = Clock(time, load, names, 0.25, load[row], (-0.5, 2.5), "upper left")
+        clock = Clock(time, load, names, 0.25, load[row], (-0.6, 2.5), "upper left")
         for stress in ("syy", "max_shear"):
-            quantity = next(q for q in QUANTITIES if q.name == stress)
-            values = view.stress[stress]
-            colours = colours_of(values, quantity, view.pressure_symbol)
-            with mpl.rc_context(rf.style.RC):
-                layout = layout_of(view, dpi=50.0)
-                empty = np.zeros((*layout.pixels[::-1], 4), dtype=np.uint8)
-                own = clock if name == "travelling" else None
-                page = compose(view, layout, empty, colours, own, values)
+            own = clock if name == "travelling" else None
+            check_page(page := page_of(view, stress, own), name)
+            bar = page.axes[-1]
+            apart = bar.bbox.height / 50.0 / np.ptp(bar.get_ylim()) * np.diff(bar.get_yticks())[0]
+            assert 0.18 <= apart < 0.5  # inches between numbers
             found += told(page, f"{name} {stress}")
             x, *curves = view.x, view.p, view.q
             for line, values in zip(page.axes[1].lines[-2:], curves, strict=True):
@@ -327,6 +325,8 @@ def test_small_contact_is_shown_from_near_by() -> None:
     assert view.near
     left, right, bottom, top = layout_of(view).window
     length = float(np.ptp(view.x))
+    moved = np.hypot(*(view.moved - view.points).T).max()
+    assert 0.5 < moved / (0.05 * length) <= 1.0  # a tenth of half the contact, rounded down
     # the contact is a third of the page wide, and what is far away is not shown
     assert length > 0.3 * (right - left)
     assert np.ptp(view.points, axis=0).max() > 10.0 * length
