@@ -119,7 +119,7 @@ def curve(axes: Axes, n: int) -> np.ndarray:
 def along(axes: Axes, n: int) -> np.ndarray:
     """Coordinates of the curves of axes, else their limits."""
     lines = [np.asarray(line.get_xydata())[:, n] for line in axes.lines]
-    limits = (axes.get_xlim(), axes.get_ylim())[n]
+    limits = np.array((axes.get_xlim(), axes.get_ylim())[n])
     return np.concatenate([line for line in lines if len(line) > 2] or [limits])
 
 
