@@ -191,7 +191,8 @@ def test_the_force_of_a_prescribed_displacement_is_that_of_the_contact(kinematic
     assert f"displacement d {resultant.min():.4g} to" in rf.run_table(summary)
     axes = rf.figures.hysteresis(found, 1).axes[0]
     assert axes.get_title(loc="left") == "(a) force on the edge"
-    assert np.transpose(axes.lines[0].get_data())[-1] == pytest.approx([1.0, resultant[-1]], rel=1e-9)
+    last = np.asarray(axes.lines[0].get_xydata())[-1]
+    assert last == pytest.approx([1.0, resultant[-1]], rel=1e-9)
     # the record holds the conjugate of the load factor
     assert found.at(1, "maximum").load_displacement["d"] == pytest.approx(0.02 * resultant[-1])
 
