@@ -16,7 +16,7 @@ from receding_fenicsx.bulk import _dolfinx
 from receding_fenicsx.bulk.body import Bulk
 from receding_fenicsx.bulk.contact_nodes import ContactNodes, ContactSide
 from receding_fenicsx.bulk.elasticity import Stresses, named_stresses
-from receding_fenicsx.bulk.join_bodies import CondensedBody, JoinedBodies, common_sign
+from receding_fenicsx.bulk.join_bodies import CondensedBody, JoinedBodies
 from receding_fenicsx.bulk.mesh.grading import Base, graded
 from receding_fenicsx.bulk.mesh.meshing import BodyMesh, make_meshes
 from receding_fenicsx.bulk.rigid_motions import free_motions, motions, scaled
@@ -359,7 +359,7 @@ def join_half_planes(a: HalfPlane, b: HalfPlane, load_names: tuple[str, ...]) ->
         free,
         np.where(a.far.free, force[0], -force[1]),
         moved[0] - moved[1],
-        common_sign(sign, load_names),
+        np.sign(sign.sum(axis=0)),
     )
     stiffness = SurfaceStiffness(a.surface, a.compliance + b.compliance)
     modes = a.far_modes

@@ -125,7 +125,8 @@ def join(
     bodies: Sequence[CondensedBody], relative: Relative, load_names: tuple[str, ...]
 ) -> JoinedBodies:
     """Join bodies, with the same loads; the module's docstring has the equations."""
-    sign = common_sign(np.array([body.sign for body in bodies]), load_names)
+    # a load has the same form on each body that it acts on
+    sign = np.sign(np.sum([body.sign for body in bodies], axis=0))
     size = relative.size
     diagonal = [np.diagonal(body.K) for body in bodies]
     every = np.concatenate([body.held for body in bodies])
@@ -196,17 +197,6 @@ def join(
     follow, none = (y[:, :size], y[:, size:]), np.zeros_like(r_star)
     known = K, r_star, compliance, sign, held, driven[:, :size]
     return JoinedBodies(*known, rigid, follow, motions, (np.eye(len(sign)), none), none)
-
-
-def common_sign(signs: Array, load_names: tuple[str, ...]) -> Array:
-    """Return the signs of the loads on all bodies from those on each (bodies, n_loads)."""
-    low, high = signs.min(axis=0), signs.max(axis=0)
-    for k in np.flatnonzero(low * high < 0.0):
-        raise InputError(
-            f"load '{load_names[k]}': is a force on one body and a displacement on the other; give "
-            "it the same form on both"
-        )
-    return np.where(low < 0.0, low, high)
 
 
 def _pin(

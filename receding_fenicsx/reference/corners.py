@@ -68,7 +68,7 @@ def corner_exponent(angle: float, kappa: float, slip: float | None = None) -> co
 
     Args:
         angle: alpha, in degrees, above 0 and at most 180.
-        kappa: Kolosov's constant, 1 to 3
+        kappa: Kolosov's constant, above 1 and at most 7, below 3 for nu > 0
             (:func:`~receding_fenicsx.interface.measures.zone_ends.kolosov`).
         slip: as in :func:`characteristic`.
 

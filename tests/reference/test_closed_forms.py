@@ -138,16 +138,14 @@ def test_hertzian_stress_is_in_equilibrium_and_compatible_below_the_pressure() -
 
 def test_forms_of_stretched_bodies_end_where_they_no_longer_hold() -> None:
     hertz = closed_forms.Hertz(force=1.0, radius=100.0, modulus=110.0)
-    known = closed_forms.CattaneoMindlin(hertz, f=0.5, largest=0.3, tension=0.1)
+    tensions = (0.1, 0.8, 3.0)
+    known, beside, large = (CattaneoMindlin(hertz, 0.5, 0.3, tension) for tension in tensions)
     with pytest.raises(ValueError, match="no closed form"):
         known.dissipation()
-    large = closed_forms.CattaneoMindlin(hertz, f=0.5, largest=0.3, tension=3.0)
-    with pytest.raises(ValueError, match="does not slip"):
-        large.traction(0.0, 0.3, "loading")
     # the middle of the stick zone, 0.68 a, lies within the contact, its end does not
-    beside = closed_forms.CattaneoMindlin(hertz, f=0.5, largest=0.3, tension=0.8)
-    with pytest.raises(ValueError, match="does not slip"):
-        beside.middle(0.3, "loading")
+    for form in (beside, large):
+        with pytest.raises(ValueError, match="does not slip"):
+            form.middle(0.3, "loading")
 
 
 # -- layers ----------------------------------------------------------------------------------------
