@@ -4,6 +4,7 @@ from dataclasses import replace
 from pathlib import Path
 from threading import Lock
 from typing import Any
+from unittest.mock import Mock
 
 from mpi4py import MPI
 
@@ -167,9 +168,7 @@ def test_small_bodies_are_condensed_in_the_same_bits_on_any_number_of_ranks() ->
 def test_interrupt_after_the_history_says_how_to_continue(
     place: str, shared_tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def interrupt(*_: object, **__: object) -> None:
-        raise KeyboardInterrupt
-
+    interrupt = Mock(side_effect=KeyboardInterrupt)
     out = shared_tmp_path / "out"
     options = study.RunOptions(pictures=place == "draw_run", error=place == "condense")
     with monkeypatch.context() as patch:

@@ -4,6 +4,7 @@ import re
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from unittest.mock import Mock
 
 import pytest
 
@@ -105,17 +106,10 @@ def test_meshes_that_do_not_fit_or_have_no_answer_are_passed_over() -> None:
     assert found.met and all(n % 12 == 0 and n >= 48 for n in sizes(found))
     assert found.shown()["failures"] == [[24, "too coarse"]]
 
-    def never(_: Scene, elements: int) -> Level:
-        raise NotConverged("no answer")
-
-    with pytest.raises(NotConverged):
-        search(scene_of(1e-3), never)
-
-    def nowhere(_: Scene, elements: int) -> Level:
-        raise MeshMisfit("no vertex")
-
+    with pytest.raises(NotConverged, match="no answer"):
+        search(scene_of(1e-3), Mock(side_effect=NotConverged("no answer")))
     with pytest.raises(InputError, match=r"no mesh that was tried fits the scene; .*: no vertex"):
-        search(scene_of(1e-3), nowhere)
+        search(scene_of(1e-3), Mock(side_effect=MeshMisfit("no vertex")))
 
 
 def test_a_search_begins_anew_on_graded_meshes_where_corners_are_sharp() -> None:

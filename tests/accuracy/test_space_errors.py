@@ -1,6 +1,7 @@
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
+from unittest.mock import Mock
 
 from mpi4py import MPI
 
@@ -241,12 +242,8 @@ def test_cycles_played_until_steady_are_left_for_their_limit() -> None:
 
 @pytest.mark.one_rank(False)
 def test_a_run_without_an_answer_on_coarser_meshes_says_so() -> None:
-    def refuse(_: rf.Scene) -> rf.Record:
-        raise rf.NotConverged("too coarse")
-
-    scene = scene_of(32)
-    record = solve(scene)
-    found = space_errors.errors_of_run(scene, record, refuse)
+    scene, refuse = scene_of(32), Mock(side_effect=rf.NotConverged("too coarse"))
+    found = space_errors.errors_of_run(scene, solve(scene), refuse)
     assert found == {"errors": {}, "errors_failure": "on a coarser mesh: too coarse"}
 
 

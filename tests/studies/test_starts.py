@@ -36,6 +36,7 @@ def test_a_run_reports_the_limits_from_many_starts_in_this_process_or_others(
     starts, record = limit["starts"], rf.read_record(out / "record.h5")
     assert starts["count"] == 6 == sum(starts["kinds"].values())
     assert sum(zones["starts"] for zones in starts["zones"]) == 6
+    assert len((out / "cases.jsonl").read_text().splitlines()) == 6  # for a run that goes on
     # rest is among the starts, so that the run's own limit lies between
     low, high = starts["dissipation"]
     assert low <= record.cycles.dissipation[-1] * (1 + 1e-9) and limit["dissipation"] <= high
@@ -51,8 +52,12 @@ def test_a_run_reports_the_limits_from_many_starts_in_this_process_or_others(
 def test_a_start_that_fails_is_reported_beside_the_others(scene: Path) -> None:
     # the nodes of the gap land on their initial slip, where it begins is not defined
     out = scene.parent / "out"
-    gap = ["--set", 'contact.initial_gap="0.01*x**2"']
+    gap = ["--set", 'contact.initial_gap="0.01*x**2"', "--pictures=none"]
     assert cli.main(["run", str(scene), "--out", str(out), "--starts=3", *gap]) == 0
+    # starts of a run without a limit cycle tell nothing
+    pulled = ["--set", "history.minimum=-0.5", "--starts=3", "--pictures=none"]
+    assert cli.main(["run", str(scene), "--out", f"{out}2", *pulled]) == 1
+    assert "failure" in rf.read_summary(f"{out}2/summary.json")
     starts = json.loads((out / "summary.json").read_text())["limit"]["starts"]
     assert starts["same"] is None and starts["kinds"]["failed"] == 2
     assert set(starts["errors"]) == {"forward", "backward"}

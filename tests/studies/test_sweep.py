@@ -11,6 +11,7 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
+from unittest.mock import Mock
 
 from mpi4py import MPI
 
@@ -298,8 +299,11 @@ def test_a_case_whose_process_dies_or_has_no_memory_is_a_row_and_is_tried_again(
         return sweep_measures.dies_at_three_tenths(record)
 
     assert not runner.play(runner.Case(""), lambda: {"f": 1 / 0}).final
+    submit = Mock(wraps=runner.workers.submit)
+    monkeypatch.setattr(runner.workers, "submit", submit)
     table = rf.sweep(scene(), over, out, workers=1, measure=measure)
     assert table is not None
+    assert {call.kwargs["count"] for call in submit.call_args_list} == {1}
     bad, full = table.failed
     assert bad["contact.friction"] == 0.3 and "process was ended" in bad["error"]
     assert full["contact.friction"] == 0.5 and full["error"].startswith("MemoryError")

@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
+from unittest.mock import Mock
 
 from mpi4py import MPI
 
@@ -508,13 +509,9 @@ def test_only_what_a_coarser_mesh_lacks_is_passed_over(
 ) -> None:
     probes = '[[probe]]\nname = "edge"\nedge = "lower.top"\n[fatigue]\n'
     scene = rf.from_toml(rf.to_toml(cylinders(16, "wear.cycles=1")) + probes)
-    error: list[Exception] = [passed]
-
-    def refuse(_: rf.Scene) -> int:
-        raise error[0]
-
+    refuse = Mock(side_effect=passed)
     monkeypatch.setattr("receding_fenicsx.studies.accuracy.meshes.count_nodes", refuse)
     assert study(scene) is not None
-    error[0] = rf.InputError("not of the mesh")
+    refuse.side_effect = rf.InputError("not of the mesh")
     with pytest.raises(rf.InputError, match="not of the mesh"):
         study(scene)

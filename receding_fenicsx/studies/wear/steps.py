@@ -224,8 +224,7 @@ def pressures(
             break
         P = load + K @ w
         g = gap + w + added * P
-        stiffness = np.diagonal(K)
-        after = np.where(closed, P > 0.0, stiffness * g < 0.0) & ~held
+        after = np.where(closed, P > 0.0, g < 0.0) & ~held
         if np.array_equal(after, closed):
             return np.where(closed, np.maximum(P, 0.0), 0.0)
         closed = after
