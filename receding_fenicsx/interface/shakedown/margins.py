@@ -364,8 +364,7 @@ def _polished(x: Array, G: Array, c: Array, is_equation: NDArray[np.bool_], top:
     z[-1] = next((end for end in (0.0, top) if abs(x[-1] - end) <= VANISHES), x[-1])
     # the last unknown stays where it is at one of its bounds
     moving = slice(None) if 0.0 < z[-1] < top else slice(0, -1)
-    if len(rows):
-        z[moving] -= np.linalg.lstsq(G[rows][:, moving], G[rows] @ z + c[rows], rcond=None)[0]
+    z[moving] -= np.linalg.lstsq(G[rows][:, moving], G[rows] @ z + c[rows], rcond=None)[0]
     return z if -(G @ z + c).min() <= max(-margins.min(), VANISHES) else x
 
 
