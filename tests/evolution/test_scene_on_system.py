@@ -23,7 +23,7 @@ pytestmark = pytest.mark.one_rank
 ROOT = Path(__file__).parents[2]
 COARSE = ["mesh.contact_elements=24", "history.cycles=2", "output.samples_per_leg=3"]
 CHANGES = {
-    "friction": ["contact.friction=0.2 + 0.1*abs(x)"],
+    "friction": ["contact.friction=0.2*max(abs(x) - 0.3, 0)"],
     "no friction": ["contact.friction=0.0"],
     "gap": ["contact.initial_gap=0.01*x**2"],
     "history": ["history.minimum=0.7", "history.maximum=2.0"],
