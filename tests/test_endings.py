@@ -102,6 +102,7 @@ def test_marks_of_utf_8_at_the_start_of_files_are_passed_over(shared_tmp_path: P
         ("journal/0.npz", bytes(500), "/journal/0.npz: is damaged"),
         ("journal", None, ": holds no run that can be resumed; choose another folder"),
         ("system.h5", b"", "/system.h5: is damaged"),
+        ("system.h5", b"\x89HDF\r\n\x1a\n", "/system.h5: is damaged"),
         ("summary.json", b'{"turning_points": 3}', "/summary.json: is not a summary of a run"),
         ("summary.json", b"{", "/summary.json: is damaged or not a JSON file"),
     ],

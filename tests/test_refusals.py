@@ -15,7 +15,6 @@ from mpi4py import MPI
 
 import pytest
 from bodies import ONCE, block
-from geo import RECTANGLE, TWO_LAYERS
 
 import receding_fenicsx as rf
 from receding_fenicsx import cli
@@ -39,9 +38,9 @@ FAR = rf.Scene(
 BARE = BLOCK[: BLOCK.index("[history]")]
 SHEARED = BARE + '[[load]]\nname = "Q 1"\nedge = "top"\ntraction = [1.0, 0.0]\n'
 PLANES = (DEMOS / "half_planes.toml").read_text()
+REFUSED = Path(__file__).with_name("refused")
 HARMONIC, OWN, IMPORT = (
-    Path(__file__).with_name("refused").joinpath(f"{name}.toml").read_text()
-    for name in ("harmonic", "own", "import")
+    REFUSED.joinpath(f"{name}.toml").read_text() for name in ("harmonic", "own", "import")
 )
 """A history, a body of a mesh file, and what is imported."""
 LAYERS = replace(
@@ -70,26 +69,8 @@ WHEEL = (
     rf.Load("weight", body_force=(0.0, -0.05)),
     rf.Load("wheel", "top", (-0.5, 0.5), pressure=1.0, travel=(-1.0, 1.0), steps=4),
 )
-GEO = (
-    'DefineConstant[ width = {4, Name "width"}, contact_elements = 8 ]; height = 1;'
-    + RECTANGLE
-    + 'Physical Curve("foot") = {1}; Physical Curve("top") = {3};\n'
-)
-FILES = {
-    "nodes.csv": "node,x,y\n1,0.0,0.0\n2,1.0,0.0\n3,0.0,1.0\n",
-    "K.txt": "1,1,1,1,1.0\n2,1,1,1,-1.0\n2,1,2,1,1.0\n1,2,1,2,0.0\n2,2,2,2,0.0\n",
-    "P.txt": "1,2,-0.5\n2,2,-0.5\n",
-    "own.geo": GEO,
-    "core.geo": GEO + 'Physical Surface("core") = {1};',
-    "both.geo": "".join([GEO, *(f'Physical Surface("{k}") = {{1}};' for k in ("core", "all"))]),
-    "bare.geo": GEO.replace("Physical", "//"),
-    "deep.geo": GEO + "Extrude {0, 0, 1} { Surface{1}; Layers{1}; }",
-    "open.geo": GEO.replace("Plane Surface(1) = {1};", "").replace("Transfinite Surface", "//"),
-    "exit.geo": GEO + "Exit;",
-    "error.geo": GEO + 'Error("too thin"); Exit;',
-    "crash.geo": GEO + 'SystemCall "kill -SEGV $PPID";',
-    "two.geo": TWO_LAYERS,
-}
+FILES = {path.name: path.read_text() for path in REFUSED.joinpath("files").iterdir()}
+"""What the scenes may name."""
 SCENES: dict[str, str | rf.Scene] = {
     "none": "",
     "block": BLOCK,

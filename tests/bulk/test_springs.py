@@ -9,7 +9,6 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 from bodies import ONCE, block, cylinder, last, played
-from geo import TWO_LAYERS
 
 import receding_fenicsx as rf
 from receding_fenicsx.bulk.from_scene import bulk_of
@@ -20,6 +19,7 @@ from receding_fenicsx.timing import Timer
 pytestmark = pytest.mark.one_rank  # small bodies are condensed by one rank
 
 comm = MPI.COMM_WORLD
+TWO_LAYERS = Path(__file__).parents[1] / "refused" / "files" / "two.geo"
 E, K = 2.0, 0.7
 SMOOTH = (rf.Contact(friction=0.0),)
 
@@ -86,7 +86,7 @@ COAT, CORE = rf.Material(10.0, 0.3, name="coat"), rf.Material(1.0, 0.2, name="co
 def two(folder: Path, **parts: object) -> rf.Scene:
     """A coat of 1 below a core of 1, 4 long, pressed unevenly onto a plane."""
     path = folder / "two.geo"
-    rf.on_root(comm, lambda: path.write_text(TWO_LAYERS))
+    rf.on_root(comm, lambda: path.write_text(TWO_LAYERS.read_text()))
     scene = rf.Scene(
         body=rf.Body(mesh=str(path)),
         materials=(COAT, CORE),

@@ -91,6 +91,9 @@ def test_system_takes_the_scene_s_own_friction_and_gap(tmp_path: Path) -> None:
     write_system(path, smooth, overwrite=True)
     with pytest.raises(InputError, match=r"system.h5: the system has no tangential"):
         read_system(path, from_toml(BLOCK))
+    write_system(path, dataclasses.replace(smooth, scene_toml=""), overwrite=True)
+    with pytest.raises(InputError, match=r"system.h5: was not condensed from a scene; condense"):
+        read_system(path, from_toml(BLOCK))
 
 
 @pytest.fixture(scope="module")

@@ -177,6 +177,12 @@ def test_history_takes_lists_and_refuses_rows_of_unequal_length_and_text() -> No
     assert repr(lists) == repr(arrays)
     words = ["History: 3 corners from rest, 2 cycles of 2 legs", "load P 0 to 1", "load Q -1 to 1"]
     assert [" ".join(line.split()) for line in repr(lists).splitlines()] == words
+    for changes, end in (
+        ({"until_limit": True}, "2 cycles of 2 legs, until limit\n"),
+        ({"until_steady": True}, "2 cycles of 2 legs, until steady\n"),
+        ({"cycles": 0, "loop": []}, "0 cycles of 0 legs\n"),
+    ):
+        assert repr(replace(lists, **changes)).startswith(words[0][:30] + end)
     assert History(("P", "Q"), path, []).loop.shape == (0, 2)  # type: ignore[arg-type]
     for wrong in ([[0, 0], [1]], [[0, 0], ["a", 1]], [[0, 0], [None, {}]]):
         with pytest.raises(rf.InputError, match="history's path: has to be numbers"):
@@ -197,6 +203,8 @@ def test_instants_spread_over_a_cycle_go_evenly_and_meet_every_turning_point() -
             assert np.any((leg == k) & (s == 1.0))
         assert time[(leg == 1) & (s == 1.0)][0] == pytest.approx(way[:2].sum() / way.sum())
     assert np.diff(evenly_spaced(table, 2, 60)[2]).max() < 1.2 / 59
+    with pytest.raises(rf.InputError, match="1 frames: a film needs"):
+        evenly_spaced(table, 2, 1)
     # at rest nothing is loaded and nothing to be seen
     assert evenly_spaced(table, 0, 5)[2][0] > 0.0
     assert np.all(np.diff(evenly_spaced(table, 0, 5)[2]) > 0.0)

@@ -3,6 +3,7 @@
 import dataclasses
 import re
 from collections.abc import Callable, Iterator
+from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -16,7 +17,7 @@ from receding_fenicsx.scene.identity import digest
 from receding_fenicsx.scene.model import TABLE_OF
 from receding_fenicsx.scene.toml_file import known_scene
 from receding_fenicsx.store import hdf5
-from receding_fenicsx.store.run_folder import SYSTEM, is_finished, run_folder, write_summary
+from receding_fenicsx.store.run_folder import SCENE, SYSTEM, is_finished, run_folder, write_summary
 
 pytestmark = pytest.mark.one_rank
 
@@ -107,6 +108,14 @@ def test_run_is_gone_on_with_only_where_no_key_but_the_free_ones_differs(tmp_pat
         named = f"[{table}] {last}" if table else key
         assert f"a run with another {named};" in str(caught.value), key
     assert FREE < seen and len(seen) > 55
+    # the default number of samples is written out or not
+    one, two, other = (
+        replace(FULL, output=replace(FULL.output, samples_per_leg=n)) for n in (40, None, 41)
+    )
+    (out / SCENE).write_text(rf.to_toml(one), encoding="utf-8")
+    is_finished(out, two)
+    with pytest.raises(rf.InputError, match=r"another \[output\] samples_per_leg"):
+        is_finished(out, other)
 
 
 def test_every_key_reads_back_as_it_was_written() -> None:
@@ -189,3 +198,11 @@ def test_a_system_of_another_version_is_known_by_its_scene_but_not_by_its_mesh_f
     ):
         with pytest.raises(rf.InputError, match=re.escape(f"from a scene with another {key};")):
             rf.read_system(tmp_path / name, scene)
+    # a mesh file may move, but not change
+    stored, history = replace(system, scene_toml=rf.to_toml(own)), rf.HistoryOptions(cycles=1)
+    for text, words in (("// a mesh", ""), ("// another", "another mesh file")):
+        (tmp_path / "moved.geo").write_text(text)
+        moved = replace(own, body=rf.Body(mesh=str(tmp_path / "moved.geo")), history=history)
+        told = pytest.raises(rf.InputError, match=words) if words else nullcontext()
+        with told:
+            rf.evolve(stored, moved)

@@ -9,7 +9,6 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 from bodies import CELLS, block, make_mesh
-from geo import RECTANGLE
 from msh import Array, Ints, rectangle, turned, write_msh
 
 from receding_fenicsx.bulk.mesh.user_mesh import words_of
@@ -19,6 +18,7 @@ from receding_fenicsx.scene.model import Body, Contact, HistoryOptions, Load, Sc
 from receding_fenicsx.studies.run import condense
 
 comm = MPI.COMM_WORLD
+RECTANGLE = Path(__file__).with_name("rectangle.geo").read_text()
 
 
 def file_of(scene: Scene, path: Path, change: Callable[[Array], Array]) -> Scene:
@@ -70,7 +70,7 @@ def test_scaling_factor_of_a_geo_file_counts(end: str, shared_tmp_path: Path) ->
     """Of a last line without a line break, gmsh itself takes the first statement only."""
     path, last = shared_tmp_path / "my.geo", f"one = 1; Mesh.ScalingFactor = 0.5;{end}"
     groups = 'Physical Curve("foot") = {1}; Physical Curve("head") = {3};\n'
-    text = f"width = 4; height = 1; contact_elements = 8; {RECTANGLE}{groups}{last}"
+    text = f"width = 4; height = 1; contact_elements = 8;\n{RECTANGLE}{groups}{last}"
     on_root(comm, lambda: path.write_text(text))
     comm.barrier()
     scene = block(contacts=(Contact(edge="foot"),), load=Load("p", "head", pressure=1.0))

@@ -1,18 +1,4 @@
-"""Geometries of .geo files for the tests."""
-
-RECTANGLE = """
-Point(1) = {-width/2, 0, 0}; Point(2) = {width/2, 0, 0};
-Point(3) = {width/2, height, 0}; Point(4) = {-width/2, height, 0};
-For i In {1 : 4}
-  Line(i) = {i, i % 4 + 1};
-EndFor
-Curve Loop(1) = {1 : 4}; Plane Surface(1) = {1};
-Transfinite Curve{1, 3} = contact_elements + 1; Transfinite Curve{2, 4} = 5;
-Transfinite Surface{1};
-"""
-"""A rectangle of width, height and contact_elements, which are to be defined before."""
-
-TWO_LAYERS = """
+// A coat below a core, which share the curve "seam".
 Point(1) = {0, 0, 0, 0.5}; Point(2) = {4, 0, 0, 0.5}; Point(3) = {4, 1, 0, 0.5};
 Point(4) = {0, 1, 0, 0.5}; Point(5) = {4, 2, 0, 0.5}; Point(6) = {0, 2, 0, 0.5};
 Line(1) = {1, 2}; Line(2) = {2, 3}; Line(3) = {3, 4}; Line(4) = {4, 1};
@@ -22,5 +8,3 @@ Curve Loop(2) = {-3, 5, 6, 7}; Plane Surface(2) = {2};
 Physical Surface("coat") = {1}; Physical Surface("core") = {2};
 Physical Curve("foot") = {1}; Physical Curve("top") = {6}; Physical Curve("seam") = {3};
 Physical Curve("end") = {2, 5}; Physical Curve("wall") = {4, 7};
-"""
-"""A coat below a core, which share a curve."""
