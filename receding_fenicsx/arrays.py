@@ -83,7 +83,13 @@ def spread(rows: Ints, most: int) -> Ints:
 
 
 def described(title: str, rows: Iterable[tuple[str, str]]) -> str:
-    """Return a title and rows of names and texts, of at most 30 lines of 100 characters."""
+    """Return a title and rows of names and texts, of at most 30 lines of 100 characters.
+
+    >>> described("Loads", [("P", "0 to 1"), ("shear", "-1 to 1")]).splitlines()
+    ['Loads', '  P      0 to 1', '  shear  -1 to 1']
+    >>> described("Loads", [("q", "1")] * 40).splitlines()[28:]
+    ['  q  1', '  ... 12 more lines']
+    """
     named = list(rows)
     width = max((len(name) for name, _ in named), default=0)
     lines = [shortened(title, 100)]

@@ -1,5 +1,6 @@
 """Descriptions for the screen: short whatever they describe, and true."""
 
+import dataclasses
 import re
 from dataclasses import replace
 from functools import cache
@@ -13,6 +14,7 @@ from small import cyclic, small_system, table
 
 import receding_fenicsx as rf
 from receding_fenicsx.evolution.description import STATE_COLOURS
+from receding_fenicsx.scene.model import TABLE_OF
 
 pytestmark = pytest.mark.one_rank
 
@@ -55,6 +57,20 @@ def test_descriptions_are_short(item: object) -> None:
     if len(lines) > 1:
         assert max(map(len, lines)) <= 100
     assert len(repr(item())) < 3000  # type: ignore[operator]
+
+
+@pytest.mark.parametrize("name", ["blade_root", "bolted_joint", "fatigue", "frictionless_block"])
+def test_a_scene_is_described_by_the_calls_that_make_its_tables(name: str) -> None:
+    scene = rf.read_scene(DEMOS / f"{name}.toml")
+    head, *lines = repr(scene).splitlines()
+    said, public = " ".join(" ".join(lines).split()), {name: getattr(rf, name) for name in dir(rf)}
+    assert head == f"Scene {scene.title!r}"
+    for field in dataclasses.fields(scene):
+        value = getattr(scene, field.name)
+        parts = value if isinstance(value, tuple) else (value,) * dataclasses.is_dataclass(value)
+        for part in parts:
+            assert f"{TABLE_OF.get(field.name, field.name)} {part!r}" in said
+            assert eval(repr(part).replace("0.333333", "1/3"), public) == part
 
 
 def test_a_record_and_its_system_are_described_by_their_numbers_line_by_line() -> None:

@@ -261,16 +261,16 @@ def test_the_order_of_nodes_and_of_lines_of_force_is_free(tmp_path: Path) -> Non
 
 def test_several_contacts_have_their_own_friction_and_names(tmp_path: Path) -> None:
     path = specification(tmp_path, Block())
-    turned(path, "[7, 6, 5, 4, 3, 2, 1]", "[1, 3, 2]")
-    second = "[[contact]]\nnodes = [7, 6]\nnormal = [0, 1]\nfriction = 0.1\ninitial_gap = '0.1*x'\n"
-    turned(path, "[[load]]", second.replace("0.1*x", "0.1 + 0.2*x") + "[[load]]")
+    turned(path, "[7, 6, 5, 4, 3, 2, 1]", "[1, 4, 2]")
+    second = "[[contact]]\nname = 'pad'\nnodes = [7, 6]\nnormal = [0, 1]\nfriction = 0.1\n"
+    turned(path, "[[load]]", f"{second}initial_gap = '0.1 + 0.2*x'\n[[load]]")
     system = rf.import_system(path)
-    assert system.edges.tolist() == [0, 0, 0, 1, 1]
-    assert system.points[:, 0].tolist() == [0.0, 1.0, 2.0, 5.0, 6.0]
+    assert system.edges.tolist() == [0, 0, 0, 1, 1] and system.edge_names == ("contact", "pad")
+    assert system.points[:, 0].tolist() == [0.0, 1.0, 3.0, 5.0, 6.0]
     assert system.f.tolist() == [0.32] * 3 + [0.1] * 2
     assert system.g0 == pytest.approx([0.0, 0.0, 0.0, 0.0, 0.2])
-    assert system.x.tolist() == [-1.0, 0.0, 1.0, -0.5, 0.5]
-    assert system.weight.tolist() == [0.5, 1.0, 0.5, 0.5, 0.5]
+    assert system.x.tolist() == [-1.5, -0.5, 1.5, -0.5, 0.5]
+    assert system.weight.tolist() == [0.5, 1.5, 1.0, 0.5, 0.5]
 
 
 def turned(path: Path, old: str, new: str) -> None:
@@ -295,7 +295,7 @@ def test_exported_matrices_can_be_imported_again(
     assert cli.main(head) == 0
     assert "7 contact nodes, 2 load(s), written to" in capsys.readouterr().out
     assert cli.main(head) == 2 and "already exists" in capsys.readouterr().err
-    assert cli.main([*head, "--overwrite"]) == 0
+    assert cli.main(["export", str(tmp_path), *head[2:], "--overwrite"]) == 0  # of a run's folder
     table = np.loadtxt(out / "nodes.csv", delimiter=",", skiprows=1)
     names = (out / "nodes.csv").read_text().splitlines()[0]
     assert names.lstrip("# ") == "x,px,py,weight,f_forward,f_backward,gap,held_v,held_w"
@@ -304,6 +304,7 @@ def test_exported_matrices_can_be_imported_again(
     rows = [f"{i},{x!r},{y!r}" for i, (x, y) in enumerate(table[:, 1:3].tolist(), 1)]
     (out / "points.csv").write_text("\n".join(rows))
     r_star = io.mmread(out / "r_star.mtx")
+    assert "r_star of [v; w]; loads P, Q\n" in (out / "r_star.mtx").read_text()
     text = 'stiffness = "stiffness.mtx"\nnodes = "points.csv"\nfree = 3\norder = "components"\n'
     text += f"[[contact]]\nnodes = {list(range(1, first.n + 1))}\nnormal = [0, 1]\n"
     text += "friction = 0.32\n"

@@ -13,7 +13,7 @@ from bodies import block
 
 import receding_fenicsx as rf
 from receding_fenicsx.evolution.journal import JOURNAL
-from receding_fenicsx.scene.identity import digest
+from receding_fenicsx.scene.identity import body_of, digest, identity_of
 from receding_fenicsx.scene.model import TABLE_OF
 from receding_fenicsx.scene.toml_file import known_scene
 from receding_fenicsx.store import hdf5
@@ -138,6 +138,7 @@ def test_every_key_reads_back_as_it_was_written() -> None:
 
 def test_saved_system_depends_on_all_of_the_body_and_on_nothing_else() -> None:
     mine, impossible = digest(FULL), set()
+    whole, body = identity_of(FULL), body_of(FULL)
     for key, other in variants(FULL):
         table, _, last = key.rpartition(".")
         physical = (table or key) in PHYSICAL
@@ -148,6 +149,10 @@ def test_saved_system_depends_on_all_of_the_body_and_on_nothing_else() -> None:
             impossible.add(key)  # there is no such file or material
             continue
         assert (found != mine) == physical, key
+        # a system of a sweep has its probes, and a case all but the title
+        assert (body_of(other) != body) == (physical or (table or key) == "probe"), key
+        assert (identity_of(other) == whole) == (key == "title"), key
+    assert identity_of(FULL, 1) != whole
     assert impossible == {"body.material", "body.mesh", "material", "material.name"}
 
 
