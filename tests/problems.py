@@ -421,7 +421,7 @@ def _needless_jumps(p: Problem, run: Replay) -> list[str]:
     found = []
     for jump in run.jumps:
         leg, rest = jump.leg, max(1.0 - jump.s, SAME)
-        if leg.noise.max() > HIDDEN * leg.force:
+        if max(leg.noise.max(), jump.doubt) > HIDDEN * leg.force:
             continue  # round-off of far displacements decides whether it jumps
         way = p.system, leg.load(jump.s).astype(float), leg.ends[1], jump.u, jump.state, leg.force
         try:

@@ -75,12 +75,16 @@ class Totals:
 
 
 class Jump(NamedTuple):
-    """A jump of an exact record: its leg, where laws hold last, displacements and states there."""
+    """A jump of an exact record: its leg, where laws hold last, displacements and states there.
+
+    ``doubt`` is the round-off of displacements so far, as a force.
+    """
 
     leg: Leg
     s: float
     u: Array
     state: Array
+    doubt: float
 
 
 class Step(NamedTuple):

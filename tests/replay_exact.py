@@ -502,5 +502,5 @@ def _jump(
         totals.hidden += 1
         return after
     totals.jumps += 1
-    run.jumps.append(Jump(leg, s_held, u.astype(float), old))
+    run.jumps.append(Jump(leg, s_held, u.astype(float), old, float(run.doubt.max())))
     return after
