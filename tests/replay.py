@@ -75,16 +75,13 @@ class Totals:
 
 
 class Jump(NamedTuple):
-    """A jump of an exact record: its leg, where laws hold last, displacements and states there.
-
-    ``doubt`` is the round-off of displacements so far, as a force.
-    """
+    """A jump: its leg, where laws hold last, displacements and states there."""
 
     leg: Leg
     s: float
     u: Array
     state: Array
-    doubt: float
+    doubt: float  # round-off of u as a force
 
 
 class Step(NamedTuple):

@@ -411,10 +411,7 @@ def _jump_place(
     ends: tuple[Array, Array],
     slack: float = 0.0,
 ) -> float:
-    """Return the place on a piece that ends in a jump up to which its laws hold.
-
-    Violations up to ``slack`` come from the places of the events before.
-    """
+    """Return the place on a piece before a jump up to which its laws hold, but for a slack."""
     body, n, here = run.body, run.body.n, run.body.states(now)
     margins = [_margins(run, leg.load(s), now, u) for s, u in zip(at, ends, strict=True)]
     crossed = (margins[1] < -slack) & (margins[1] < margins[0])
