@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 
     from receding_fenicsx.bulk.stack import Stack
     from receding_fenicsx.interface.branches.critical_friction import CriticalFriction
-from receding_fenicsx.interface.system import ContactSystem
+    from receding_fenicsx.interface.system import ContactSystem
 
 
 def snapshot(

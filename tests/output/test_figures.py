@@ -321,9 +321,7 @@ def test_the_same_record_gives_the_same_files_of_the_width_asked_for(tmp_path: P
     """A file is written a second time over the first."""
     made = rf.figures.plot_all(record("monotonic"), tmp_path)
     first = [path.read_bytes() for path in made]
-    assert [path.name for path in made] == [
-        f"tractions_first_loading.{ending}" for ending in ("png", "pdf")
-    ]
+    assert [path.name for path in made] == [f"{FIGURES[0]}.{end}" for end in ("png", "pdf")]
     assert first[1].startswith(b"%PDF")
     with pytest.raises(rf.InputError, match=r"no format 'docx'; use one of .*pdf.*png"):
         rf.figures.plot_all(record("monotonic"), tmp_path, "docx")

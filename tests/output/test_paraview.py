@@ -64,9 +64,11 @@ def half() -> dict[float, tuple[Grid, Moment]]:
 
 
 def cells_of(grid: Grid) -> np.ndarray[Any, Any]:
-    """Return the points (m, 3) of the triangles."""
-    rows = grid.topology[: 4 * np.count_nonzero(grid.in_cells["part"])].reshape(-1, 4)
-    assert np.all(rows[:, 0] == 4)
+    """Return the points (m, 3 or 4) of the triangles or quadrilaterals."""
+    part = grid.in_cells["part"]
+    cells = np.count_nonzero(part)
+    rows = grid.topology[: len(grid.topology) - 4 * (len(part) - cells)].reshape(cells, -1)
+    assert np.all(rows[:, 0] == rows.shape[1])  # XDMF's number: 4 a triangle, 5 a quadrilateral
     return rows[:, 1:]
 
 
@@ -96,13 +98,20 @@ def test_contact_has_the_values_of_the_record(half: dict[float, tuple[Grid, Mome
         assert all(np.all(np.isnan(grid.at_points[n][off])) for n in ("p", "q", "gap", "slip"))
 
 
-def test_both_bodies_and_their_contact_are_one_grid() -> None:
-    found = grids(two_blocks(), 1.0)
+@pytest.mark.parametrize("cell", ["triangle", "quadrilateral"])
+def test_both_bodies_and_their_contact_are_one_grid(cell: str, shared_tmp_path: Path) -> None:
+    scene = two_blocks()
+    found = grids(replace(scene, mesh=replace(scene.mesh, cell=cell)), 1.0)
     for grid, end in found.values():
+        if COMM.rank == 0:
+            write_instant(file := shared_tmp_path / "cycle0000_leg0_s1.000.xdmf", grid, 1.0)
+            kinds = [block.type for block in meshio.read(file).cells]
+            assert kinds == [cell.replace("rilateral", ""), "line"]
         part = grid.in_cells["part"]
-        corners = grid.points[cells_of(grid)]
-        sides = corners[:, 1:, :2] - corners[:, :1, :2]
-        area = 0.5 * np.abs(np.linalg.det(sides))
+        x, y, _ = np.moveaxis(grid.points[cells_of(grid)], -1, 0)
+        # with the corners in order around each cell
+        around = x * np.roll(y, -1, axis=1) - y * np.roll(x, -1, axis=1)
+        area = 0.5 * np.abs(around.sum(axis=1))
         body = part[part > 0]
         assert [area[body == k].sum() for k in (1, 2)] == pytest.approx([4.0, 16.0])
         assert np.count_nonzero(part == 0) == len(end.x) - 1
@@ -167,16 +176,9 @@ def test_meshio_and_pyvista_read_the_series(
                 assert np.array_equal(at_points[name], values, equal_nan=True)
             assert np.array_equal(np.concatenate(in_cells["part"]), grid.in_cells["part"])
     lost.unlink()
-    (first, *_) = sorted(shared_tmp_path.glob("cycle*.xdmf"))
-    assert [block.type for block in meshio.read(first).cells] == ["triangle", "line"]
     # in a process of its own: DOLFINx and VTK do not go well together
-    done = subprocess.run(
-        [sys.executable, "-c", READ, str(series)],
-        env=environment.child_environment(),
-        capture_output=True,
-        text=True,
-        timeout=300,
-    )
+    command, own = [sys.executable, "-c", READ, str(series)], environment.child_environment()
+    done = subprocess.run(command, env=own, capture_output=True, text=True, timeout=300)
     rows = np.array(done.stdout.split(), dtype=float).reshape(-1, 8)
     assert len(rows) == len(half), done.stderr
     for time, row in zip(sorted(half), rows, strict=True):
