@@ -1,4 +1,5 @@
 import errno
+import io
 import logging
 import platform
 import re
@@ -20,6 +21,7 @@ from receding_fenicsx.errors import InputError, InputErrors, SolveError
 from receding_fenicsx.output.plots.figures import draw_all
 from receding_fenicsx.studies import run as study
 from receding_fenicsx.terminal import progress
+from receding_fenicsx.timing import Countdown
 
 DEMOS = Path(__file__).parents[1] / "demos"
 BLOCK = str(DEMOS / "block.toml")
@@ -62,8 +64,10 @@ def test_check_and_condense_tell_the_nodes_and_the_symmetry_of_the_run(
     record = rf.run(rf.read_scene(BLOCK, wanted))
     if record is not None:
         body, part = ("half of the", "half") if record.half else ("the whole", "whole")
-        assert f"; {len(record.x)} contact nodes, {body} body, " in said
-        assert f"\n{record.modelled_nodes} contact nodes of the {part} body, " in said
+        nodes = f"{len(record.x)} contact nodes, {body} body"
+        assert said.startswith(f"{BLOCK}: can be modelled; {nodes}, loads p0, 1 cycles\n")
+        nodes = f"\n{record.modelled_nodes} contact nodes of the {part} body"
+        assert said.endswith(f"{nodes}, written to {out[1]}\n")
         assert ("\nwarning: [mesh] degree: elements of" in said) == ("mesh.degree=1" in changes)
 
 
@@ -332,6 +336,21 @@ def test_import_and_help_wait_for_no_library_and_set_threads_before_them() -> No
         timeout=300,
     )
     assert done.stdout.splitlines()[-3:] == ["set()", "1 3", "set()"]
+
+
+@pytest.mark.one_rank
+def test_a_terminal_shows_stage_and_bar_and_erases_them(monkeypatch: pytest.MonkeyPatch) -> None:
+    screen = io.StringIO()
+    monkeypatch.setattr(screen, "isatty", lambda: True)
+    monkeypatch.setattr(sys, "stderr", screen)
+    monkeypatch.setenv("TERM", "xterm")
+    with progress() as say:
+        say("mesh [1]")
+        Countdown(say, "frames:")(1, 4, "b, of many")
+    shown = re.sub(r"\x1b\[[\d;?]*\w", "", screen.getvalue())
+    assert " mesh [1]" in shown
+    assert f" 0:00:00 {'━' * 4}╺{'━' * 11} frames: 1 of 4, b, about 0 s left" in shown  # 16 long
+    assert screen.getvalue().endswith("\x1b[2K")  # erased
 
 
 @pytest.mark.one_rank

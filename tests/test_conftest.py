@@ -5,12 +5,9 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-SUITE = (Path(__file__).parent / "programs" / "suite.txt").read_text()
-STUCK = """
-def test_rank_1_never_comes():
-    assert rank == 0, "rank 1 broke here"
-    comm.Barrier()
-"""
+SUITE, STUCK = (
+    (Path(__file__).parent / "programs" / name).read_text() for name in ("suite.txt", "stuck.txt")
+)
 
 
 def test_what_fails_on_one_rank_fails_on_all_and_nobody_waits_for_ever(

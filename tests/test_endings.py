@@ -130,14 +130,20 @@ def test_damaged_run_is_not_resumed_and_leaves_nothing_beside_it(
 @pytest.fixture(scope="module")
 def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Folder of a finished run of 4 cycles."""
-    out = tmp_path_factory.mktemp("finished") / "run"
-    study.run(
-        rf.from_toml(SCENE, ["history.cycles=4"]),
-        out,
-        study.RunOptions(pictures=False),
-        MPI.COMM_SELF,
-    )
+    out, options = tmp_path_factory.mktemp("finished") / "run", study.RunOptions(pictures=False)
+    study.run(rf.from_toml(SCENE, ["history.cycles=4"]), out, options, MPI.COMM_SELF)
     return out
+
+
+@pytest.mark.one_rank
+@pytest.mark.parametrize("option", ["--error", "--starts=3"])
+def test_a_finished_run_is_not_gone_on_with_for_an_error_or_starts(
+    option: str, finished: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    more = ["--set", "history.cycles=4", "--resume", option, "--out", str(finished)]
+    told = refused(capsys, "run", write(tmp_path / "scene.toml", SCENE), *more)
+    needs = f"the run is finished, {option.partition('=')[0]} needs a new one"
+    assert told.endswith(f"error: {finished}: {needs}; give --overwrite, not --resume\n")
 
 
 # -- a full disk ---------------------------------------------------------------------------------

@@ -108,17 +108,8 @@ def test_notebooks_run(beside_demos: Path, monkeypatch: pytest.MonkeyPatch, name
 
 
 BEFORE = {
-    "exchange": """
-import receding_fenicsx as rf
-scene = rf.read_scene("demos/half_planes.toml", [*CHANGES, "contact.friction=1.2"])
-rf.write_system("block.h5", rf.condense(scene))
-""",
-    "uniqueness": """
-import receding_fenicsx as rf
-scene = rf.read_scene("demos/block.toml", [*CHANGES, "history.cycles=1"])
-system, history = rf.condense(scene), rf.history_from_scene(scene)
-record = rf.evolve(system, scene)
-""",
+    path.stem.partition("_")[2]: path.read_text()
+    for path in Path(__file__).with_name("programs").glob("before_*.txt")
 }
 """What a page's programs take for granted, on a coarse mesh."""
 

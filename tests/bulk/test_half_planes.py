@@ -22,30 +22,7 @@ MESHED = Path(__file__).parents[2] / "meshes" / "pad.geo"
 UPPER = 'name = "upper"\nshape = "half-plane"\nwidth = 2.4\n'
 LOWER = 'name = "lower"\nshape = "half-plane"\nwidth = 2.4\n'
 PAIR = (Path(__file__).parents[2] / "demos" / "half_planes.toml").read_text()
-ONE = """
-[body]
-shape = "half-plane"
-width = 3.0
-[material]
-young = 200.0
-poisson = 0.3
-[mesh]
-contact_elements = 160
-[contact]
-edge = "bottom"
-friction = 0.0
-initial_gap = "x**2 / 100"
-[[load]]
-name = "P"
-edge = "far"
-force = [0.0, -1.0]
-[history]
-kind = "table"
-columns = ["P"]
-rows = [[1.0]]
-[output]
-samples_per_leg = 1
-"""
+ONE = Path(__file__).with_name("half_plane.toml").read_text()
 
 
 def pressure_error(record: rf.Record, hertz: closed_forms.Hertz) -> float:
@@ -157,16 +134,7 @@ def test_cylinders_of_different_materials_stick_by_dundurs_beta() -> None:
 
 
 TENSION = 0.4 * 1.2 * SHEARED.f * HERTZ.p0
-STRETCHED = """
-[[load]]
-name = "S"
-edge = "{edge}"
-tension = {tension}
-[history]
-kind = "table"
-columns = [{columns}]
-rows = [{rows}]
-"""
+STRETCHED = Path(__file__).with_name("stretched.toml").read_text()
 
 
 def stretched(text: str, edge: str, columns: str, rows: str, tension: float = TENSION) -> str:
