@@ -144,9 +144,10 @@ def test_run_prints_a_table_and_no_progress_into_a_file(
     shared_tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     out = shared_tmp_path / "run"
-    assert cli.main(["run", BLOCK, *SMALL, "--pictures", "figures", "--out", str(out)]) == 0
-    captured = capsys.readouterr()
-    assert captured.err == ""
+    words = [*SMALL, "--pictures", "figures", "--resume", "--out", str(out)]
+    assert cli.main(["run", BLOCK, *words]) == 0
+    captured, told = capsys.readouterr(), f"{out}: nothing to resume, starting from rest\n"
+    assert captured.err == f"receding-fenicsx: {told}" * root
     if root:
         for word in ("81 contact nodes", "stick half width", "dissipation", " MB", str(out)):
             assert word in captured.out
@@ -157,6 +158,18 @@ def test_run_prints_a_table_and_no_progress_into_a_file(
         assert not (out / "snapshots").exists()
     else:
         assert captured.out == ""
+
+
+@pytest.mark.one_rank
+def test_a_study_tells_where_its_table_is_or_who_writes_it(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    cases, path = cli.Cases(out=tmp_path, shard="1/3"), tmp_path / "sweep.csv"
+    cases.show("rows", path.name)
+    path.touch()
+    cases.show("rows", path.name)
+    share = f"share 1/3 is finished; the last one writes {path}"
+    assert capsys.readouterr().out == f"rows\n{share}\nrows\nwritten to {path}\n"
 
 
 @pytest.mark.parametrize(
