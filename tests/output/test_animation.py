@@ -80,8 +80,7 @@ def test_film_shows_all_frames_with_the_states_and_the_loads(
         assert near.sum() > 300, f"state {state} does not show"
     pages = Image.open(gif)
     assert pages.n_frames == len(frames)  # type: ignore[attr-defined]
-    assert pages.info["loop"] == 0
-    assert pages.size[0] == 800
+    assert (pages.info["loop"], pages.size[0]) == (0, 800)
     pages.seek(FRAMES // 2)
     pixels = np.asarray(pages.convert("RGB"))
     for colour in (*rf.style.STATE_COLOURS.values(), rf.style.SHEAR_COLOUR):

@@ -135,11 +135,8 @@ def test_node_at_the_limit_that_never_moves_is_found_where_it_reaches_it() -> No
     Q[rows] = 0.5 * found.f * table.P[rows]
     Q[when, node] = found.f[node] * table.P[when, node]
     still = limit_nodes(replace(found, samples=replace(table, state=state, Q=Q, v=v)), 9)
-    assert still.node.tolist() == [node]
-    assert still.leg.tolist() == [table.leg[when]]
-    assert still.s.tolist() == [table.s[when]]
-    assert still.strict
-    assert not still.stuck[0]
+    assert [still.node, still.leg, still.s] == [[node], table.leg[when], table.s[when]]
+    assert still.strict and not still.stuck[0]
 
 
 def test_a_change_between_stick_and_slip_that_is_undone_at_once_is_no_zone() -> None:

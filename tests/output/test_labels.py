@@ -169,8 +169,7 @@ def test_the_unit_of_forces_is_for_unit_thickness_in_the_plane_only() -> None:
         (rf.Units("m", None, "kN m⁻¹"), "kN m⁻¹", ""),
         (rf.Units(force="N/m"), "N/m", ""),
     ):
-        assert units.of_force(axisymmetric=False) == plane
-        assert units.of_force(axisymmetric=True) == round_
+        assert [units.of_force(around) for around in (False, True)] == [plane, round_]
 
 
 @pytest.mark.parametrize("kinematics", ["plane strain", "axisymmetric"])

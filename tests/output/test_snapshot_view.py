@@ -21,6 +21,7 @@ from receding_fenicsx.bulk.fields import Fields
 from receding_fenicsx.evolution.instants import Instant
 from receding_fenicsx.output.plots.labels import length_of
 from receding_fenicsx.output.snapshots.page import QUANTITIES, Clock, colours_of, compose, layout_of
+from receding_fenicsx.output.snapshots.page import _draw_plane as draw_plane
 from receding_fenicsx.output.snapshots.view import Arrows, View, _caption, _traction
 
 DEMOS = Path(__file__).parents[2] / "demos"
@@ -77,9 +78,7 @@ def test_view_is_over_the_height_and_the_pressure_that_acts(symmetry: str) -> No
     assert view.caption == r"first unloading, $p_{0} = \frac{1}{3}\,p_{0}^{\,\mathrm{max}}$"
     (load,) = view.arrows
     # the largest load's arrow is 0.24 of the height long
-    assert load.heads - load.tails == pytest.approx(
-        np.broadcast_to([0.0, -0.08], load.heads.shape), abs=1e-12
-    )
+    assert np.allclose(load.heads - load.tails, [0.0, -0.08], rtol=0.0, atol=1e-12)
     # they end 0.02 of it above the deformed edge
     assert above_top(view, load.heads) == pytest.approx(0.02, abs=2e-3)
 
@@ -205,6 +204,12 @@ def test_band_of_states_has_the_colours_of_the_legend_where_the_states_are() -> 
         assert next(both) == pytest.approx(next(both), abs=0.01)
     upright = replace(view, strips=(replace(strip, normal=np.array([1.0, 0.0])),))
     assert page_of(upright).axes[1].get_xlim() == (strip.x[0], strip.x[-1])
+    # beyond a shorter contact edge no plane is known
+    inner = np.abs(strip.x) <= 1.0
+    cut: Any = {key: getattr(strip, key)[inner] for key in ("x", "place", "moved", "gap", "state")}
+    for shown, end in ((strip, 2.0 + 0.05 * view.size), (replace(strip, **cut), 1.0)):
+        draw_plane(axes := Figure().subplots(), view, shown)
+        assert np.max(axes.lines[0].get_xdata()) == pytest.approx(end)
     for found, zone in zip(ends, expected, strict=True):
         assert found[0] == zone[0] and found[1:] == pytest.approx(zone[1:])
 
@@ -225,6 +230,8 @@ def test_pictures_of_scenes_of_all_kinds_show_every_contact_edge_as_the_record_h
     assert np.divide(*layout.pixels) == pytest.approx((right - left) / (top - bottom), rel=0.01)
     sides = view.moved.min(axis=0) - (left, bottom), (right, top) - view.moved.max(axis=0)
     assert view.near or np.min(sides) > 0.0
+    longest = [np.linalg.norm(a.heads - a.tails, axis=1).max() for a in view.arrows]
+    assert max(longest, default=0.0) < 0.2401 * view.size
     length = length_of(scene) or 1.0
     # a round number by which the largest displacement is a tenth of the height, or less
     largest, high = np.linalg.norm(fields.displacement, axis=1).max(), np.ptp(view.points[:, 1])
@@ -291,9 +298,13 @@ def test_pages_draw_what_is_known() -> None:
         for stress in ("syy", "max_shear"):
             own = clock if name == "travelling" else None
             check_page(page := page_of(view, stress, own), name)
-            bar = page.axes[-1]
-            apart = bar.bbox.height / 50.0 / np.ptp(bar.get_ylim()) * np.diff(bar.get_yticks())[0]
-            assert 0.18 <= apart < 0.5  # inches between numbers
+            body, *_, bar = page.axes
+            for band in (c for c in body.collections if isinstance(c, PolyCollection)):
+                corners = [body.transData.transform(path.vertices) for path in band.get_paths()]
+                assert min(np.ptp(box[:, 1]) for box in corners) > 0.122 * 50.0  # room for numbers
+            high, tall = bar.bbox.height / 50.0, np.ptp(body.transData.transform(view.moved)[:, 1])
+            assert high == pytest.approx(max(tall / 50.0, 0.7), rel=0.07)  # inches, as the body
+            assert 0.18 <= high * np.diff(bar.get_yticks())[0] / np.ptp(bar.get_ylim()) < 0.5
             found += told(page, f"{name} {stress}")
             x, *curves = view.x, view.p, view.q
             for line, values in zip(page.axes[1].lines[-2:], curves, strict=True):

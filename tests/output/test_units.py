@@ -208,10 +208,8 @@ def test_a_load_and_its_conjugate_have_the_units_whose_product_is_work(
 @pytest.mark.parametrize("unit", ["$", "$$", r"\$x", "%_^{}", "µm", "$\\frac", "a$b"])
 def test_no_unit_is_taken_for_mathematics(unit: str) -> None:
     record = given_units(odd("plane strain"), rf.Units(unit, unit, unit))
-    for figure in (
-        rf.figures.tractions(record, record.at(1, "minimum")),
-        rf.figures.hysteresis(record, CYCLES),
-    ):
+    draw, low = rf.figures, record.at(1, "minimum")
+    for figure in (draw.tractions(record, low), draw.hysteresis(record, CYCLES)):
         figure.canvas.draw()
         shown = [text.get_text() for text in figure.findobj(Text) if unit[-1] in text.get_text()]
         assert shown
