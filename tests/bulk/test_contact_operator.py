@@ -99,8 +99,7 @@ def test_rings_with_interference_have_lames_pressure_with_the_order_of_the_eleme
     errors = []
     for n in (24, 48):
         scene = rings(shared_tmp_path, (n, n + shift * (n // 24)), degree, turn)
-        found = last(scene)
-        system, record = found
+        system, record = last(scene)
         P, Q = record.turning_points.P[-1], record.turning_points.Q[-1]
         errors.append(np.abs(P / system.weight - LAME).max() / LAME)
         # also on the coarser side's chords, translations and rotation move nothing

@@ -13,7 +13,6 @@ from small import named_loads
 import receding_fenicsx as rf
 from receding_fenicsx.bulk.body import Bulk
 from receding_fenicsx.bulk.stack import build
-from receding_fenicsx.studies.run import condense as condense_scene
 
 comm = MPI.COMM_WORLD
 Array = NDArray[np.float64]
@@ -149,7 +148,7 @@ PUSHES = {
 @pytest.mark.parametrize("kind", PUSHES)
 def test_a_face_that_touches_the_contact_pushes_up_to_gross_slip(kind: str) -> None:
     """Then the whole contact carries f N, 1.4 of 4 x 1, and so does what drives the face."""
-    system = condense_scene(bars(PUSHES[kind]), comm)
+    system = rf.condense(bars(PUSHES[kind]), comm)
     if system is None:
         return
     if kind == "platen":

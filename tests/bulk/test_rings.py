@@ -12,15 +12,8 @@ import receding_fenicsx as rf
 from receding_fenicsx.bulk.stack import contact_of
 from receding_fenicsx.interface.measures.zones import on_axis
 from receding_fenicsx.output.report.contact import zones_header, zones_shown
-from receding_fenicsx.studies import run as study
-from receding_fenicsx.studies.run import condense as condense_scene
 
 comm = MPI.COMM_WORLD
-
-
-def evolved(scene: rf.Scene) -> rf.Record | None:
-    system = condense_scene(scene)
-    return None if system is None else rf.evolve(system, scene)
 
 
 def punch(degree: int, elements: int) -> tuple[float, float, float]:
@@ -33,7 +26,7 @@ def punch(degree: int, elements: int) -> tuple[float, float, float]:
         contacts=(rf.Contact(friction=0.0, span=(0.0, 1.0)),),
         loads=(rf.Load("P", "top", pressure=force / (np.pi * height**2)),),
     )
-    record = evolved(scene)
+    record = rf.run(scene)
     if record is None:
         return 0.0, 0.0, 0.0
     inside = record.x < 0.9
@@ -72,7 +65,7 @@ def washer(cell: str = "triangle", degree: int = 2, **parts: object) -> rf.Scene
 def test_rectangle_beside_the_axis_is_lames_ring_at_its_own_radii(cell: str, degree: int) -> None:
     """u_r = ((1 - nu) A r + (1 + nu) B / r + nu p r) / E, with p on the plane everywhere."""
     a, b, inside, top = 3.0, 7.0, 0.5, 0.8
-    record = study.run(washer(cell, degree, mesh=rf.MeshOptions(32, cell, degree, 1.3)))
+    record = rf.run(washer(cell, degree, mesh=rf.MeshOptions(32, cell, degree, 1.3)))
     if record is None:
         return
     x, table = record.x, record.turning_points
@@ -113,7 +106,7 @@ def test_profiles_spans_and_tables_of_a_ring_know_its_radii() -> None:
     assert comm.allreduce(down[0]) == pytest.approx(152.0 / 3.0, rel=1e-12)
     assert comm.allreduce(down[1]) == pytest.approx(127.0 / 30.0, rel=1e-12)
     bulk.destroy()
-    system = study.condense(scene)
+    system = rf.condense(scene)
     if system is not None:
         assert (system.x[0], system.x[-1]) == (3.5, 6.0)
         assert system.f == pytest.approx(0.05 * system.x)

@@ -162,8 +162,7 @@ def test_orthotropic_block_has_the_compliance_across_its_fibres(angle: float, de
         history=ONCE,
     )
     assert is_half_meshed(scene) == (angle != 30.0)
-    found = last(scene)
-    _, record = found
+    record = last(scene)[1]
     s, c = np.sin(np.radians(angle)), np.cos(np.radians(angle))
     soft = s**4 / 8.0 + c**4 / 2.0 + s**2 * c**2 * (1.0 / 0.7 - 2.0 * 0.25 / 8.0)
     assert record.turning_points.P[-1].sum() == pytest.approx(0.4, rel=1e-9)

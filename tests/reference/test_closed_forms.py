@@ -8,15 +8,9 @@ from scipy.optimize import brentq
 
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.reference import closed_forms
-from receding_fenicsx.reference.closed_forms import (
-    LAYER_ON_HALF_PLANE,
-    LAYERS,
-    CattaneoMindlin,
-    Hertz,
-    bilateral_pressure,
-)
+from receding_fenicsx.reference.closed_forms import CattaneoMindlin, Hertz
 from receding_fenicsx.reference.fretting import cycle_dissipation
-from receding_fenicsx.reference.layer import contact_half_width, double_half_widths
+from receding_fenicsx.reference.layer import _pressures, contact_half_width, double_half_widths
 
 
 def integral_of_arcs(values, end: float) -> float:  # type: ignore[no-untyped-def]
@@ -37,14 +31,16 @@ def test_pressures_carry_the_load(known: closed_forms.Pressed) -> None:
 
 
 def test_bilateral_pressure_changes_sign_at_filons_value() -> None:
-    zero = brentq(lambda x: float(bilateral_pressure(x)), 1.2, 1.5, xtol=1e-10)
+    zero = brentq(lambda x: float(closed_forms.bilateral_pressure(x)), 1.2, 1.5, xtol=1e-10)
     assert zero == pytest.approx(closed_forms.FILON_ZERO, abs=2e-7)
 
 
 @pytest.mark.parametrize("load", [0.0, 0.5, 2.0])
 def test_bilateral_pressure_carries_the_load_and_has_no_moment_beyond(load: float) -> None:
     x = np.linspace(0.0, 12.0, 601)
-    assert 2.0 * trapezoid(bilateral_pressure(x, load), x) == pytest.approx(1.0, abs=1e-4)
+    assert 2.0 * trapezoid(closed_forms.bilateral_pressure(x, load), x) == pytest.approx(
+        1.0, abs=1e-4
+    )
 
 
 def test_hertz_pressure_carries_the_force_and_follows_the_gap() -> None:
@@ -152,8 +148,8 @@ def test_forms_of_stretched_bodies_end_where_they_no_longer_hold() -> None:
 
 
 def test_half_widths_of_layers_are_the_tabulated_ones() -> None:
-    found = {known.half_width: contact_half_width(known.load) for known in LAYERS}
-    for (alpha, load), c in LAYER_ON_HALF_PLANE.items():
+    found = {known.half_width: contact_half_width(known.load) for known in closed_forms.LAYERS}
+    for (alpha, load), c in closed_forms.LAYER_ON_HALF_PLANE.items():
         strip = 0.0 if load == "line load" else 0.5
         found[c] = contact_half_width(strip, (1.0 - alpha) / (1.0 + alpha))
     assert [*found.values()] == pytest.approx([*found], rel=1e-7)
@@ -165,9 +161,10 @@ def test_two_layers_have_the_limits_of_one() -> None:
     first, second = double_half_widths(0.5, 1.0, 40.0)
     assert first == pytest.approx(contact_half_width(0.5, 1.0), rel=1e-3)
     assert second / 40.0 == pytest.approx(contact_half_width(0.0), rel=1e-3)
-    # a thin stiff one hands all pressure on to the plane
-    thin = double_half_widths(0.5, 0.05, 0.05)
-    assert thin == pytest.approx([contact_half_width(0.5)] * 2, rel=0.01)
+    # a thin stiff one hands all pressure on to the plane; both pressures end without singularity
+    thin = double_half_widths(0.5, 0.03, 0.2)
+    assert thin == pytest.approx([contact_half_width(0.5)] * 2, rel=0.03)
+    assert np.abs(_pressures(np.array(thin), 0.5, 0.03, 0.2)[:, -1]).max() < 1e-9
 
 
 # -- dissipation of sheared cylinders by the memory of the contact --------------------------------
@@ -186,3 +183,19 @@ def test_constant_normal_force_gives_the_loop_of_cattaneo_and_mindlin(part: floa
     if part == 0.1:
         half = CattaneoMindlin(HERTZ, F, 0.5 * largest).dissipation()
         assert known / half == pytest.approx(8.0, rel=0.05)
+
+
+def test_loads_around_a_rectangle_dissipate_the_work_of_its_sides() -> None:
+    """P from 1 to 2, Q from -f D to f D: at P = 1 slip reaches to 1 - D, at P = 2 to 2 - 2 D.
+
+    What has grown from 1 to 2 has no traction before and is lost again: with Q du on three sides
+    the work is f^2 / (pi E*) times the integral of (2 D - x) ln(2 - x) - x ln(1 - x / 2) to 2 D.
+    """
+    D, s = 0.4, np.linspace(0.0, 4.0, 801)
+    P, Q = (np.interp(s, range(5), of) for of in ([1, 2, 2, 1, 1], [-1, -1, 1, 1, -1]))
+    x = np.linspace(0.0, 2.0 * D, 2001)
+    known = trapezoid((2.0 * D - x) * np.log(2.0 - x) - x * np.log(1.0 - 0.5 * x), x)
+    found = cycle_dissipation(HERTZ, F, P, F * D * Q)
+    assert found == pytest.approx(F**2 / (np.pi * HERTZ.modulus) * known, rel=1e-3)
+    # in proportion to P below f P nothing slips
+    assert abs(cycle_dissipation(HERTZ, F, P, 0.9 * F * P)) < 1e-12 * found

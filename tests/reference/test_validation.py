@@ -89,16 +89,15 @@ def cut_out(elements: int, cell: str, degree: int) -> rf.Scene:
         parts = [{"x": along.tolist(), "value": part.tolist()} for part in (tx, ty)]
         return rf.Load(edge, edge, traction=(parts[0], parts[1]))
 
-    names = ("top", "right", "left")
-    normals = ((0, 1), (1, 0), (-1, 0))
+    normals = {"top": (0, 1), "right": (1, 0), "left": (-1, 0)}
     return rf.Scene(
         body=rf.Body(width=WIDTH, height=HEIGHT),
         material=rf.Material(1.0, POISSON),
         mesh=rf.MeshOptions(elements, cell, degree, growth=1.0),
         contacts=(rf.Contact("bottom", (-1.5, 1.5), 0.0, f"x**2 / {2.0 * RADIUS}"),),
-        loads=tuple(traction(*pair) for pair in zip(names, normals, strict=True)),
+        loads=tuple(traction(*pair) for pair in normals.items()),
         supports=(rf.Support("x", point=(0.0, HEIGHT)),),
-        history=rf.HistoryOptions("table", columns=names, rows=((0.0,) * 3, (1.0,) * 3)),
+        history=rf.HistoryOptions("table", columns=tuple(normals), rows=((0.0,) * 3, (1.0,) * 3)),
         probes=(rf.Probe("axis", segment=((0.0, 0.25), (0.0, 1.5)), count=6),),
     )
 
