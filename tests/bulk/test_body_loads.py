@@ -7,12 +7,11 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 from bodies import block, cylinder, played
-from numpy.typing import NDArray
 
 import receding_fenicsx as rf
+from receding_fenicsx.arrays import Array
 
 comm = MPI.COMM_WORLD
-Array = NDArray[np.float64]
 E, NU = 2.0, 0.3
 HEAT = rf.Load("heat", thermal_strain=0.013)
 ONCE = rf.HistoryOptions(kind="monotonic")

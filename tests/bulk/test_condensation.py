@@ -9,14 +9,13 @@ import numpy as np
 import pytest
 from bodies import block, built, condense, system_of
 from models import block_system
-from numpy.typing import NDArray
 
 import receding_fenicsx as rf
+from receding_fenicsx.arrays import Array
 from receding_fenicsx.bulk import schur
 from receding_fenicsx.bulk.schur import norm
 
 comm = MPI.COMM_WORLD
-Array = NDArray[np.float64]
 
 
 @pytest.mark.parametrize("half", [False, True])

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from bodies import ONCE, last
 from msh import grid, ring
-from numpy.typing import NDArray
 from scipy.optimize import brentq
 
 import receding_fenicsx as rf
+from receding_fenicsx.arrays import Array
 from receding_fenicsx.bulk.from_scene import bulk_of
 from receding_fenicsx.bulk.stack import contact_of
 from receding_fenicsx.modal import _modes
@@ -20,8 +20,6 @@ from receding_fenicsx.output.report.run import slip_warnings
 from receding_fenicsx.timing import Timer
 
 pytestmark = pytest.mark.one_rank  # small bodies are condensed by one rank
-
-Array = NDArray[np.float64]
 
 
 def blocks(folder: Path, degree: int, counts: tuple[int, int], round_: bool) -> rf.Scene:

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from bodies import CELLS, block, built, condense, displacements, reactions
 from kinds import EVEN, UNEVEN
-from numpy.typing import NDArray
 
 import receding_fenicsx as rf
 from receding_fenicsx.bulk import _dolfinx
@@ -20,7 +19,6 @@ from receding_fenicsx.timing import Timer
 
 comm = MPI.COMM_WORLD
 KINDS = EVEN | UNEVEN
-Array = NDArray[np.float64]
 
 
 @pytest.mark.parametrize("name", [name for name in KINDS if name != "half-planes"])

@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 from images import Image, image_for
 from msh import grid, ring, write_msh
-from numpy.typing import NDArray
 
 import receding_fenicsx as rf
+from receding_fenicsx.arrays import Array
 from receding_fenicsx.bulk import stack
 from receding_fenicsx.bulk.fields import probe_matrix
 from receding_fenicsx.bulk.from_scene import bulk_of
@@ -22,7 +22,6 @@ from receding_fenicsx.bulk.stack import Stack
 from receding_fenicsx.timing import Timer
 
 comm = MPI.COMM_WORLD
-Array = NDArray[np.float64]
 DEMOS = Path(__file__).parents[2] / "demos"
 
 

@@ -7,15 +7,14 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 from bodies import ELEMENTS, block, built, make_mesh, system_of
-from numpy.typing import NDArray
 from small import named_loads
 
 import receding_fenicsx as rf
+from receding_fenicsx.arrays import Array
 from receding_fenicsx.bulk.body import Bulk
 from receding_fenicsx.bulk.stack import build
 
 comm = MPI.COMM_WORLD
-Array = NDArray[np.float64]
 
 PRESS = rf.Load("P", "top", platen=True, force=(0.0, -1.0))
 SHEAR = rf.Load("Q", "top", platen=True, force=(1.0, 0.0))
