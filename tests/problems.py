@@ -450,26 +450,12 @@ def _is_idle(p: Problem, record: rf.Record) -> bool:
     return bool(change < 1e-7 * max(HELD_SHARE * held, np.abs(ends.P).max(), np.abs(ends.Q).max()))
 
 
-def _ends(history: rf.History, cycle: int, leg: int) -> tuple[np.ndarray, np.ndarray]:
-    line = history.path if cycle == 0 else history.loop
-    return line[leg], line[leg + 1]
-
-
-def _is_balanced_beyond(p: Problem, error: rf.SolveError, done: int) -> bool:
-    """Return whether statics know of contact forces just behind the place that an error names."""
-    a, b = _ends(p.history, *_legs(p.history)[done])
-    place = np.array(named_loads(error, *p.system.load_names))
-    if len(place) == 0 or not np.any(a != b) or p.system.rigid.shape[1] == 0:
-        return True
-    s = float((place - a) @ (b - a)) / float((b - a) @ (b - a))
-    return balanced(p.system, a + min(1.0, s + SAME) * (b - a))
-
-
-def _legs(history: rf.History) -> list[tuple[int, int]]:
-    legs = [(0, k) for k in range(len(history.path) - 1)]
-    return legs + [
-        (c, k) for c in range(1, history.cycles + 1) for k in range(len(history.loop) - 1)
-    ]
+def _place(error: rf.SolveError, p: Problem, a: np.ndarray, b: np.ndarray) -> float | None:
+    """Return the place of the loads that an error names on the leg from a to b, None if off it."""
+    loads, way = np.array(named_loads(error, *p.system.load_names)), b - a
+    s = float((loads - a) @ way) / float(way @ way or 1.0) if len(loads) == len(a) else np.nan
+    off = np.abs(a + s * way - loads).max() if s == s else np.inf
+    return s if off <= 1e-8 * np.abs([a, b]).max() and -SAME <= s <= 1.0 + SAME else None
 
 
 def _refusal(p: Problem, error: rf.SolveError, reason: str) -> tuple[str, str]:
@@ -481,10 +467,18 @@ def _refusal(p: Problem, error: rf.SolveError, reason: str) -> tuple[str, str]:
         return (REFUSED if _is_idle(p, record) else FALSE), reason
     n, ends = p.system.n, record.turning_points
     done = len(ends.s)
-    if isinstance(error, rf.NoEquilibrium) and not _is_balanced_beyond(p, error, done):
-        return REFUSED, reason
-    cycle, leg = _legs(p.history)[done]
-    a, b = _ends(p.history, cycle, leg)
+    cycle, leg, path = 0, done, p.history.path
+    if done >= len(path) - 1:
+        path = p.history.loop
+        cycle, leg = divmod(done - len(p.history.path) + len(path), len(path) - 1)
+    a, b = path[leg : leg + 2]
+    named = _place(error, p, a, b)
+    if named is None or not str(error).startswith(f"cycle {cycle}, leg {leg}: "):
+        return FALSE, reason + " (off the leg)"
+    # statics may know of contact forces just behind that place
+    if isinstance(error, rf.NoEquilibrium) and np.any(a != b) and p.system.rigid.shape[1]:
+        if not balanced(p.system, a + min(1.0, named + SAME) * (b - a)):
+            return REFUSED, reason
     if done:
         u, state = np.concatenate([ends.v[-1], ends.w[-1]]), ends.state[-1].astype(int)
         force = max(np.abs(ends.P).max(), np.abs(ends.Q).max())

@@ -103,7 +103,7 @@ def test_an_error_names_the_first_choices_before_it() -> None:
     history = table(system, [*([0, 0], [1, 0]) * 4, [0, 1]])
     with pytest.raises(rf.NoQuasiStaticContinuation) as caught:
         rf.evolve(system, history, rf.SolverOptions(branch=1))
-    found = re.findall(r"leg (\d), s = 0 \(nodes \[0\], 1 of 2\)", str(caught.value))
+    found = re.findall(r"cycle 0, leg (\d), s = 0 \(nodes \[0\], 1 of 2\)", str(caught.value))
     assert found == ["0", "2", "4"] and " and 1 more: " in str(caught.value)
 
 
