@@ -56,7 +56,7 @@ def test_a_path_whose_forces_do_not_balance_is_refused(
     assert evolve(system, history).residual_max < 1e-15
     spoil_rates(monkeypatch, lift)
     if part > 1.0:
-        with pytest.raises(SolveError, match=r"cycle 0, leg 1: the exact path lost accuracy"):
+        with pytest.raises(SolveError, match=r"leg 1: .* before a = 2: residual 2.0e-11"):
             evolve(system, history)
     else:
         assert evolve(system, history).residual_max <= ACCEPTED_RESIDUAL
