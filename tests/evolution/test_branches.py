@@ -16,6 +16,7 @@ from ways import TooMany
 import receding_fenicsx as rf
 from receding_fenicsx.evolution import branches
 from receding_fenicsx.evolution.evolve import continue_history
+from receding_fenicsx.interface.branches.choice import Chooser
 from receding_fenicsx.interface.law import BACKWARD, SEPARATION, STICK
 
 pytestmark = [pytest.mark.one_rank, pytest.mark.once]
@@ -40,7 +41,7 @@ def test_branches_are_numbered_by_their_choices_from_the_first_on() -> None:
     tree = rf.branches(three, table(three, [[0.0], [1.0]]))
     assert [b.taken for b in tree] == [(1,), (2,), (3,)] and "3 branches (all)" in str(tree)
     lost = tree[2].record.dissipation_first_loading
-    assert lost > 0.0 and f"dissipation {lost:.6g};" in str(tree).splitlines()[3]
+    assert lost > 0.0 and f"\nbranch 2: 3 of 3; dissipation {lost:.6g};" in str(tree)
     # all is unloaded before the last leg, on which node 0 has the same two answers
     assert [branch.taken for branch in rf.branches(*two_nodes())] == [(1,), (2, 1), (2, 2)]
     # all cycles are sampled, and their dissipation is counted
@@ -74,6 +75,10 @@ def test_a_doubt_on_any_branch_is_one_of_the_tree(monkeypatch: pytest.MonkeyPatc
     monkeypatch.setattr(branches, "continue_history", doubting)
     tree = rf.branches(*two_nodes())
     assert tree.unsure == ((1, 0, 0.5), (2, 0, 0.5), (3, 0, 0.5)) and not tree.complete
+    assert re.search(r"at 3 instants not all .*, first in cycle 1, leg 0, at s = 0\.5\)", str(tree))
+    chooser = Chooser()
+    chooser.unsure = {(2, 1, 0.5), (1, 2, 0.25)}
+    assert chooser.text().endswith(" (first in cycle 1, leg 2, s = 0.25)")
 
 
 @pytest.mark.parametrize(
@@ -177,7 +182,7 @@ def test_branches_of_load_steps_and_of_limits_are_refused() -> None:
         rf.evolve(system, endless, rf.SolverOptions(branch=2))
     with pytest.raises(rf.InputError, match="a scene brings its own solver"):
         rf.branches(system, rf.Scene(), solver=rf.SolverOptions())
-    with pytest.raises(rf.InputError, match="most must be at least 1"):
+    with pytest.raises(rf.InputError, match="most must be at least 1, not 0"):
         rf.branches(system, history, most=0)
 
 
