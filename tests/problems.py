@@ -467,10 +467,10 @@ def _refusal(p: Problem, error: rf.SolveError, reason: str) -> tuple[str, str]:
         return (REFUSED if _is_idle(p, record) else FALSE), reason
     n, ends = p.system.n, record.turning_points
     done = len(ends.s)
-    cycle, leg, path = 0, done, p.history.path
-    if done >= len(path) - 1:
+    cycle, leg, path, first = 0, done, p.history.path, len(p.history.path) - 1
+    if done >= first:
         path = p.history.loop
-        cycle, leg = divmod(done - len(p.history.path) + len(path), len(path) - 1)
+        cycle, leg = divmod(done - first + len(path) - 1, len(path) - 1)
     a, b = path[leg : leg + 2]
     named = _place(error, p, a, b)
     if named is None or not str(error).startswith(f"cycle {cycle}, leg {leg}: "):

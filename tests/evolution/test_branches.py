@@ -76,8 +76,7 @@ def test_a_doubt_on_any_branch_is_one_of_the_tree(monkeypatch: pytest.MonkeyPatc
     tree = rf.branches(*two_nodes())
     assert tree.unsure == ((1, 0, 0.5), (2, 0, 0.5), (3, 0, 0.5)) and not tree.complete
     assert re.search(r"at 3 instants not all .*, first in cycle 1, leg 0, at s = 0\.5\)", str(tree))
-    chooser = Chooser()
-    chooser.unsure = {(2, 1, 0.5), (1, 2, 0.25)}
+    (chooser := Chooser()).unsure.update({(2, 1, 0.5), (1, 2, 0.25)})
     assert chooser.text().endswith(" (first in cycle 1, leg 2, s = 0.25)")
 
 

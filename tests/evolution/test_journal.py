@@ -40,14 +40,6 @@ def play(*parts: Any, journal: Journal, progress: Progress | None = None) -> Rec
     return continue_history(problem_of_history(*parts), journal, progress)
 
 
-def kill_after(cycle: int):  # type: ignore[no-untyped-def]
-    def progress(number: int, cycles: int, message: str) -> None:
-        if number == cycle:
-            raise Killed
-
-    return progress
-
-
 def interrupted(
     path: Path,
     cycle: int,
@@ -57,9 +49,14 @@ def interrupted(
     every: int = 5,
 ) -> JournalFolder:
     """Evolve until killed after a cycle; return the journal opened again."""
+
+    def progress(number: int, cycles: int, message: str) -> None:
+        if number == cycle:
+            raise Killed
+
     with pytest.raises(Killed):
         journal = JournalFolder(path, system, every)
-        play(system, history, solver, progress=kill_after(cycle), journal=journal)
+        play(system, history, solver, progress=progress, journal=journal)
     return JournalFolder(path, system, every)
 
 
