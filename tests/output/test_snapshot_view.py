@@ -224,12 +224,12 @@ def test_pictures_of_scenes_of_all_kinds_show_every_contact_edge_as_the_record_h
     view, fields, record = made
     parts, scene = [*record.by_edge().values()], rf.given(record.scene)
     assert view.factor <= 1.0 or not all(body.is_half_plane for body in scene.bodies)
-    # lengths are as large upwards as along, and all the body shows
+    # lengths are as large upwards as along, at most 4.5 inches, and all the body shows
     layout = layout_of(view)
     left, right, bottom, top = layout.window
     assert np.divide(*layout.pixels) == pytest.approx((right - left) / (top - bottom), rel=0.01)
     sides = view.moved.min(axis=0) - (left, bottom), (right, top) - view.moved.max(axis=0)
-    assert view.near or np.min(sides) > 0.0
+    assert layout.height < 4.5001 and (view.near or np.min(sides) > 0.0)
     longest = [np.linalg.norm(a.heads - a.tails, axis=1).max() for a in view.arrows]
     assert max(longest, default=0.0) < 0.2401 * view.size
     length = length_of(scene) or 1.0
