@@ -167,9 +167,9 @@ def test_curves_that_cannot_be_fitted_are_refused() -> None:
     F, D = jenkins(wide, np.array([2.1]), np.array([0.2]), 0.5)
     refused = {
         "have to be positive": lambda: rf.fit_iwan(x, 0 * x, x, 2.0),
-        "at least the amplitude": lambda: rf.fit_iwan(x, x, x, 0.9),
+        "at least the amplitude 1$": lambda: rf.fit_iwan(x, x, x, 0.9),
         "at least 4": lambda: rf.fit_jenkins(x[:3], x[:3], x[:3], 1),
-        "must be 1 to 5": lambda: rf.fit_jenkins(x, x, x, 6),
+        "must be 1 to 5 for 6 amplitudes, not 6$": lambda: rf.fit_jenkins(x, x, x, 6),
         "does not determine all parameters": lambda: rf.fit_jenkins(F, D, F / wide, 3),
     }
     for words, fit in refused.items():

@@ -114,15 +114,17 @@ def first_loading(
     if np.any(held):
         played(np.zeros(0))  # a preload that fails is no macroslip
     low, high = 0.0, float(max(amplitudes))
+    least = 1e-6 * float(min(amplitudes))
     record: Record | None = None
     tried = high
-    while high - low > 1e-6 * high:
+    while high - low > 1e-6 * high and high > least:
         try:
             record, low = played(np.array([tried])), tried
         # any other failure is one of the solver
         except (NoEquilibrium, NoQuasiStaticContinuation) as failed:
             high, reason = tried, str(failed)
-        tried = 0.5 * (low + high)
+        # one that moves the contact at all is found at once
+        tried = 0.5 * (low + high) if low > 0.0 else least
     if record is None or low == 0.0:
         raise SolveError(f"load '{drive}': moves the contact at any load factor: {reason}")
     at_events = record.events.load[:, names.index(drive)]
