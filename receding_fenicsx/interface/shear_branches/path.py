@@ -300,9 +300,11 @@ class BranchedPath:
 
     def _step(self, leg: Leg, whole: LegProblem, part: tuple[float, float]) -> None:
         """Add one load step: solved in the branches at its end, or exactly where bonds change."""
+        assert self.sweeps is not None
         found = self._solved(leg, whole, part)
         # sweeps are exact in proportion to the forces of the cones, which may be far larger
-        if found is not None and found.residual <= ACCEPTED_RESIDUAL:
+        accepted = max(ACCEPTED_RESIDUAL, self.sweeps.residual_tolerance)
+        if found is not None and found.residual <= accepted:
             with suppress(SolveError):  # the exact path takes over
                 self._add(leg, found, part)
                 return
