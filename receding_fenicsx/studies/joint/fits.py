@@ -85,8 +85,9 @@ def fit_jenkins(amplitude: Array, dissipation: Array, stiffness: Array, count: i
     """Fit Jenkins elements in parallel, and a spring, by least squares of relative errors.
 
     F and D are linear in the stiffnesses, which are not negative: they follow for each set of slip
-    displacements, which are searched. The curve and errors are as of :func:`fit_iwan`; ``count`` is
-    the number of elements.
+    displacements, which are searched from twelve starts; the least of the minima found may not be
+    the least of all. The curve and errors are as of :func:`fit_iwan`; ``count`` is the number of
+    elements.
     """
     x, F, D = _curve(amplitude, dissipation, stiffness)
     if not 1 <= count < len(x):
