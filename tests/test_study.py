@@ -2,8 +2,6 @@ import os
 import resource
 from dataclasses import replace
 from pathlib import Path
-from threading import Lock
-from typing import Any
 from unittest.mock import Mock
 
 from mpi4py import MPI
@@ -17,6 +15,7 @@ from receding_fenicsx.bulk.from_scene import is_small
 from receding_fenicsx.pictures import default_instants
 from receding_fenicsx.store.run_folder import is_finished
 from receding_fenicsx.studies import run as study
+from receding_fenicsx.studies.joint.fits import jenkins
 
 DEMOS = Path(__file__).parents[1] / "demos"
 SMALL = [
@@ -47,49 +46,19 @@ def finished(tmp_path_factory: pytest.TempPathFactory) -> Finished:
     return out, record, heard
 
 
-def test_arguments_of_wrong_types_are_refused_by_name() -> None:
-    api: Any = rf
-    scene, number = small(), 3
-    system = rf.condense(scene)
-    calls: list[tuple[str, Any]] = [
-        ("run: scene", lambda: api.run("block.toml")),
-        ("run: out", lambda: api.run(scene, number)),
-        ("run: options", lambda: api.run(scene, None, {"overwrite": True})),
-        ("folder; give out", lambda: api.run(scene, options=api.RunOptions(error=True))),
-        ("folder; give out", lambda: api.run(scene, options=api.RunOptions(starts=2))),
-        ("read_scene: path", lambda: api.read_scene(number)),
-        ("overrides", lambda: api.read_scene(DEMOS / "block.toml", number)),
-        ("override", lambda: api.read_scene(DEMOS / "block.toml", [number])),
-        ("a scene is needed, .*, not a str", lambda: api.condense("block.toml")),
-        ("history_from_scene: scene", lambda: api.history_from_scene("block.toml")),
-        ("joint_curve: scene", lambda: api.joint_curve("block.toml", "p0", [1.0])),
-        ("joint_curve: drive", lambda: api.joint_curve(scene, number, [1.0])),
-        ("joint_curve: amplitudes", lambda: api.joint_curve(scene, "p0", "1 to 2")),
-        ("joint_curve: out", lambda: api.joint_curve(scene, "p0", [1.0], number)),
-        ("sweep: over", lambda: api.sweep(scene, "contact.friction")),
-        ("'szz': is unknown; use one of .*max_shear", lambda: api.animate(".", 1, stress="szz")),
-        ("sweep: give keys and values", lambda: api.sweep(scene, {})),
-        ("give a list of values", lambda: api.sweep(scene, {"contact.friction": 0.3})),
-        ("whole number", lambda: api.sweep(scene, {"contact.friction": [0.3]}, workers=1.5)),
-        (
-            "of a module" if comm.size == 1 else "leave workers out",
-            lambda: api.sweep(scene, {"a.b": [0.3]}, workers=2, measure=Lock().acquire),
-        ),
-    ]
-    if system is not None:
-        calls += [
-            ("evolve: system", lambda: api.evolve("system.h5", scene)),
-            ("evolve: history .* Scene or History, not str", lambda: api.evolve(system, "cyclic")),
-            ("branches: history", lambda: api.branches(system, "cyclic")),
-            ("evolve: solver", lambda: api.evolve(system, scene, "events")),
-            ("evolve: output", lambda: api.evolve(system, scene, None, number)),
-            ("evolve: progress", lambda: api.evolve(system, scene, progress=number)),
-            ("evolve: until", lambda: api.evolve(system, scene, until=number)),
-        ]
-    for words, call in calls:
-        with pytest.raises(rf.InputError, match=words) as error:
-            call()
-        assert "\n" not in str(error.value)
+def test_arguments_of_calls_are_refused_by_name() -> None:
+    """Rows of ``refused/calls.txt``: a call, then error and message, whole."""
+    slider = jenkins(x := np.linspace(0.25, 3.0, 25), np.array([2.1]), np.array([0.2]), 0.5)
+    fit = *slider, slider[0] / x  # one that slips at all amplitudes may be replaced by any two
+    scene, names = small(), {"np": np, "rf": rf, "fit": fit, "BLOCK": DEMOS / "block.toml"}
+    names |= {"scene": scene, "system": rf.condense(scene), "six": np.linspace(0.5, 1.0, 6)}
+    rows = (Path(__file__).parent / "refused" / "calls.txt").read_text().splitlines()
+    for call, message in zip(rows[::2], rows[1::2], strict=True):
+        if names["system"] is not None or "system" not in call:
+            with pytest.raises(rf.RecedingError) as error:
+                eval(call, names)
+            told = f"{type(error.value).__name__}: {error.value}".replace(str(DEMOS), "demos")
+            assert told == message.strip(), call
 
 
 def test_run_leaves_all_files_and_returns_their_record(finished: Finished) -> None:

@@ -1,9 +1,11 @@
 """The search for a mesh on made-up numbers whose errors are known."""
 
+import math
 import re
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 from unittest.mock import Mock
 
 import pytest
@@ -55,7 +57,10 @@ def test_the_tolerance_is_met_on_a_mesh_hardly_finer_than_needed(
     )
     least = 16.0 * (2.0 * scale / tolerance) ** (1.0 / order)
     if 2.0 * least > module.MOST_NODES:
-        assert not found.met and "finer than the finest" in found.reason
+        finest = "the tolerance needs a mesh finer than the finest of 8000 contact nodes"
+        order_of = rf"needs about (\S+) elements, it converges with order {order}"
+        told = re.fullmatch(f"{finest}; centre_pressure {order_of}", found.reason)
+        assert not found.met and told and float(told[1]) == pytest.approx(least, rel=0.02)
         return
     assert found.met and not found.reason
     last = found.way[-1]["centre_pressure"]
@@ -110,6 +115,28 @@ def test_meshes_that_do_not_fit_or_have_no_answer_are_passed_over() -> None:
         search(scene_of(1e-3), Mock(side_effect=NotConverged("no answer")))
     with pytest.raises(InputError, match=r"no mesh that was tried fits the scene; .*: no vertex"):
         search(scene_of(1e-3), Mock(side_effect=MeshMisfit("no vertex")))
+
+
+def test_a_mesh_file_is_refined_six_times_at_most() -> None:
+    scene, seen = scene_of(1e-9), []
+    file = replace(scene, body=replace(scene.body, mesh="own.msh"))
+
+    def solve(own: Scene, elements: int) -> Level:
+        seen.append((own.mesh.refinements, elements))
+        return Level(elements, 9, 1e-6, {"centre_pressure": Number(1.0 + 1.0 / elements)})
+
+    found, most = search(file, solve), "more refinements of the mesh file than there are"
+    assert seen == [(k, 2**k * scene.mesh.contact_elements) for k in range(7)]
+    assert found.reason.startswith(f"the tolerance needs {most}; centre_pressure needs about 2e+")
+
+
+@pytest.mark.parametrize(("names", "does"), [("a", "does"), ("a, b", "do")])
+def test_a_search_ends_on_four_meshes_without_an_order(names: str, does: str) -> None:
+    errors: dict[str, Any] = dict.fromkeys(names.split(", "), lambda n: -math.log(n))
+    found = search(scene_of(1e-3), made_up(centre_pressure=lambda n: 1.0 / n, **errors))
+    words = "not converge in order (singular, or the mesh is far from resolving it)"
+    assert found.reason == f"{names} {does} {words}; ask for other numbers"
+    assert len(found.levels) == 4 and not found.met
 
 
 def test_a_search_begins_anew_on_graded_meshes_where_corners_are_sharp() -> None:

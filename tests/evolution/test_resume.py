@@ -45,8 +45,9 @@ def stop_at(cycle: int) -> Callable[[str], None]:
 
 @pytest.mark.parametrize("method", ["events", "gauss-seidel"])
 def test_interrupted_run_leaves_a_usable_record_and_goes_on_bitwise(
-    shared_tmp_path: Path, method: str
+    shared_tmp_path: Path, method: str, caplog: pytest.LogCaptureFixture
 ) -> None:
+    caplog.set_level("INFO", "receding_fenicsx")
     scene = small(f"solver.method={method}", "solver.steps_per_leg=4", "history.cycles=14")
     whole, out = shared_tmp_path / "whole", shared_tmp_path / "run"
     study.run(scene, whole, study.RunOptions(pictures=False), comm)
@@ -71,6 +72,7 @@ def test_interrupted_run_leaves_a_usable_record_and_goes_on_bitwise(
     assert sorted(os.listdir(shared_tmp_path)) == ["run", "whole"]
     if comm.rank == 0:
         # neither meshed nor condensed again, and only the cycles after the checkpoint
+        assert "resumes from the checkpoint after cycle 10\n" in caplog.text
         assert not any(text.startswith(("mesh", "assemble", "condense")) for text in heard)
         assert [t.split()[2] for t in heard if "cycle" in t] == ["11", "12", "13", "14"]
         assert_same_bits(read_record(out / "record.h5"), undisturbed)

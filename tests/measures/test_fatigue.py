@@ -145,7 +145,7 @@ def test_parameters_are_those_of_a_brute_force_search() -> None:
 
 def test_spheres_hold_all_points_and_touch_enough_of_them() -> None:
     rng = np.random.default_rng(3)
-    for n in (1, 2, 5, 60):
+    for n in range(1, 61):
         points = rng.normal(size=(n, 3)) * [1.0, 1.0, 0.0 if n == 5 else 1.0]
         centre, radius = smallest_sphere(points)
         away = np.linalg.norm(points - centre, axis=1)
@@ -292,9 +292,3 @@ def test_cracks_arrest_where_the_threshold_is_not_met() -> None:
         return float(K - np.sqrt(a / (a + short)))
 
     assert arrest(1.5 * (1.0 - x)) == pytest.approx(brentq(lack, 0.8, 1.6), rel=2e-3)
-
-
-def test_strains_of_an_orthotropic_material_are_refused() -> None:
-    wood = rf.Material(1.0, 0.3, "plane stress", young_2=0.5, shear=0.3)
-    with pytest.raises(rf.InputError, match="isotropic"):
-        rf.fatigue_at(np.zeros((2, 1, 4)), wood, rf.FatigueOptions())

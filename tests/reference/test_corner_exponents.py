@@ -52,15 +52,6 @@ def test_exponent_satisfies_the_boundary_conditions(angle: float, slip: float | 
         assert values[-1] > 1e-5 * values[0]
 
 
-def test_wrong_corners_are_refused() -> None:
-    for angle, kappa in ((0.0, 1.8), (181.0, 1.8), (90.0, 1.0), (90.0, 7.1), (math.nan, 1.8)):
-        words = f"no corner of {angle:g} degrees with kappa = {kappa:g} can be analysed"
-        with pytest.raises(rf.InputError, match=f"^{words}$"):
-            corner_exponent(angle, kappa)
-    with pytest.raises(rf.SolveError, match=r"^a corner of 20 degrees has no exponent below 1$"):
-        corner_exponent(20.0, 1.8)
-
-
 def test_a_corner_is_singular_by_its_closed_form_where_the_fit_does_not_say_otherwise() -> None:
     for exponent, fitted, singular in (
         (-0.3, None, True),

@@ -268,16 +268,3 @@ def test_dissipation_of_uncoupled_systems_does_not_depend_on_the_start(seed: int
     low, high = found.interval
     assert low > 0.0 and starts_summary(found)["same"]
     assert high == pytest.approx(low, rel=1e-9)
-
-
-@pytest.mark.one_rank
-def test_steady_states_need_cycles() -> None:
-    system = two_nodes()
-    history = rf.History(system.load_names, np.array([[0.0, 0.0], [1.0, 0.0]]), np.zeros((0, 2)))
-    with pytest.raises(rf.InputError, match="needs a history with cycles"):
-        rf.steady_states(system, history)
-    history = rf.History(system.load_names, np.eye(2), np.array([[0.0, 1.0], [1.0, 1.0]]), 3)
-    with pytest.raises(rf.InputError, match="at least one start"):
-        rf.steady_states(system, history, 2.5)  # type: ignore[arg-type]
-    with pytest.raises(rf.InputError, match="factor must be a finite number"):
-        rf.range_history(system, {}, [], float("nan"))

@@ -165,7 +165,7 @@ def test_numbers_of_a_wear_study_are_those_of_its_rows(kind: str) -> None:
         rows, end = np.zeros(len(cycles), row_type(n)), -1
         if kind == "two edges":
             system, end = replace(system, edge=np.repeat([0, 1], [n // 2 + 1, n // 2])), n // 2
-        for name in ("depth", "estimate", "energy", "dissipated"):
+        for name in ("depth", "estimate", "energy", "dissipated", "path"):
             rows[name] = rng.uniform(0.5, 1.0, rows[name].shape)
         rows["cycles"], rows["zone"] = cycles, rng.choice([1, 2, 3], rows["zone"].shape)
         rows["depth"][0], rows["depth"][1:, [0, -1]] = 0.0, 1e-4
@@ -188,6 +188,7 @@ def test_numbers_of_a_wear_study_are_those_of_its_rows(kind: str) -> None:
         "depth_of_bodies": np.stack([0.3 * depth, 0.7 * depth], axis=1),
         "dissipation_per_cycle": factor * row["energy"].sum(axis=1),
         "dissipation": factor * row["dissipated"],
+        "slip": whole(row["path"]),
         "volume": factor * row["depth"] @ own.weight,
         "width": (depth > 1e-3 * depth.max(axis=1)[:, None]) @ length,
         "contact_half_width": 0.5 * (zone != 2) @ length,

@@ -332,7 +332,7 @@ def nonconvergence(way: Sequence[Mapping[str, Estimate]]) -> str:
     if infinite:
         why = "singular, stresses are infinite at a corner in contact"
         return f"{', '.join(infinite)} does not converge: {why}; ask for other numbers"
-    if not names or len(way) < 4:
+    if not names:
         return ""
     they = f"{', '.join(names)} {'does' if len(names) == 1 else 'do'} not converge in order"
     return f"{they} (singular, or the mesh is far from resolving it); ask for other numbers"
