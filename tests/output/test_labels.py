@@ -11,7 +11,6 @@ from drawn_text import REPORTS, check_curves, check_figures
 
 import receding_fenicsx as rf
 from receding_fenicsx.output.plots.figures import draw_all
-from receding_fenicsx.output.plots.labels import kind_of
 from receding_fenicsx.output.plots.zone_map import zone_map
 
 pytestmark = pytest.mark.one_rank
@@ -194,10 +193,3 @@ def test_the_force_of_a_prescribed_displacement_is_that_of_the_contact(kinematic
     assert last == pytest.approx([1.0, resultant[-1]], rel=1e-9)
     # the record holds the conjugate of the load factor
     assert found.at(1, "maximum").load_displacement["d"] == pytest.approx(0.02 * resultant[-1])
-
-
-def test_a_bolt_has_a_force_over_its_shortening() -> None:
-    scene = rf.Scene(bolts=(rf.Bolt("b", head="top", nut="bottom", preload=1.0),))
-    for axisymmetric, length in ((False, 2), (True, 3)):  # in the plane for unit thickness
-        kind = kind_of(scene, "b", axisymmetric)
-        assert np.add(kind.unit, kind.conjugate_unit).tolist() == [1, length]

@@ -70,6 +70,7 @@ def test_trajectories_stay_in_the_friction_cone_that_is_drawn(backward: float | 
         assert np.allclose(np.asarray(cone.get_facecolor())[0, :3], to_rgb(rf.style.CONE["fc"]))
         corners = np.asarray(cone.get_paths()[0].vertices)
         ends = [side(corners[:, 0]) / axes.get_ylim()[1] for side in (np.min, np.max)]
+        assert axes.viewLim.x0 < corners[:, 0].min() < corners[:, 0].max() < axes.viewLim.x1
         assert ends == pytest.approx([-0.35, backward or 0.35], rel=1e-9)
         for line in axes.lines:
             q, p = np.array(line.get_data())

@@ -19,8 +19,10 @@ from matplotlib.text import Text
 import receding_fenicsx as rf
 from receding_fenicsx.output.plots.labels import (
     Scales,
+    describe_factor,
     kind_of,
     length_of,
+    peak,
     pressure_of,
     three_digits,
 )
@@ -192,17 +194,24 @@ def given_units(record: rf.Record, units: rf.Units) -> rf.Record:
 def test_a_load_and_its_conjugate_have_the_units_whose_product_is_work(
     load: rf.Load, size: float, unit: str, conjugate: str
 ) -> None:
-    scene = rf.Scene(loads=(load,), units=UNITS)
-    kind = kind_of(scene, "a", axisymmetric=False)
-    assert kind.size == size
-    # work for unit thickness: stress times area
-    assert np.add(kind.unit, kind.conjugate_unit).tolist() == [1, 2]
-    scales = Scales(odd("plane strain"))
-    scales.kinds, scales.units, scales.nondimensional = [kind], UNITS, False
-    assert scales.load_unit(0) == unit
-    assert scales.conjugate(0, prescribed=False)[1] == f"$ ({conjugate})"
-    both = rf.Scene(loads=(load, replace(load, edge="bottom")))
-    assert (kind_of(both, "a", axisymmetric=False) == kind) == (unit in ("MPa", ""))
+    scene = rf.Scene(loads=(load,), bolts=(rf.Bolt("b", "top", "bottom"),), units=UNITS)
+    both, scales = (
+        replace(scene, loads=(load, replace(load, edge="bottom"))),
+        Scales(odd("plane strain")),
+    )
+    scales.units, scales.nondimensional = UNITS, False
+    # work for unit thickness is stress times area, that of the full circle stress times volume
+    circle = {"N/mm": "N", "mm²": "mm³", "MPa mm²": "MPa mm³"}
+    for around, shown in ((False, {}), (True, circle)):
+        kind = kind_of(scene, "a", around)
+        assert kind.size == size
+        assert np.add(kind.unit, kind.conjugate_unit).tolist() == [1, 2 + around]
+        bolt = kind_of(scene, "b", around)
+        assert (bolt.unit, bolt.conjugate_unit) == ((0, 1), (1, 1 + around))
+        scales.kinds, scales.axisymmetric = [kind], around
+        assert scales.load_unit(0) == shown.get(unit, unit)
+        assert scales.conjugate(0, False)[1] == f"$ ({shown.get(conjugate, conjugate)})"
+        assert (kind_of(both, "a", around) == kind) == (unit in ("MPa", ""))
 
 
 @pytest.mark.parametrize("unit", ["$", "$$", r"\$x", "%_^{}", "µm", "$\\frac", "a$b"])
@@ -220,7 +229,8 @@ def test_the_height_is_the_unit_of_length_only_where_it_means_something() -> Non
     assert length_of(block) == 2.0
     assert length_of(replace(block, units=rf.Units(length="mm"))) == 0.0
     assert length_of(replace(block, units=rf.Units(stress="MPa"))) == 2.0
-    assert length_of(replace(block, contacts=(rf.Contact(), rf.Contact("left")))) == 0.0
+    for side in ("left", "right"):
+        assert length_of(replace(block, contacts=(rf.Contact(), rf.Contact(side)))) == 0.0
     assert length_of(replace(block, others=(rf.Body("b", height=2.0),))) == 2.0
     assert length_of(replace(block, others=(rf.Body("b", height=3.0),))) == 0.0
     assert length_of(replace(block, body=rf.Body(mesh="body.geo"))) == 0.0
@@ -241,3 +251,7 @@ def test_numbers_in_titles_have_three_digits_and_no_letter_e() -> None:
     assert {value: three_digits(value) for value in shown} == shown
     assert three_digits(2.5e7) == r"2.5 \times 10^{7}"
     assert three_digits(-3e-6) == r"-3 \times 10^{-6}"
+    parts = {0.0: "0", -1.0: "-P", 1.0: "P", 1 / 3: r"\frac{1}{3}\,P", 2 / 3: r"\frac{2}{3}\,P"}
+    for part, text in (parts | {-1 / 3: r"-0.333\,P", 1e-7: r"1 \times 10^{-7}\,P"}).items():
+        assert describe_factor("P", part) == f"$P = {text}$".replace("P$", f"{peak('P')}$")
+        assert describe_factor("wheel", part) == f"wheel at ${three_digits(part)}$ of its largest"
