@@ -5,6 +5,7 @@ from mpi4py import MPI
 import pytest
 
 import receding_fenicsx as rf
+from receding_fenicsx import mpi
 
 comm = MPI.COMM_WORLD
 
@@ -38,3 +39,14 @@ def test_rank_0_alone_works_and_its_errors_are_those_of_all() -> None:
     with pytest.raises(rf.Interrupted, match="kept") as caught:
         rf.on_root(comm, stopped)
     assert caught.value.exit_code == 143
+
+
+@pytest.mark.one_rank
+def test_an_error_in_a_script_ends_the_job_by_its_code(monkeypatch: pytest.MonkeyPatch) -> None:
+    ends: list[tuple[int, str]] = []
+    monkeypatch.setattr(mpi.sys, "excepthook", lambda *_: None)
+    monkeypatch.setattr(mpi, "leave", lambda _, code, text: ends.append((code, text)))
+    mpi._set_hook.__wrapped__()
+    for error in (ValueError("a"), rf.InputError("b"), rf.Interrupted("c", 143)):
+        mpi.sys.excepthook(type(error), error, None)
+    assert ends == [(1, "ValueError: a"), (2, "InputError: b"), (143, "Interrupted: c")]

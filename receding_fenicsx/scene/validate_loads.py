@@ -104,7 +104,8 @@ def _of_body_load(scene: Scene, load: Load, kinds: list[str]) -> checks.Rules:
     """A body force or thermal strain: its body, and that its profile is finite, not zero."""
     kind = kinds[-1]
     at, key = load.label, f"{load.label} {kind}"
-    others = ("edge", "span", "platen", *(other for other in KINDS if other != kind))
+    of_edges = ("edge", "span", "platen", "travel", "steps")
+    others = (*of_edges, *(other for other in KINDS if other != kind))
     yield from checks.unused(load, at, True, others, f"{kind} acts on a whole body")
     if load.mode is not None:
         yield from of_modes(scene, at)

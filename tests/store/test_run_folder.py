@@ -124,6 +124,8 @@ def test_run_without_a_checkpoint_is_kept_only_if_a_signal_ended_it(tmp_path: Pa
         (folder / SYSTEM).write_text("condensed")
         raise Killed
     assert os.listdir(tmp_path) == ["run.part"]
+    forget_system(tmp_path / "run.part")  # killed before there was one
+    refused("interrupted run", out)
     interrupt(out, resume=True)
     # its checkpoints outlive a failure of the run that goes on with them
     with pytest.raises(rf.InputError), run_folder(out, BLOCK, resume=True):
@@ -157,9 +159,8 @@ def test_folder_in_use_is_left_alone(tmp_path: Path) -> None:
     # a lock belongs to a process: another one takes it
     words = [sys.executable, *map(str, (LOCK, out, BLOCK_FILE))]
     child = subprocess.Popen(words, stdout=subprocess.PIPE, env=rf.child_environment())
-    assert child.stdout is not None
     try:
-        assert child.stdout.readline() == b"locked\n"
+        assert child.stdout is not None and child.stdout.readline() == b"locked\n"
         refused("another run is using this folder", out)
         refused("another run is using this folder", out, resume=True)
         refused("another run is using this folder", out, overwrite=True)
