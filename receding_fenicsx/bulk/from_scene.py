@@ -106,7 +106,7 @@ def bulk_of(scene: Scene, comm: MPI.Comm, timer: Timer) -> Stack:
     from receding_fenicsx.bulk import stack
     from receding_fenicsx.bulk.mesh import meshing
 
-    with timer("mesh"), _restored_signal_handlers():
+    with timer("mesh"), _restored_sigterm():
         meshed = [body for body in scene.bodies if not body.is_half_plane]
         # a body on a half-plane is meshed like one on a rigid plane
         whole = scene if len(meshed) == len(scene.bodies) else None
@@ -119,15 +119,14 @@ def bulk_of(scene: Scene, comm: MPI.Comm, timer: Timer) -> Stack:
 
 
 @contextmanager
-def _restored_signal_handlers() -> Iterator[None]:
-    """Restore Python's signal handlers on exit: gmsh sets that of SIGTERM to its default."""
+def _restored_sigterm() -> Iterator[None]:
+    """Restore Python's handler of SIGTERM on exit: gmsh sets it to its default."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return
-    before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+    before = signal.getsignal(signal.SIGTERM)
     try:
         yield
     finally:
-        for number, handler in before.items():
-            if handler is not None:
-                signal.signal(number, handler)
+        if before is not None:
+            signal.signal(signal.SIGTERM, before)

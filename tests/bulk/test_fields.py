@@ -51,6 +51,8 @@ def probed(name: str) -> tuple[rf.Record, Fields, list[Ints], list[Array], list[
     system = rf.given(stack.condense(bulk))
     found = rf.given(fields_at(bulk, np.zeros(len(system.load_names)), np.zeros(2 * system.n)))
     vertices, middles = len(found.points), found.points[found.cells].mean(axis=1)
+    half = bulk.parts[0].half or any(part.is_half_plane for part in parts)
+    assert half or scene.mesh.degree == 2 or bulk.dofs == 2 * vertices
     places = np.vstack([found.points, middles])
     bodies = np.zeros(vertices, int) if found.body is None else found.body
     bodies = np.append(bodies, bodies[found.cells[:, 0]])

@@ -6,10 +6,9 @@ from mpi4py import MPI
 
 import numpy as np
 import pytest
-from bodies import CELLS, NU, YOUNG, built, cylinder
+from bodies import CELLS, NU, YOUNG, cylinder
 
 import receding_fenicsx as rf
-from receding_fenicsx.bulk.stack import contact_of
 from receding_fenicsx.interface.measures.zones import on_axis
 from receding_fenicsx.output.report.contact import zones_header, zones_shown
 
@@ -85,29 +84,3 @@ def test_rectangle_beside_the_axis_is_lames_ring_at_its_own_radii(cell: str, deg
     assert "p_axis" not in point
     assert zones_shown(point, rf.summarise(record)) == "3.0000 contact to 7.0000"
     assert zones_header(rf.summarise(record)) == "zones"
-
-
-def test_profiles_spans_and_tables_of_a_ring_know_its_radii() -> None:
-    """Expressions of friction, gap and loads, spans and tables all run from 3 to 7."""
-    table = {"x": [3.0, 7.0], "value": [0.3, 0.7]}
-    contact = rf.Contact(
-        span=(3.5, 6.0), friction="0.05*x", initial_gap={"x": [3.0, 7.0], "value": [0.0, 0.4]}
-    )
-    loads = (
-        rf.Load("inside", "top", (4.0, 6.0), pressure="x"),
-        rf.Load("top", "top", (6.0, 7.0), pressure=table),
-    )
-    scene = washer(contacts=(contact,), loads=loads)
-    rf.validate(scene)
-    assert len(contact_of(scene)[0].x) == 10 * scene.mesh.degree + 1
-    bulk = built(scene, half=True)
-    down = -bulk.loads[1::2].sum(axis=0)
-    # integrals of r^2 from 4 to 6, and of r^2 / 10 from 6 to 7
-    assert comm.allreduce(down[0]) == pytest.approx(152.0 / 3.0, rel=1e-12)
-    assert comm.allreduce(down[1]) == pytest.approx(127.0 / 30.0, rel=1e-12)
-    bulk.destroy()
-    system = rf.condense(scene)
-    if system is not None:
-        assert (system.x[0], system.x[-1]) == (3.5, 6.0)
-        assert system.f == pytest.approx(0.05 * system.x)
-        assert system.g0 == pytest.approx(0.1 * (system.x - 3.0))

@@ -79,7 +79,11 @@ def test_mirrored_bodies_and_loads_are_one_body_on_a_frictionless_plane(
 
 
 @pytest.mark.one_rank
-@pytest.mark.parametrize("young", [1e-9, 1e-18])
-def test_ratio_of_moduli_that_costs_too_many_figures_is_said(young: float) -> None:
-    with pytest.raises(rf.SolveError, match="moduli closer together"):
-        played(layers((1.0, 1.0), (young, 1.0), rf.Load("p", "b1.top", pressure=1.0)))
+def test_ratio_of_moduli_that_costs_too_many_figures_is_said() -> None:
+    for young, words in (
+        ((1e-9, 1.0), "resists a rigid .*; bring"),
+        ((1.0, 1e-15, 1.0), "is singular .*"),
+    ):
+        load = rf.Load("p", f"b{len(young) - 1}.top", pressure=1.0)
+        with pytest.raises(rf.SolveError, match=f"{words} Young's moduli closer together"):
+            played(layers((1.0,) * len(young), young, load))
