@@ -15,17 +15,20 @@ of the condensation."""
 LARGEST, SMALLEST = 1e150, 1e-150
 """Range of forces, stiffnesses and energies: products of two of them are numbers of all digits."""
 
+KINDS = {"held": ("b", "booleans"), "edge": ("iu", "whole numbers")}
+"""NumPy's kinds of the arrays that may not hold any number, and their name."""
+
 
 def check_system(system: ContactSystem) -> None:
     """Raise InputError where an array has the wrong shape or values without meaning."""
     optional = ("f_backward", "edge", "slip_map", "cohesion", "shear_limit")
     arrays = ("x", "points", "weight", "K", "r_star", "f", "g0", "held", "rigid")
     for name in (*arrays, *optional, "load_compliance", "load_sign"):
-        value = getattr(system, name)
-        numbers = isinstance(value, np.ndarray) and value.dtype.kind in "bfiu"
+        value, (kinds, what) = getattr(system, name), KINDS.get(name, ("bfiu", "numbers"))
+        numbers = isinstance(value, np.ndarray) and value.dtype.kind in kinds
         if not numbers and not (value is None and name in optional):
             raise InputError(
-                f"{name} of the contact system has to be an array of numbers, not {brief(value)}"
+                f"{name} of the contact system has to be an array of {what}, not {brief(value)}"
             )
     names = {key: (getattr(system, key), tuple) for key in ("load_names", "edge_names")}
     flags = {key: (getattr(system, key), bool, np.bool_) for key in ("half", "axisymmetric")}
@@ -47,6 +50,9 @@ def check_system(system: ContactSystem) -> None:
         # as many motions as it has columns
         "rigid": (2 * n, system.rigid.size // max(2 * n, 1)),
         **dict.fromkeys(nodal, (n,)),
+        # empty ones stand for zeros
+        "load_compliance": (loads, loads) if system.load_compliance.size else (0, 0),
+        "load_sign": (loads,) if system.load_sign.size else (0,),
     }
     found = [(name, getattr(system, name), shape) for name, shape in shapes.items()]
     if probes is not None:

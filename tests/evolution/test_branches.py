@@ -3,7 +3,6 @@
 import re
 from collections import Counter
 from contextlib import suppress
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -167,22 +166,6 @@ def test_the_first_continuation_is_the_same_path_whether_others_are_looked_for_o
         record = rf.evolve(node, history, rf.SolverOptions(branch=branch, on_jump="static"))
         assert record.jumps == 1
         assert record.released == pytest.approx(32 / 211.75, rel=1e-6)
-
-
-def test_branches_of_load_steps_and_of_limits_are_refused() -> None:
-    system, history = two_nodes()
-    with pytest.raises(rf.InputError, match="follows all branches"):
-        rf.branches(system, history, solver=rf.SolverOptions(method="gauss-seidel"))
-    loop = history.path[[1, 2, 1]]
-    endless = replace(history, path=history.path[:2], loop=loop, cycles=3, until_limit=True)
-    with pytest.raises(rf.InputError, match="follows no limit"):
-        rf.branches(system, endless)
-    with pytest.raises(rf.InputError, match="limit of infinitely many cycles is that of the first"):
-        rf.evolve(system, endless, rf.SolverOptions(branch=2))
-    with pytest.raises(rf.InputError, match="a scene brings its own solver"):
-        rf.branches(system, rf.Scene(), solver=rf.SolverOptions())
-    with pytest.raises(rf.InputError, match="most must be at least 1, not 0"):
-        rf.branches(system, history, most=0)
 
 
 def test_a_limited_tree_says_that_there_may_be_more() -> None:

@@ -1,5 +1,4 @@
 import tomllib
-from collections.abc import Sequence
 from dataclasses import replace
 from itertools import product
 from pathlib import Path
@@ -167,37 +166,6 @@ def test_a_leg_that_breaks_its_energy_identity_is_an_error(monkeypatch: pytest.M
         evolve(BLOCK, cyclic(1))
     steps = SolverOptions(method="gauss-seidel", steps_per_leg=10)
     assert evolve(BLOCK, cyclic(1), steps).energy_error_max == 1e-5
-
-
-TWO = small_system(np.eye(4), {"p0": [0, 0, 1, 1], "q0": [0.1, 0.1, 0, 0]}, 0.3)
-
-
-def along(path: list[Any], loop: Sequence[Any] = ()) -> dict[str, Any]:
-    return {"system": TWO, "history": table(TWO, path, loop, 1)}
-
-
-@pytest.mark.parametrize(
-    ("words", "given"),
-    {
-        r"initial_slip has shape \(5,\), expected \(41,\)": {"initial_slip": np.zeros(5)},
-        "slip of node 7 is not finite": {"initial_slip": np.where(np.arange(41) == 7, np.nan, 0.0)},
-        '"newton": is unknown; use one of events, gaus': {"solver": SolverOptions(method="newton")},
-        'until: "end" is unknown; use "steady" or "limit"$': {"until": "end"},
-        r"drives \('p0',\), the system has \('p0', 'q0'\)$": {"system": TWO},
-        "path starts at p0 = 0, q0 = 0.5; insert a row of zeros": along([[0, 0.5], [1, 0.5]]),
-        r"path has shape \(1, 2\), expected at least 2 rows of 2 load factors": along([0, 0]),
-        "row 1 of the history's path, p0 = 1, q0 = nan, is not finite": along([0, 0, 1, np.nan]),
-        "row 1 of the history's loop": along([0, 0, 1, 0], [[1, 0], [1, np.inf], [1, 0]]),
-        "runs from p0 = 1, q0 = 0.5 to p0 = 1, q0 = 0.5: start and end it at the end of the path, "
-        "p0 = 1, q0 = 0$": along([0, 0, 1, 0], [[1, 0.5], [1, 0], [1, 0.5]]),
-        "loop runs from p0 = 1, q0 = 0 to p0 = 1, q0 = 0.2": along([0, 0, 1, 0], [1, 0, 1, 0.2]),
-    }.items(),
-)
-def test_arguments_and_histories_that_do_not_fit_are_refused(
-    words: str, given: dict[str, Any]
-) -> None:
-    with pytest.raises(InputError, match=words):
-        evolve(**dict[str, Any](system=BLOCK, history=cyclic(1)) | given)
 
 
 def laid_down(gap: float) -> ContactSystem:

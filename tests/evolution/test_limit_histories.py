@@ -77,9 +77,13 @@ def test_limits_under_several_loads_are_those_of_plain_cycles(
     block, loop = made(seed)
     path = [[0.0] * 4, [1.0, 0.0, 0.0, 0.0], loop[0]]
     solver = rf.SolverOptions(steady_tolerance=1e-11)
-    limit = rf.evolve(block, table(block, path, loop, 300), until="limit")
     plain = rf.evolve(block, table(block, path, loop, 1000), solver, until="steady")
-    assert_same(limit, plain)
+    # a search as the history goes on, or the one that goes on where it has ended
+    limits = [rf.evolve(block, table(block, path, loop, n), until="limit") for n in (300, 8)]
+    for limit in limits:
+        assert_same(limit, plain)
+    played, last = (rf.given(limit.limit) for limit in limits)
+    assert (last.cycles_played, last.cycle) == (played.cycles_played, min(8, played.cycle))
     # from any cycle on the limit is foreseen or refused, and cycles that release in other orders
     rows = [row for row in map(plain.start_row, range(1, 1000)) if row is not None]
     starts, force = [turning_point(plain, block, row) for row in rows], plain.turning_points.P.max()

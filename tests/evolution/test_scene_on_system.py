@@ -95,13 +95,8 @@ def test_a_scene_of_another_body_is_refused(change: str, words: str) -> None:
     assert words in text and "condense" in text and "\n" not in text
 
 
-def test_what_is_doubly_given_or_of_another_scene_is_refused() -> None:
-    scene, slip = block(), np.zeros(body().n)
-    for more in ({"solver": scene.solver}, {"output": scene.output}, {"initial_slip": slip}):
-        with pytest.raises(InputError, match="brings its own solver, output and initial slip"):
-            evolve(body(), scene, **more)
-    with pytest.raises(InputError, match="made by hand, for no scene"):
-        evolve(replace(body(), scene_toml=""), scene)
+def test_what_is_of_another_scene_is_refused() -> None:
+    scene = block()
     smooth = given(condense(block("contact.friction=0.0")))
     with pytest.raises(InputError, match="has no tangential displacements"):
         evolve(smooth, scene)

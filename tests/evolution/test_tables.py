@@ -45,27 +45,6 @@ def test_extremes_of_several_loads_do_not_depend_on_their_units() -> None:
         assert (other.at(1, "maximum").leg, other.at(1, "minimum").leg) == (2, 3)
 
 
-@pytest.mark.parametrize(
-    ("asked", "said"),
-    [
-        ({"cycle": 4}, "holds cycles 0 to 3"),
-        ({"cycle": -5}, "holds cycles 0 to 3"),
-        ({"cycle": 0, "leg": 1}, "^cycle 0, leg 1: .* numbered from 0 to 0"),
-        ({"cycle": 1.5}, "cycle has to be of type Integral, not float"),
-        ({"cycle": 1, "leg": "loading"}, "leg has to be of type Integral or None, not str"),
-        ({"cycle": 1, "leg": 0, "s": "half"}, "s has to be of type Real or None, not str"),
-        ({"cycle": 1, "load": "least"}, "minimum"),
-        ({"cycle": 1, "load": 0.506, "leg": 0}, r"is leg 0, s = 0.65, load \[0.5125"),
-        ({"cycle": 1, "load": 0.25, "s": 1.0, "leg": 1}, "no such instant is stored"),
-        ({"cycle": 1, "load": 0.5 * (1.0 + 0.25)}, "say which leg"),
-        ({"cycle": 1, "s": 0.5}, "say which leg"),
-    ],
-)
-def test_what_is_not_stored_or_not_unique_is_refused(asked: dict, said: str) -> None:
-    with pytest.raises(InputError, match=said):
-        record().at(**asked)
-
-
 def test_instants_and_nodes_of_a_dataset_are_selected_by_coordinates() -> None:
     found = record()
     data = found.to_xarray()

@@ -9,7 +9,10 @@ from unique_paths import FALSE, KINDS, tally
 
 from receding_fenicsx.evolution.evolve import evolve
 from receding_fenicsx.evolution.record_data import PathUniqueness
-from receding_fenicsx.interface.system import ContactSystem
+from receding_fenicsx.interface.exact.segments import Segments
+from receding_fenicsx.interface.law import State
+from receding_fenicsx.interface.system import ContactState, ContactSystem
+from receding_fenicsx.interface.uniqueness.watch import solutions_from_rest
 from receding_fenicsx.scene.model import SolverOptions
 
 pytestmark = [pytest.mark.one_rank, pytest.mark.once]
@@ -131,3 +134,8 @@ def test_nodes_that_touch_without_pressure_are_undecided_however_many(n: int) ->
     alone, both = (found(system, table(system, [[0, 0], [1, 0], *more])) for more in ([], [[1, 1]]))
     assert alone.certified and not both.certified
     assert (both.leg, both.s) == (1, 0.0)
+    # slip of no length at the limit, or none: one solution
+    system = small_system(np.eye(2 * n), {"a": np.repeat([-1.5, 1.0], n)}, 1.5)
+    start = ContactState(np.zeros(2 * n), np.zeros(2 * n), np.ones(n, dtype=np.int8))
+    slips = np.full(n, State.FORWARD_SLIP, dtype=np.int8)
+    assert len(solutions_from_rest(Segments(system), start, slips, np.ones(1))[0]) == 1

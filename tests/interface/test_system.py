@@ -11,8 +11,6 @@ from receding_fenicsx.evolution.evolve import evolve
 from receding_fenicsx.interface.residual import reachable, round_off
 from receding_fenicsx.interface.system import ContactSystem, eliminate_tangential, reactions
 
-ONES = np.ones(2)
-
 
 def test_round_off_bounds_the_error_of_the_product() -> None:
     rng = np.random.default_rng(2)
@@ -43,13 +41,9 @@ def test_a_millionth_of_what_soft_springs_carry_may_be_round_off() -> None:
     assert reachable(system, u, force) == 1e-6
 
 
-def test_pushing_a_frictionless_body_along_the_plane_is_refused() -> None:
+def test_a_frictionless_body_is_free_to_give_way_along_the_plane() -> None:
     K = np.kron(np.eye(2), [[1.0, -1.0], [-1.0, 1.0]]) + np.diag([0.0, 0.0, 1.0, 1.0])
     rigid = [[1.0, 1.0, 0.0, 0.0]]
-    loads = {"down": [2, 2, 1e12, 1e12], "along": [-1.0, -1, 0, 0]}  # 2 is round-off of 1e12
-    pushed = small_system(K, loads, 0.0, rigid=rigid)
-    with pytest.raises(InputError, match=r"load 'along' pushes .* add a \[\[support\]\]"):
-        eliminate_tangential(pushed)
     squeezed = small_system(K, {"down": [0.2, -0.2, 1, 1]}, 0.0, rigid=rigid)
     record = evolve(eliminate_tangential(squeezed), table(squeezed, [[0.0], [1.0]]))
     # v1 - v2 = d with Q1 = 0.2 + d = 0, the mean of v staying at zero
@@ -71,42 +65,6 @@ def test_a_field_of_a_wrong_type_is_refused_by_its_name(name: str) -> None:
         with pytest.raises(InputError, match=name) as error:
             evolve(system, cyclic(1))
         assert "\n" not in str(error.value)
-
-
-@pytest.mark.parametrize(
-    ("change", "words"),
-    [
-        ({"weight": -ONES}, "weight of the contact system is .* at node 0"),
-        ({"x": ONES - np.arange(2)}, "x of the contact system falls from node 0 to node 1"),
-        ({"edge": np.array([1, 0])}, "from node 0 to node 1; sort the nodes"),
-        ({"held": np.arange(4) > 1, "f": np.arange(2.0)}, "f of .* at node 1: has to be 0"),
-        ({"held": np.arange(4) == 2, "f": 0.0 * ONES, "cohesion": ONES}, "cohesion of .* has to"),
-        (
-            {"held": np.arange(4) > 1, "f": 0.0 * ONES, "f_backward": ONES},
-            "f_backward of .* has to",
-        ),
-        ({"rigid": np.ones((4, 1))}, "rigid of the contact system holds a motion that its K"),
-        ({"f": np.zeros(3)}, r"f of the contact system has shape \(3,\), expected \(2,\)"),
-        ({"f": np.array([0.1, np.nan])}, r"f of the contact system is nan at node 1 \(x = 1\)"),
-        ({"f": np.array([-0.1, 0.1])}, r"f of the contact system is -0\.1 at node 0"),
-        ({"shear_limit": np.array([np.inf, np.nan])}, "shear_limit of .* is nan at node 1"),
-        ({"g0": np.array([0.0, -1e-9])}, r"g0 of the contact system is -1e-09 at node 1"),
-        ({"g0": np.array([np.inf, 0.0])}, "g0 of the contact system is inf at node 0"),
-        ({"g0": 0.0 * np.eye(2)}, r"g0 of the contact system has shape \(2, 2\)"),
-        ({"held": ONES > 2.0}, r"held of the contact system has shape \(2,\)"),
-        ({"K": np.eye(3)}, r"K of the contact system has shape \(3, 3\), expected \(4, 4\)"),
-        ({"K": np.diag([1, 1, np.nan, 1])}, "K of the contact system has entries"),
-        ({"K": np.eye(4) + 1e-6 * np.eye(4, k=1)}, "K of the contact system is not symmetric"),
-        ({"r_star": np.zeros((2, 4))}, "2 nodes, 1 loads"),
-        ({"r_star": np.full((1, 4), np.inf)}, "r_star of the contact system has entries"),
-        ({"rigid": np.zeros((2, 1))}, r"rigid of the contact system has shape \(2, 1\)"),
-    ],
-)
-def test_an_array_without_meaning_is_refused_by_name(change: dict[str, Any], words: str) -> None:
-    system = small_system(np.eye(4), {"p0": [0.0, 0.0, 1.0, 0.2]}, 0.4)
-    evolve(system, cyclic(1))
-    with pytest.raises(InputError, match=words):
-        evolve(replace(system, **change), cyclic(1))
 
 
 @pytest.mark.parametrize(
@@ -137,10 +95,3 @@ def test_numbers_that_would_overflow_are_refused_without_a_warning(
     }
     with pytest.raises(InputError, match=r"1e|beyond the range"):
         evolve(replace(system, **arrays), cyclic(1, maximum=change.get("load", 1.0)))
-
-
-def test_motions_that_a_system_without_friction_resists_are_refused() -> None:
-    system = eliminate_tangential(block_system(8, 2, f=0.0))
-    evolve(system, cyclic(1))
-    with pytest.raises(InputError, match="a motion that its K resists"):
-        evolve(replace(system, rigid=np.eye(2 * system.n)[:, -1:]), cyclic(1))

@@ -190,8 +190,7 @@ class LimitSearch:
         problem, number, start = self.problem, len(trial.cycles), trial.position
         in_steps = problem.solver.method != "events"
         bound = self._tolerance * start.totals.force_scale
-        r = reactions(self._model, start.load, tail.u)
-        state = ContactState(tail.u, r, start.state.state)
+        state = ContactState(tail.u, reactions(self._model, start.load, tail.u), tail.state)
         for check in range(MAX_CHECKS):
             if check < MAX_CHECKS // 2:  # round-off alone tells whether they slip
                 stuck = np.where(tail.drifting, STICK, state.state).astype(np.int8)

@@ -57,6 +57,7 @@ class Tail(NamedTuple):
     """Limit to which the cycles come."""
 
     u: Array  # (2N,) displacements at the start of the limit cycle
+    state: NDArray[np.int8]  # (N,) states at the start and end of the last cycle
     walks: bool  # each cycle adds a rigid motion
     # (N,) nodes that slip at the start of the last cycle, and nowhere in the limit
     drifting: NDArray[np.bool_]
@@ -133,7 +134,8 @@ def follow(cycle: TracedCycle, force: float, tolerance: float) -> Tail:
         for m in sorted(first.tolist())
         if 0 < m < len(still) - 1
     ]
-    return Tail(limit, walks, (SLIP_SIGN[cycle.end.state] != 0.0) & ~slips, others)
+    state = cycle.end.state
+    return Tail(limit, state, walks, (SLIP_SIGN[state] != 0.0) & ~slips, others)
 
 
 def _check_quantities(cycle: TracedCycle, still: Array, summed: Array, tolerance: float) -> None:

@@ -9,6 +9,8 @@ from receding_fenicsx.errors import SolveError
 from receding_fenicsx.interface.exact import loop
 from receding_fenicsx.interface.exact.loop import Loop
 from receding_fenicsx.interface.exact.path import EventPath
+from receding_fenicsx.interface.exact.tableau import Tableau
+from receding_fenicsx.interface.law import State
 from receding_fenicsx.interface.system import ContactSystem
 
 pytestmark = pytest.mark.once(False)
@@ -52,6 +54,12 @@ def test_columns_that_are_left_out_come_back() -> None:
         [path.trace_leg(legs[-1].end, (np.ones(1), np.full(1, 0.6)), 1.0, 3)], expected[5:6]
     )
     assert tableau.left_out == 0
+    # nodes that slip together, of which one is left out
+    slips, rate = np.where(state == 1, State.FORWARD_SLIP, state).astype(np.int8), np.ones(1)
+    tableau.leave_out(state, np.flatnonzero(state == 1)[5:6])
+    tableau.move_to(slips)
+    known = Tableau(system, slips).rates(rate)
+    assert np.abs(tableau.rates(rate) - known).max() <= 1e-11 * np.abs(known).max()
 
 
 def test_rates_that_the_loop_asks_for_are_its_own(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -57,7 +57,8 @@ def test_loop_of_three_corners_ends_where_the_closed_contact_does(seed: int) -> 
 @pytest.mark.parametrize("seed", range(3))
 def test_closed_contacts_have_the_limit_of_the_linear_program(seed: int) -> None:
     system, mean, corners = rocked(seed, 5, corners=2 + seed % 3)
-    case = replace(system, f_backward=system.f * np.linspace(1.3, 0.8, 5)), mean, corners
+    f = system.f * np.array([1, 1, 0, 1, 1])
+    case = replace(system, f=f, f_backward=f * np.linspace(1.3, 0.8, 5)), mean, corners
     limits = rf.shakedown_limits(*case)
     found = largest_opening(case[0], load_range(*case), np.zeros(5, dtype=bool), 4.0 * limits.upper)
     assert found.value == pytest.approx(limits.upper, rel=1e-6)
@@ -84,11 +85,6 @@ def test_a_range_of_a_program_that_was_ended_early_is_not_called_the_largest(
 def test_what_has_no_range_with_opening_nodes_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     case = rocked(20, 3)
     limits = rf.shakedown_limits(*case)
-    gaps = replace(case[0], g0=np.array([0.0, 0.1, 0.0]))
-    with pytest.raises(rf.InputError, match="no initial gaps"):
-        rf.opening_limit(gaps, *case[1:], limits)
-    with pytest.raises(rf.InputError, match="positive, finite upper limit"):
-        rf.opening_limit(*case, replace(limits, upper=np.inf))
     # from rest the first cycles slip
     found = rf.opening_limit(*case, limits)
     still = replace(found, slip=0.0 * found.slip)
