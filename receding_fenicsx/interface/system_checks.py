@@ -50,10 +50,9 @@ def check_system(system: ContactSystem) -> None:
         # as many motions as it has columns
         "rigid": (2 * n, system.rigid.size // max(2 * n, 1)),
         **dict.fromkeys(nodal, (n,)),
-        # empty ones stand for zeros
-        "load_compliance": (loads, loads) if system.load_compliance.size else (0, 0),
-        "load_sign": (loads,) if system.load_sign.size else (0,),
     }
+    if system.load_compliance.size:  # empty, there are no conjugate displacements
+        shapes |= {"load_compliance": (loads, loads), "load_sign": (loads,)}
     found = [(name, getattr(system, name), shape) for name, shape in shapes.items()]
     if probes is not None:
         k = len(probes.names)
