@@ -187,7 +187,7 @@ def test_a_system_of_another_version_is_known_by_its_scene_but_not_by_its_mesh_f
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     (tmp_path / "own.geo").write_text("// a mesh")
-    drawn = block(elements=8)
+    drawn = block(elements=8, material=rf.Material())
     own = replace(drawn, body=rf.Body(mesh=str(tmp_path / "own.geo")))
     system = rf.given(rf.condense(drawn))
     with monkeypatch.context() as other:
@@ -203,9 +203,11 @@ def test_a_system_of_another_version_is_known_by_its_scene_but_not_by_its_mesh_f
             rf.read_system(tmp_path / name, scene)
     # a mesh file may move, but not change
     stored, history = replace(system, scene_toml=rf.to_toml(own)), rf.HistoryOptions(cycles=1)
-    for text, words in (("// a mesh", ""), ("// another", "another mesh file")):
+    ways = ("// a mesh", 1.0, ""), ("// b", 1.0, "mesh file"), ("// b", 2.0, "young")
+    for text, E, words in ways:
         (tmp_path / "moved.geo").write_text(text)
-        moved = replace(own, body=rf.Body(mesh=str(tmp_path / "moved.geo")), history=history)
+        body, material = rf.Body(mesh=str(tmp_path / "moved.geo")), rf.Material(E)
+        moved = replace(own, body=body, history=history, material=material)
         told = pytest.raises(rf.InputError, match=words) if words else nullcontext()
         with told:
             rf.evolve(stored, moved)

@@ -2,6 +2,7 @@ import os
 import re
 import subprocess
 import sys
+import threading
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
@@ -14,7 +15,7 @@ import receding_fenicsx as rf
 from receding_fenicsx.evolution.histories import CORNERS
 from receding_fenicsx.evolution.journal import JOURNAL
 from receding_fenicsx.store.run_folder import SCENE, SYSTEM, forget_system, has_run, run_folder
-from receding_fenicsx.store.workspace import CASES, FolderKind, resumable
+from receding_fenicsx.store.workspace import CASES, FolderKind, locked, resumable
 
 pytestmark = pytest.mark.one_rank
 
@@ -154,7 +155,7 @@ def test_finished_run_stays_until_the_longer_one_is_finished_too(tmp_path: Path)
 
 
 def test_folder_in_use_is_left_alone(tmp_path: Path) -> None:
-    out = tmp_path / "run"
+    out, part = tmp_path / "run", tmp_path / "run.part"
     interrupt(out)
     # a lock belongs to a process: another one takes it
     words = [sys.executable, *map(str, (LOCK, out, BLOCK_FILE))]
@@ -164,6 +165,9 @@ def test_folder_in_use_is_left_alone(tmp_path: Path) -> None:
         refused("another run is using this folder", out)
         refused("another run is using this folder", out, resume=True)
         refused("another run is using this folder", out, overwrite=True)
+        threading.Timer(0.05, child.kill).start()
+        with locked(part, wait=True):
+            assert child.wait() < 0
     finally:
         child.kill()
         child.communicate()
