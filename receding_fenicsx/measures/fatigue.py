@@ -314,7 +314,7 @@ def _ruiz(record: Record, probe: ProbeHistory, cycle: int) -> dict[str, Paramete
     at = np.flatnonzero((probe.cycle == cycle) & (probe.kind != "event"))
     same = [known[leg, s] for leg, s in zip(probe.leg[at], probe.s[at], strict=True)]
     q = np.abs(both("q")[:, node])[same]
-    along = np.gradient(probe.points, axis=0) if len(probe.points) > 1 else np.array([[1.0, 0.0]])
+    along = np.gradient(probe.points, axis=0)
     c, s = (along / np.linalg.norm(along, axis=1)[:, None]).T
     tension = np.maximum(_normal(probe.stress[at], c, s), 0.0)
     none = np.full(len(node), np.nan)

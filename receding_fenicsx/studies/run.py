@@ -388,7 +388,6 @@ def run_history(
             raise
         last, cycles = len(journal.cycles) - 1, history.history_from_scene(scene).cycles
         where = f"after cycle {last} of {cycles}"
-        journal.write()
         record = record_of(problem.system, problem.solver, journal.cycles)
         record.doubling = doubling
         write_record(folder / "record.h5", record, overwrite=True)

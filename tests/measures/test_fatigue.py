@@ -47,7 +47,10 @@ def cylinders(size: float | None = None, elements: int = 80, bulk: float = 0.0) 
 def cracked(elements: int) -> rf.Record:
     """Run unlike cylinders, a crack in the lower one."""
     text = PROBES.replace("point = [0.3, -0.4]", "segment = [[1.07, 0], [1.07, -0.6]]\ncount = 30")
-    text = text.replace('"inside"', '"crack"') + "threshold = 0.1\nfatigue_limit = 0.2\n"
+    # neither two points nor those beside a segment are a crack
+    more = '[[probe]]\nname = "two"\nbody = "lower"\nsegment = [[1.07, 0], [1.07, -1]]\ncount = 2\n'
+    more += '[[probe]]\nname = "dots"\nbody = "lower"\npoints = [[0, -1], [0, -2], [1, -2]]\n'
+    text = more + text.replace('"inside"', '"crack"') + "threshold = 0.1\nfatigue_limit = 0.2\n"
     text = CYLINDERS.read_text() + text + "average = 0.2\nstrength = 4.0\n"
     changes = [f"mesh.contact_elements={elements}", "material.upper.young=300.0"]
     return rf.given(rf.run(rf.from_toml(text, changes)))
@@ -105,6 +108,7 @@ def test_parameters_are_those_of_a_brute_force_search() -> None:
     options = rf.FatigueOptions(None, 0.4, 0.2, 1.5, yield_stress=2.0)
     material = rf.Material(young=3.0, poisson=0.3)
     stress = rng.normal(size=(12, 5, 4))
+    stress[:, 4, :3] -= 9.0  # pressed together all the time
     found = rf.fatigue_at(stress, material, options)
     theta = np.radians(np.arange(0.0, 180.0, 0.02))
     n = np.array([np.cos(theta), np.sin(theta)])
@@ -198,7 +202,7 @@ def test_pylife_has_the_lives_of_the_same_line(record_with_a_crack: rf.Record) -
 
 def test_figures_and_numbers_of_a_crack_are_what_is_known(record_with_a_crack: rf.Record) -> None:
     record = record_with_a_crack
-    crack = rf.short_cracks(record)["crack"]
+    (crack,) = rf.short_cracks(record).values()
     names = "fatigue_edge", "fatigue_crack", "crack_crack"
     drawn = dict(rf.figures.draw_all(record))
     shown = [line for name in names for line in told(drawn[name], name)]
@@ -208,16 +212,18 @@ def test_figures_and_numbers_of_a_crack_are_what_is_known(record_with_a_crack: r
     swt = rf.fatigue(record)["crack"]["swt"]
     tells = swt.value > 1e-3 * swt.value.max()
     assert np.array_equal(np.asarray(dots.get_ydata()), swt.angle[tells])
+    known = fatigue_summary(record)["fatigue"]["parameters"]
+    assert all(row["estimate"] is None for row in known.values())
     found = fatigue_summary(record, cracked(16))["fatigue"]
     found["parameters"]["fatemi_socie"]["angle"] %= 90.0  # planes across each other shear alike
     rows = [*found["parameters"].items(), *found["cracks"].items()]
     check_words([json.dumps(row) for row in rows], REPORTS / "fatigue.txt")
-    known = [k(axis=0) for values in (crack.k_i, crack.k_ii) for k in (values.max, values.min)]
+    ranges = [k(axis=0) for values in (crack.k_i, crack.k_ii) for k in (values.max, values.min)]
     guides = ([crack.arrest] * 2, [0.0, 1.0]), ([0.0, 1.0], [0.0, 0.0])
-    lines = ((crack.depth, values) for values in [*known, crack.threshold])
+    lines = ((crack.depth, values) for values in [*ranges, crack.threshold])
     (axes,) = drawn["crack_crack"].axes
     check_curves(axes, *lines, *guides)
-    for area, high, low in zip(axes.collections, known[::2], known[1::2], strict=True):
+    for area, high, low in zip(axes.collections, ranges[::2], ranges[1::2], strict=True):
         check_area(area, crack.depth, low, high)
     assert 0.0 < crack.arrest < crack.depth[-1]
 
@@ -241,7 +247,10 @@ def test_parameters_of_a_cycle_depend_on_it_and_on_its_start_alone(
                 same = np.array_equal(found[name].value, parameter.value)
                 assert same == (keep == kept), name
     none = {name: values[:0] for name, values in vars(record.cycles).items()}
-    assert rf.fatigue(replace(record, cycles=replace(record.cycles, **none))) == {}
+    plain = rf.to_toml(replace(rf.given(record.scene), fatigue=None))
+    texts = [replace(record, scene_toml=text) for text in ("", plain)]
+    for other in (replace(record, cycles=replace(record.cycles, **none)), *texts):
+        assert rf.fatigue(other) == rf.short_cracks(other) == fatigue_summary(other) == {}
 
 
 def test_a_node_slips_that_touches_at_one_instant_of_the_cycle(
@@ -255,6 +264,10 @@ def test_a_node_slips_that_touches_at_one_instant_of_the_cycle(
     samples.P[-2] = record.samples.P[-2]
     found = rf.fatigue(away)["edge"]["ruiz_f1"].value
     assert found.any() and np.array_equal(found[found > 0.0], known[found > 0.0])
+    # a traction has the same effect in either direction
+    samples, points = (replace(t, Q=-t.Q) for t in (record.samples, record.turning_points))
+    turned = rf.fatigue(replace(record, samples=samples, turning_points=points))["edge"]
+    assert np.array_equal(turned["ruiz_f1"].value, known)
 
 
 def test_edge_cracks_have_the_tabulated_stress_intensities() -> None:

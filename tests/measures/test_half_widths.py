@@ -51,6 +51,7 @@ def test_dundurs_constant_is_that_of_an_edge_and_of_both_bodies_with_one_materia
         (1, {"contacts": (flat, steep)}, (-BETA,)),
         (0, {"body": own, "material": ROUND}, (BETA, -BETA)),
         (0, {"body": own, "materials": layers}, ()),
+        (np.arange(len(pair.edge)) % 2, {"contacts": (flat, steep)}, ()),
         (0, {"material": wood}, ()),
     ):
         scene = rf.to_toml(block(**parts))
@@ -62,6 +63,8 @@ def test_a_contact_off_the_middle_has_zones_and_no_half_width(tmp_path: Path) ->
     body = pushed_block()
     summary = summarise(rf.evolve(body, table(body, [[0, 0], [1, 0], [1, 0.45]])))
     pressed, pushed = summary["turning_points"]
+    for point in (pressed, pushed):  # zone by zone an end, and the ends of the edge
+        assert len(point["zone_ends"]) == len(point["zones"]) - 1
     assert pressed["contact_half_width"] > pressed["stick_half_width"] > 0.0
     assert all(pressed[key] is not None for key in KEYS)
     stick = [zone for zone in pushed["zones"] if zone[0] == "stick"]

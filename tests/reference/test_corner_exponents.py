@@ -142,9 +142,19 @@ def test_corners_of_an_edge_have_the_angles_and_slips_of_its_own_ends() -> None:
     """Of the left edge the upper end touches, and slips downwards."""
     loads = tuple(rf.Load("P", edge, pressure=1.0) for edge in ("top", "right"))
     contacts = (rf.Contact("bottom", (-1.0, 2.0), 0.3), rf.Contact("left", friction=0.3))
-    record = played(block(loads=loads, contacts=contacts, history=ONCE))
+    scene = block(loads=loads, contacts=contacts, history=ONCE)
+    record = played(scene)
     below, left = (corners_of(edge, -1)["corners"] for edge in record.by_edge().values())
     assert [corner["angle"] for corner in (*below, *left)] == [180.0, 90.0, 90.0]
     assert left[0]["x"] == 0.5 and left[0]["state"] == "forward slip"
     inwards = corner_exponent(90.0, kolosov(0.3), -0.3).real
     assert left[0]["exponent"] == pytest.approx(inwards) and inwards > 0.0
+    # the closed form is that of one isotropic body on a rigid plane, whose shape is known
+    wood = rf.Material(2.0, 0.3, "plane stress", young_2=1.0, shear=0.5)
+    edges = (rf.Contact("a.bottom", against="b.top"), rf.Contact("a.left", against="b.right"))
+    pair = {"body": rf.Body("a"), "others": (rf.Body("b"),), "contacts": edges}
+    others: tuple[dict[str, Any], ...] = {"material": wood}, {"body": rf.Body(mesh="own.geo")}, pair
+    for text in ("", *(rf.to_toml(replace(scene, **parts)) for parts in others)):
+        for edge in replace(record, scene_toml=text).by_edge().values():
+            for corner in corners_of(edge, -1)["corners"]:
+                assert corner["exponent"] is corner["angle"] is None, text

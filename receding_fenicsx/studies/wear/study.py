@@ -344,7 +344,7 @@ def _wear(
             while not (end := _end(model.problem.system, rows, last, depth)):
                 row, until = rows[-1], last
                 cycles, growth = float(row["cycles"]), model.rate * row["energy"]
-                if depth < np.inf and (rate := growth[row["depth"].argmax()] or growth.max()) > 0.0:
+                if (rate := growth[row["depth"].argmax()] or growth.max()) > 0.0:
                     until = min(last, float(cycles + (depth - row["depth"].max()) / rate))
                 step = partial(advance, model, row, options.tolerance, until)
                 try:
