@@ -202,12 +202,18 @@ def _moved(at: Tractions, elements: tuple[Ints, Array], active: Flags) -> tuple[
                 change[zone] -= shape * (ratio[zone] @ change[zone]) / (ratio[zone] @ shape)
             gained = ratio[zone] * change[zone]
             change_Q[zone] += gained
-            # what Q has gained is taken from the stick beside it
-            total, before = float(gained.sum()), ratio[a] * flow[a - 1]
-            if left:
-                change_Q[a - 1] += before if right else -total
-            if right:
-                change_Q[b + 1] -= total + (before if left else 0.0)
+            # what Q has gained is taken from the stick beside it; between two of them each gives
+            # what has passed to it, and half of what friction that changes adds
+            total = float(gained.sum())
+            if left and right:
+                before, after = ratio[a] * flow[a - 1], ratio[b] * flow[b]
+                added = 0.5 * (total + before - after)
+                change_Q[a - 1] += before - added
+                change_Q[b + 1] -= after + added
+            elif left:
+                change_Q[a - 1] -= total
+            elif right:
+                change_Q[b + 1] -= total
         P, Q = P + change, Q + change_Q
     Q[sign != 0.0] = (ratio * P)[sign != 0.0]
     return P, Q

@@ -16,6 +16,7 @@ from receding_fenicsx.evolution.replay import turning_point
 from receding_fenicsx.evolution.run_state import energy_error
 from receding_fenicsx.interface.exact.path import EventPath
 from receding_fenicsx.interface.system import ContactState, Leg, frictional_form
+from receding_fenicsx.interface.uniqueness.instants import Sides
 from receding_fenicsx.interface.uniqueness.watch import Uniqueness, UniquenessWatch
 
 pytestmark = pytest.mark.one_rank
@@ -79,4 +80,12 @@ def test_a_leg_is_judged_alike_whatever_legs_were_judged_before() -> None:
                 found.append(replace(judge.found, margin=0.0))
             assert found[0] == found[1], (seed, legs[k])
             doubts += not found[0].certified
+        # nor which sets of states are judged together
+        every = [Sides.of(np.array(row, np.int8)) for row in product((1, 2, 3, 4), repeat=2)]
+        watch = UniquenessWatch(system, begin)
+        watch.judge(every)
+        for one in every:
+            alone = UniquenessWatch(system, begin)
+            alone.judge([one])
+            assert (one in alone.indefinite) == (one in watch.indefinite)
     assert doubts > 10

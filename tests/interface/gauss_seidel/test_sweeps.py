@@ -51,10 +51,14 @@ def test_one_node_is_solved_from_any_first_guess_with_one_answer() -> None:
     assert seen == {1, 2, 3, 4}
 
 
-def test_accelerations_leave_the_answer_alone() -> None:
+@pytest.mark.parametrize("gap", [0.0, 0.2])
+def test_accelerations_leave_the_answer_alone(gap: float) -> None:
+    """Also where nodes land, whose slip begins there."""
+    block = replace(BLOCK, g0=gap * BLOCK.x**2)
+
     def answer(omega: float, polish: bool) -> rf.Record:
         options = gauss_seidel(12, over_relaxation=omega, polish=polish)
-        return rf.evolve(BLOCK, cyclic(1), options, replace(ALL, samples_per_leg=12))
+        return rf.evolve(block, cyclic(1), options, replace(ALL, samples_per_leg=12))
 
     plain = answer(1.0, False)
     for omega, polish in ((1.5, False), (1.0, True), (1.5, True)):
