@@ -12,7 +12,10 @@ import shakedown_cases
 import small
 
 import receding_fenicsx as rf
+from receding_fenicsx import atomic
 from receding_fenicsx.interface import system
+from receding_fenicsx.scene import history, profiles, symmetry
+from receding_fenicsx.store import run_folder
 
 pytestmark = [pytest.mark.one_rank, pytest.mark.once]
 
@@ -35,7 +38,8 @@ def along(path: Any, loop: Any = ()) -> None:
 
 
 NAMES = {"DEMOS": Path(__file__).parents[1] / "demos"} | globals()
-for room in (np, models, shakedown_cases, small, system):
+rooms = (np, models, shakedown_cases, atomic, run_folder, history, profiles, symmetry)
+for room in (*rooms, small, system):
     NAMES |= vars(room)
 NAMES |= {name: getattr(rf, name) for name in rf.__all__}
 

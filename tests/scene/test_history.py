@@ -136,35 +136,23 @@ def test_arcs_between_extremes_are_divided_evenly_and_doubled_corners_divide_eve
 @pytest.mark.parametrize(
     ("corners", "asked"),
     [
-        (
-            [1.0, 0.5, 1.0],
-            [
-                *(("loading", 0, 0), ("unloading", 1, 0), ("loading", 2, 1), ("1", 1, 1)),
-                *(("unloading", 0, "legs 0 to 0"), ("2", 1, "legs 0 to 1")),
-                *(("-1", 1, "legs 0 to 1"), ("reloading", 1, "legs 0 to 1")),
-                *(("loading", 3, "cycles 0 to 2"), ("loading", -1, "cycles 0 to 2")),
-            ],
-        ),
+        ([1.0, 0.5, 1.0], [("loading", 0, 0), ("unloading", 1, 0), ("loading", 2, 1), ("1", 1, 1)]),
         # by the size of loads, which may be negative: it falls, then grows
         ([1.0, -0.25, -2.0, 1.0], [("loading", 1, 1)]),
         ([-1.0, -0.5, -1.0], [("unloading", 1, 0), ("loading", 1, 1)]),
-        ([1.0, 0.5, 0.8, 0.2, 1.0], [("unloading", 1, "legs 0 to 3"), ("3", 1, 3)]),
+        ([1.0, 0.5, 0.8, 0.2, 1.0], [("3", 1, 3)]),
         # each over its largest
         ([(0.2, 1.0), (-0.4, 0.7), (-1.0, 0.9), (0.2, 1.0)], [("loading", 1, 1)]),
         ([(100.0, 0.0), (99.0, 0.5), (100.0, 0.0)], [("loading", 1, 0), ("unloading", 1, 1)]),
     ],
 )
 def test_legs_have_names_that_must_mean_one_and_numbers(
-    corners: list[Any], asked: list[tuple[str, int, int | str]]
+    corners: list[Any], asked: list[tuple[str, int, int]]
 ) -> None:
     loop = np.array(corners).reshape(len(corners), -1)
     history = History(("P", "Q")[: loop.shape[1]], loop[:1] * [[0.0], [1.0]], loop, 2)
     for name, cycle, answer in asked:
-        if isinstance(answer, int):
-            assert leg_number(history, name, cycle) == answer
-        else:
-            with pytest.raises(rf.InputError, match=answer):
-                leg_number(history, name, cycle)
+        assert leg_number(history, name, cycle) == answer
 
 
 def test_history_takes_lists_and_refuses_rows_of_unequal_length_and_text() -> None:
@@ -202,8 +190,6 @@ def test_instants_spread_over_a_cycle_go_evenly_and_meet_every_turning_point() -
         assert {*leg[s == 1.0]} == {0, 1, 2}
         assert time[(leg == 1) & (s == 1.0)][0] == pytest.approx(way[:2].sum() / way.sum())
     assert np.diff(evenly_spaced(table, 2, 60)[2]).max() < 1.2 / 59
-    with pytest.raises(rf.InputError, match="1 frames: a film needs"):
-        evenly_spaced(table, 2, 1)
     # at rest nothing is loaded and nothing to be seen
     assert evenly_spaced(table, 0, 5)[2][0] > 0.0
     assert np.all(np.diff(evenly_spaced(table, 0, 5)[2]) > 0.0)

@@ -201,6 +201,8 @@ def test_a_system_of_another_version_is_known_by_its_scene_but_not_by_its_mesh_f
     ):
         with pytest.raises(rf.InputError, match=re.escape(f"from a scene with another {key};")):
             rf.read_system(tmp_path / name, scene)
+    rf.write_system(tmp_path / "own.h5", replace(system, scene_toml=rf.to_toml(own)))
+    assert rf.read_system(tmp_path / "own.h5", own).n == system.n
     # a mesh file may move, but not change
     stored, history = replace(system, scene_toml=rf.to_toml(own)), rf.HistoryOptions(cycles=1)
     ways = ("// a mesh", 1.0, ""), ("// b", 1.0, "mesh file"), ("// b", 2.0, "young")

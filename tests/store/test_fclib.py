@@ -131,7 +131,8 @@ def test_export_of_a_run_s_step_is_that_step(tmp_path: Path) -> None:
     assert record is not None
     path = tmp_path / "step.hdf5"
     text = rf.export(tmp_path / "run", path, (1, "unloading", 1.0))
-    assert "cycle 1, leg 0, from s = 0.9975 to 1: 25 contacts, 1 rigid" in text
+    free = "25 contacts, 1 rigid motion(s) left to the contact"
+    assert text == f"cycle 1, leg 0, from s = 0.9975 to 1: {free}"
     row = np.flatnonzero((record.turning_points.cycle == 1) & (record.turning_points.leg == 0))[0]
     P = record.turning_points.P[row][24:].copy()
     P[0] *= 0.5  # half of the axis node's
@@ -139,7 +140,8 @@ def test_export_of_a_run_s_step_is_that_step(tmp_path: Path) -> None:
         r = file["solution/r"][()]
         assert file["fclib_local/info/title"][()] == b"Ahn & Barber block"
         assert b"from s = 0.9975 to 1" in file["fclib_local/info/description"][()]
-        assert b"u_N gap at the end of the step" in file["fclib_local/info/math_info"][()]
+        about = file["fclib_local/info/math_info"][()]
+        assert about.startswith(b"W symmetric, positive semi-definite; u_N gap at the end")
     # a step is the exact path up to what changes within it
     np.testing.assert_allclose(r[0::2], P, atol=1e-6 * P.max())
     # the half body carries half of the load, 1 - (2/3) s or (1 + s) / 2, on the edge of length 2
@@ -153,15 +155,17 @@ def test_export_of_a_run_s_step_is_that_step(tmp_path: Path) -> None:
     later = rf.export(tmp_path / "run", path, (0, "1", 1.0), overwrite=True)
     assert "cycle 0, leg 1, from s = 0.9975 to 1" in later
     for where, since, words in (
-        ((1, "unloading", 0.0), None, "--at 0"),
-        ((1, "unloading", 0.5), 0.6, "--since 0.6"),
-        ((7, "unloading", 0.5), None, "cycle 7"),
+        ((1, "unloading", 0.0), None, "^--at 0: must lie on the leg, 0 < s <= 1$"),
+        ((1, "unloading", 1.1), None, "^--at 1.1: must lie on the leg, 0 < s <= 1$"),
+        ((1, "unloading", 0.5), 0.5, r"^--since 0.5: must lie on the leg, 0 <= s < 0.5 \(--at\)$"),
+        ((1, "unloading", 0.5), -0.1, r"^--since -0.1: must .* s < 0.5 \(--at\)$"),
+        ((7, "unloading", 0.5), None, "^cycle 7 does not occur: there are cycles 0 to 2$"),
     ):
         with pytest.raises(rf.InputError, match=words):
             rf.export(tmp_path / "run", tmp_path / "x.hdf5", where, since)
     slipped = replace(scene, history=replace(table, initial_slip="1e-3*x"))
     for stored, words in (
-        (rf.to_toml(slipped), "initial_slip: the first leg does not start from rest"),
+        (rf.to_toml(slipped), "the first leg does not start from rest; use a later leg$"),
         ("", "record.h5: has no scene; give the folder of a run"),
     ):
         other = replace(record, scene_toml=stored)
@@ -177,5 +181,6 @@ def test_export_of_a_saved_system_from_the_command_line(
     rf.write_system(tmp_path / "system.h5", block_system(16, 8))
     arguments = ["export", str(tmp_path / "system.h5"), "--out", str(tmp_path / "x.hdf5")]
     assert cli.main(arguments) == 0
-    assert "17 contacts, 1 rigid motion(s)" in capsys.readouterr().out
+    said = "17 contacts, 1 rigid motion(s) left to the contact, written to"
+    assert f"from rest to load factors 1: {said} {arguments[-1]}\n" == capsys.readouterr().out
     assert cli.main([*arguments[:1], str(tmp_path / "none.h5"), *arguments[2:]]) == 2

@@ -22,6 +22,7 @@ pytestmark = pytest.mark.one_rank
 BLOCK_FILE = Path(__file__).parents[2] / "demos" / "block.toml"
 BLOCK = rf.read_scene(BLOCK_FILE)
 LOCK = Path(__file__).parents[1] / "programs" / "holds_a_folder.txt"
+INTERRUPTED = "holds an interrupted run; continue it with --resume, or replace it with --overwrite"
 
 
 class Killed(BaseException):
@@ -40,7 +41,7 @@ def fill(folder: Path, text: str = "{}") -> None:
 
 def refused(words: str, out: Path, **how: bool) -> None:
     """Assert that a run is not let into a folder that is named, rather than at its end."""
-    named = rf"^{re.escape(str(out))}(\.part)?: .*{words}"
+    named = rf"^{re.escape(str(out))}(\.part)?: {words}$"
     with pytest.raises(rf.InputError, match=named), run_folder(out, BLOCK, **how):
         pytest.fail("was let in")
 
@@ -89,11 +90,12 @@ def test_only_runs_are_replaced(tmp_path: Path) -> None:
     out = tmp_path / "run"
     with run_folder(out, BLOCK) as folder:
         (folder / "summary.json").touch()
-    refused(r"already exists.*--overwrite", out)
-    refused("no run that can be resumed", out, resume=True)  # it is finished, without a journal
+    refused("already exists as a run; continue it with --resume, or use --overwrite", out)
+    # it is finished, without a journal
+    refused("holds no run that can be resumed; choose another folder", out, resume=True)
     (tmp_path / "thesis.tex").write_text("years of work")
-    refused("no folder of a run", tmp_path, overwrite=True)
-    refused("is a file", tmp_path / "thesis.tex", overwrite=True)
+    refused("already exists, no folder of a run; choose another", tmp_path, overwrite=True)
+    refused("is a file; give a new folder", tmp_path / "thesis.tex", overwrite=True)
     assert (tmp_path / "thesis.tex").exists()
 
 
@@ -103,7 +105,7 @@ def test_interrupted_run_is_neither_forgotten_nor_taken_for_finished(tmp_path: P
     interrupt(out)
     assert os.listdir(tmp_path) == ["run.part"]
     assert has_run(out)
-    refused(r"interrupted run.*--resume.*--overwrite", out)
+    refused(INTERRUPTED, out)
     with run_folder(out, BLOCK, resume=True) as folder:
         assert folder == tmp_path / "run.part" and (folder / SYSTEM).exists()
     assert os.listdir(tmp_path) == ["run"]
@@ -126,7 +128,7 @@ def test_run_without_a_checkpoint_is_kept_only_if_a_signal_ended_it(tmp_path: Pa
         raise Killed
     assert os.listdir(tmp_path) == ["run.part"]
     forget_system(tmp_path / "run.part")  # killed before there was one
-    refused("interrupted run", out)
+    refused(INTERRUPTED, out)
     interrupt(out, resume=True)
     # its checkpoints outlive a failure of the run that goes on with them
     with pytest.raises(rf.InputError), run_folder(out, BLOCK, resume=True):
@@ -162,9 +164,8 @@ def test_folder_in_use_is_left_alone(tmp_path: Path) -> None:
     child = subprocess.Popen(words, stdout=subprocess.PIPE, env=rf.child_environment())
     try:
         assert child.stdout is not None and child.stdout.readline() == b"locked\n"
-        refused("another run is using this folder", out)
-        refused("another run is using this folder", out, resume=True)
-        refused("another run is using this folder", out, overwrite=True)
+        for how in ({}, {"resume": True}, {"overwrite": True}):
+            refused("another run is using this folder; wait for it", out, **how)
         threading.Timer(0.05, child.kill).start()
         with locked(part, wait=True):
             assert child.wait() < 0
@@ -182,10 +183,10 @@ def test_folder_in_use_is_left_alone(tmp_path: Path) -> None:
         (KIND, (".curve.json.7.tmp",), {}, False),  # another process is about to rename it
         (KIND, ("curve.json",), {"resume": True}, True),
         (KIND, ("cases/sweep.json",), {"overwrite": True}, True),
-        (KIND, ("curve.json",), {}, "exists as a curve; continue it with --resume"),
-        (ONCE, ("nodes.csv",), {}, "exists as a study; use --overwrite"),
-        (KIND, ("thesis.tex",), {"overwrite": True}, "no folder of a curve"),
-        (KIND, ("nodes.csv",), {"resume": True}, "no folder of a curve"),
+        (KIND, ("curve.json",), {}, "as a curve; continue it with --resume, or use --overwrite"),
+        (ONCE, ("nodes.csv",), {}, "already exists as a study; use --overwrite"),
+        (KIND, ("thesis.tex",), {"overwrite": True}, "no folder of a curve; choose another"),
+        (KIND, ("nodes.csv",), {"resume": True}, "exists, no folder of a curve; choose another"),
         (KIND, (), {"overwrite": True, "resume": True}, "give one of them"),
     ],
 )
@@ -202,7 +203,7 @@ def test_only_results_of_the_kind_are_replaced_or_continued_and_only_when_asked(
     if isinstance(answer, bool):
         assert kind.check(tmp_path, **how) == answer
         return
-    with pytest.raises(rf.InputError, match=f"^({tmp_path}|--resume and --overwrite): .*{answer}"):
+    with pytest.raises(rf.InputError, match=f"^({tmp_path}|--resume and --overwrite): .*{answer}$"):
         kind.check(tmp_path, **how)
     assert all((tmp_path / name).read_text() == "mine" for name in files)
 
@@ -212,7 +213,8 @@ def test_an_interruption_keeps_its_code_and_tells_how_to_go_on_where_it_can(tmp_
     with pytest.raises(KeyboardInterrupt) as bare, resumable(tmp_path, "here", file="system.h5"):
         raise signalled
     assert bare.value is signalled
-    with pytest.raises(rf.Interrupted, match=r"here; .* --resume") as told:
+    kept = f"^interrupted here; {tmp_path} holds the whole history; continue by --resume$"
+    with pytest.raises(rf.Interrupted, match=kept) as told:
         with resumable(tmp_path, "here"):
             raise SystemExit(143)
     assert told.value.exit_code == 143
