@@ -1,7 +1,9 @@
 """Scenes with half-planes, against closed forms and against meshed bodies."""
 
+import re
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -67,16 +69,16 @@ def test_probes_of_a_pair_on_the_axis_are_hertz() -> None:
     assert abs(values[4, 1]) < 1e-3 * abs(values[3, 1])
 
 
-@pytest.mark.parametrize(("force", "warned"), [(-1.0, False), (-16.0, True)])
-def test_contact_that_the_surface_cuts_off_is_a_warning(force: float, warned: bool) -> None:
-    """Contact half width 0.54, or 2.15 on a surface that ends at 1.5."""
-    changes = [f"load.P.force=[0.0, {force}]", "mesh.contact_elements=20"]
-    record = played(rf.from_toml(ONE, changes))
-    punch = played(rf.from_toml(ONE, [*changes, "contact.initial_gap=0.0"]))
-    found = rf.summarise(record)
-    assert [("at x = -1.5 and 1.5" in line) for line in found["warnings"]] == [True] * warned
-    assert ("enlarge width" in rf.run_table(found)) == warned
-    assert not rf.summarise(punch)["warnings"]
+def test_contact_that_the_surface_cuts_off_is_a_warning() -> None:
+    """Contact half width 0.54, 1.2 or 2.15 on a surface that ends at 1.5, or at -1."""
+    part = ["contact.span=[-1.0, 1.5]", "history.rows=[[1.0], [0.1]]"]
+    known: Any = {-1.0: ([], []), -16.0: ([], [("-1.5 and 1.5", "width")])}
+    for force, (more, places) in (known | {-5.0: (part, [("-1", "span")])}).items():
+        one = [f"load.P.force=[0.0, {force}]", "load.P.platen=true", "mesh.contact_elements=20"]
+        for punch, told in (([], places), (["contact.initial_gap=0.0"], [])):
+            record = played(rf.from_toml(ONE, [*one, *more, *punch]))
+            text = " ".join(rf.summarise(record)["warnings"])
+            assert re.findall(r"surface at x = (.*), beyond which.*, enlarge (\w+)", text) == told
 
 
 @pytest.mark.parametrize("degree", [1, 2])

@@ -1,5 +1,6 @@
 """Scenes of all kinds: halves, images, other writings, files, and the balance of energy."""
 
+import json
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -10,6 +11,7 @@ import numpy as np
 import pytest
 from images import Image, image_for, played
 from kinds import EVEN, UNEVEN
+from pydantic_core import to_json
 from random_scenes import random_scene, rewritten
 from replay import objections
 from small import assert_same_bits, named_loads
@@ -126,13 +128,16 @@ def test_a_row_of_a_sweep_holds_the_last_cycle_of_the_summary_edge_by_edge(name:
         for load in ("minimum", "maximum"):
             moment = part.at(last, load)
             (point,) = (p for p in points if p["leg"] == moment.leg)
+            assert [*map(tuple, point["zones"])] == moment.zones
+            assert ("p_axis" in point) == part.begins_on_axis
             for key in ("contact_half_width", "stick_half_width", "p_max"):
                 assert row.pop(f"{key}_at_{load}{end}") == point[key], (edge, load, key)
             largest = max(-point["q_min"], point["q_max"])
             assert row.pop(f"q_abs_max_at_{load}{end}") == pytest.approx(largest, rel=1e-12)
     assert not any("_at_" in key for key in row) and row["cycles"] == last
-    # there is a text of any of them
-    printed = rf.run_table(summary, everything=True)
+    # there is a text of any of them, the same of a summary in a file
+    printed, written = rf.run_table(summary, everything=True), to_json(summary, inf_nan_mode="null")
+    assert rf.run_table(json.loads(written), everything=True) == printed
     assert all(f"{zone} to" in printed for p in points for zone, *_ in p["zones"][-1:])
 
 

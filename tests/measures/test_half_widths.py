@@ -112,7 +112,7 @@ def test_slip_of_a_settled_cycle_that_is_negligible_is_shown_as_stick() -> None:
                 turned = not np.array_equal(shown_states(other, cycle, state), state)
                 assert turned == (cycle == settled), (steady, cycle)
     # of these a dashed line shows where they reach their limit
-    check_figures([("zones", rf.figures.zone_maps(record, last))], REPORTS / "settled.txt")
+    check_figures([("zones", zones := rf.figures.zone_maps(record, last))], REPORTS / "settled.txt")
     found = limit_nodes(record, last)
     assert len(found.node) > 3 and not found.strict
     for node, leg, s in zip(found.node, found.leg, found.s, strict=True):
@@ -120,6 +120,10 @@ def test_slip_of_a_settled_cycle_that_is_negligible_is_shown_as_stick() -> None:
         k = np.flatnonzero(place)[np.abs(samples.s[place] - s).argmin()]
         limit = record.f[node] * samples.P[k, node]
         assert abs(samples.Q[k, node]) == pytest.approx(limit, rel=0.02)
+    own = (found.leg == 0) & (record.x[found.node] > 0.0) & (found.s < 0.995)
+    (dashed,), () = (axes.lines for axes in zones.axes)  # over the load, which falls to a third
+    x, load = record.x[found.node[own]], 1.0 - 2.0 / 3.0 * found.s[own]
+    assert dashed.get_xydata() == pytest.approx(np.column_stack([x, load]))
     away = replace(record, method="gauss-seidel", samples=replace(samples, P=0.0 * samples.P))
     assert not len(limit_nodes(away, last).node)  # without a force there is no limit
     # where the loop runs twice in a cycle they reach it first in the first of both

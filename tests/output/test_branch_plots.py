@@ -37,6 +37,8 @@ def test_each_branch_is_a_line_from_rest_and_ends_are_crossed() -> None:
     assert np.abs(opened - [4 / 7, 1.0]).sum(axis=1).min() < 1e-12
     assert end.tolist() == [[0.0, 1.0]]
     check_figures([("branches", figure)], REPORTS / "branches.txt")
+    with pytest.raises(rf.InputError, match=r"^branches: no branch comes to the end of its first"):
+        rf.figures.branches(rf.branches(system, table(system, [[0, 0], [0, 0]])))
 
 
 def test_a_mode_is_drawn_with_its_own_numbers() -> None:
@@ -51,6 +53,8 @@ def test_a_mode_is_drawn_with_its_own_numbers() -> None:
     )
     x, v, signs = (whole.odd(a) for a in (system.x, critical.mode[: system.n], critical.signs))
     w = whole.even(critical.mode[system.n :])
+    with pytest.raises(rf.InputError, match=r"^slip_mode: no slip mode was found; the contact has"):
+        rf.figures.slip_mode(system, replace(critical, mode=0.0 * critical.mode))
     figure = rf.figures.slip_mode(system, critical)
     check_figures([("slip mode", figure)], REPORTS / "slip_mode.txt")
     above, below = figure.axes

@@ -10,6 +10,7 @@ from matplotlib.colors import to_rgb
 from small import cyclic, small_system, table
 
 import receding_fenicsx as rf
+from receding_fenicsx.output.plots.cycle_plots import moving_loads
 
 pytestmark = pytest.mark.one_rank
 
@@ -31,6 +32,9 @@ def test_path_of_a_cycle_goes_from_turning_point_to_turning_point() -> None:
         middle = int(np.flatnonzero(loop.turning)[1])
         assert np.all(np.diff(loop.load[: middle + 1, 0]) < 0.0)
         assert np.all(np.diff(loop.load[middle:, 0]) > 0.0)
+    for number, moving in ((8, [*range(8)]), (9, [])):  # of more loads than eight none is drawn
+        load, moved = (np.tile(part, number) for part in (loop.load, loop.displacement))
+        assert moving_loads([dataclasses.replace(loop, load=load, displacement=moved)]) == moving
 
 
 @pytest.mark.parametrize("slip", [None, "0.01*x"])

@@ -161,5 +161,9 @@ def test_half_of_the_area_lies_below_the_middle_colour_however_fine_the_mesh_is(
     x = np.concatenate([np.linspace(0.0, 0.9, 100), np.linspace(0.9, 1.0, 901)[1:]])
     areas = np.gradient(x)
     von_mises = next(q for q in QUANTITIES if q.name == "von_mises")
-    ends = [colours_of(x, von_mises, "", each).limits[1] for each in (areas, None)]
-    assert ends == pytest.approx([0.995, 0.9995], abs=1e-3)
+    for sign, each, end in ((1, areas, 0.995), (-1, areas, 0.995), (1, None, 0.9995)):
+        colours = colours_of(sign * x, von_mises, "", each)
+        # zero is one end of what has one sign
+        assert colours.limits[::sign] == (0.0, pytest.approx(sign * end, abs=1e-3))
+        if sign > 0:
+            assert np.array_equal(colours.table[[0, -1]], mpl.colormaps["viridis"]([0.0, 1.0]))

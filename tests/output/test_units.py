@@ -5,27 +5,19 @@ Where they are all 1 a figure that divides by the wrong one of them looks the sa
 
 import re
 from dataclasses import replace
-from functools import cache
+from functools import cache, partial
 from typing import Any
 
 import numpy as np
 import pytest
-from drawn_text import REPORTS, check_figures
+from drawn_text import REPORTS, check_curves, check_figures
 from images import played
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.text import Text
 
 import receding_fenicsx as rf
-from receding_fenicsx.output.plots.labels import (
-    Scales,
-    describe_factor,
-    kind_of,
-    length_of,
-    peak,
-    pressure_of,
-    three_digits,
-)
+from receding_fenicsx.output.plots import labels
 
 pytestmark = pytest.mark.one_rank
 
@@ -113,11 +105,6 @@ def factor(label: str, symbol: str, now: float = np.nan) -> float:
     return float(eval(f"1.0{text}", known))
 
 
-def curve(axes: Axes, n: int) -> np.ndarray:
-    """Points of the n-th line of axes."""
-    return np.asarray(axes.lines[n].get_xydata(), dtype=float)
-
-
 def along(axes: Axes, n: int) -> np.ndarray:
     """Coordinates of the curves of axes, else their limits."""
     lines = [np.asarray(line.get_xydata())[:, n] for line in axes.lines]
@@ -125,26 +112,18 @@ def along(axes: Axes, n: int) -> np.ndarray:
     return np.concatenate([line for line in lines if len(line) > 2] or [limits])
 
 
-def close(found: np.ndarray, expected: np.ndarray) -> bool:
-    """Whether arrays agree to round-off of their largest value, which is not zero."""
-    size = float(np.abs(expected).max())
-    return size > 0.0 and float(np.abs(found - expected).max()) < 1e-12 * size
-
-
 @pytest.mark.parametrize("kinematics", KINEMATICS)
-def test_tractions_are_over_the_pressure_that_acts(kinematics: str) -> None:
+def test_tractions_are_over_the_size_of_the_pressure_that_acts_if_it_does(kinematics: str) -> None:
     record = odd(kinematics)
-    position = {"plane strain": "x", "axisymmetric": "r"}[kinematics]
-    for load, part in (("minimum", 1.0 / 3.0), ("maximum", 1.0)):
-        moment = record.at(1, load)  # type: ignore[arg-type]
+    low, high = record.at(1, "minimum"), record.at(1, "maximum")
+    pulled, free = (replace(low, load={"p0": load}) for load in (-0.5 * LARGEST, 0.0))
+    loads = {1 / 3: low, 1.0: high, 0.5: pulled, 1.0 / (PRESSURE * LARGEST): free}
+    for part, moment in loads.items():
         axes = rf.figures.tractions(record, moment).axes[1]
-        labels = axes.get_ylabel().split(",  ")
-        for label, symbol, n, values in zip(
-            labels, "pq", (-2, -1), (moment.p, moment.q), strict=True
-        ):
-            x, y = curve(axes, n).T
-            assert close(x, record.x * factor(axes.get_xlabel(), position))
-            assert close(y, values * factor(label, symbol, part * LARGEST))
+        x = record.x * factor(axes.get_xlabel(), "r" if kinematics == "axisymmetric" else "x")
+        units = map(partial(factor, now=part * LARGEST), axes.get_ylabel().split(",  "), "pq")
+        both = zip((moment.p, moment.q), units, strict=True)
+        check_curves(axes, *((x, values * unit) for values, unit in both), guides=False)
 
 
 @pytest.mark.parametrize("kinematics", KINEMATICS)
@@ -165,7 +144,7 @@ def test_labels_of_all_figures_say_what_the_same_in_units_is_divided_by(kinemati
     assert checked > 12
     # of the slip other nodes are shown
     axes = rf.figures.slip_per_cycle(record).axes[0]
-    N, drawn = curve(axes, 0).T
+    N, drawn = np.array(axes.lines[0].get_data())
     gained = np.abs(record.cycles.slip_increment)[N.astype(int) - 1]
     gained *= factor(axes.get_ylabel().removeprefix("slip gained in a cycle, "), r"|\Delta v_i|")
     assert min(np.abs(gained - drawn[:, None]).max(axis=0)) < 1e-12 * drawn.max()
@@ -197,21 +176,21 @@ def test_a_load_and_its_conjugate_have_the_units_whose_product_is_work(
     scene = rf.Scene(loads=(load,), bolts=(rf.Bolt("b", "top", "bottom"),), units=UNITS)
     both, scales = (
         replace(scene, loads=(load, replace(load, edge="bottom"))),
-        Scales(odd("plane strain")),
+        labels.Scales(odd("plane strain")),
     )
     scales.units, scales.nondimensional = UNITS, False
     # work for unit thickness is stress times area, that of the full circle stress times volume
     circle = {"N/mm": "N", "mm²": "mm³", "MPa mm²": "MPa mm³"}
     for around, shown in ((False, {}), (True, circle)):
-        kind = kind_of(scene, "a", around)
+        kind = labels.kind_of(scene, "a", around)
         assert kind.size == size
         assert np.add(kind.unit, kind.conjugate_unit).tolist() == [1, 2 + around]
-        bolt = kind_of(scene, "b", around)
+        bolt = labels.kind_of(scene, "b", around)
         assert (bolt.unit, bolt.conjugate_unit) == ((0, 1), (1, 1 + around))
         scales.kinds, scales.axisymmetric = [kind], around
         assert scales.load_unit(0) == shown.get(unit, unit)
         assert scales.conjugate(0, False)[1] == f"$ ({shown.get(conjugate, conjugate)})"
-        assert (kind_of(both, "a", around) == kind) == (unit in ("MPa", ""))
+        assert (labels.kind_of(both, "a", around) == kind) == (unit in ("MPa", ""))
 
 
 @pytest.mark.parametrize("unit", ["$", "$$", r"\$x", "%_^{}", "µm", "$\\frac", "a$b"])
@@ -226,14 +205,19 @@ def test_no_unit_is_taken_for_mathematics(unit: str) -> None:
 
 def test_the_height_is_the_unit_of_length_only_where_it_means_something() -> None:
     block = rf.Scene(body=rf.Body("a", height=2.0), loads=(rf.Load("p", "top", pressure=1.0),))
-    assert length_of(block) == 2.0
-    assert length_of(replace(block, units=rf.Units(length="mm"))) == 0.0
-    assert length_of(replace(block, units=rf.Units(stress="MPa"))) == 2.0
+    assert labels.length_of(block) == 2.0
+    assert labels.length_of(replace(block, units=rf.Units(length="mm"))) == 0.0
+    assert labels.length_of(replace(block, units=rf.Units(stress="MPa"))) == 2.0
     for side in ("left", "right"):
-        assert length_of(replace(block, contacts=(rf.Contact(), rf.Contact(side)))) == 0.0
-    assert length_of(replace(block, others=(rf.Body("b", height=2.0),))) == 2.0
-    assert length_of(replace(block, others=(rf.Body("b", height=3.0),))) == 0.0
-    assert length_of(replace(block, body=rf.Body(mesh="body.geo"))) == 0.0
+        assert labels.length_of(replace(block, contacts=(rf.Contact(), rf.Contact(side)))) == 0.0
+    assert labels.length_of(replace(block, others=(rf.Body("b", height=2.0),))) == 2.0
+    assert labels.length_of(replace(block, others=(rf.Body("b", height=3.0),))) == 0.0
+    assert labels.length_of(replace(block, others=(rf.Body("b", shape="half-plane"),))) == 2.0
+    # nor with the unit of one of them is anything over the other
+    for units, shown in ((UNITS, " (mm)"), (rf.Units("mm"), " (mm)"), (rf.Units(None, "MPa"), "")):
+        scales = labels.Scales(given_units(odd("plane strain"), units))
+        assert scales.elastic("w", 1, 1) == (1.0, f"$w${shown}")
+    assert labels.length_of(replace(block, body=rf.Body(mesh="body.geo"))) == 0.0
 
 
 def test_tractions_are_divided_by_the_one_pressure_of_a_scene() -> None:
@@ -242,16 +226,26 @@ def test_tractions_are_divided_by_the_one_pressure_of_a_scene() -> None:
     for pressures in (*divided, *others):
         spans = zip(((-1.0, 0.0), (0.0, 1.0)), pressures, strict=False)
         loads = tuple(rf.Load("p0", "top", span, pressure=p) for span, p in spans)
-        found = pressure_of(rf.Scene(loads=loads), ("p0",))
+        found = labels.pressure_of(rf.Scene(loads=loads), ("p0",))
         assert found == ((2.0, "p_{0}") if pressures in divided else (1.0, ""))
 
 
 def test_numbers_in_titles_have_three_digits_and_no_letter_e() -> None:
     shown = {1040.0: "1040", -123456.0: "-123000", 0.0123456: "0.0123", -0.0: "0", 29.74: "29.7"}
-    assert {value: three_digits(value) for value in shown} == shown
-    assert three_digits(2.5e7) == r"2.5 \times 10^{7}"
-    assert three_digits(-3e-6) == r"-3 \times 10^{-6}"
+    assert {value: labels.three_digits(value) for value in shown} == shown
+    assert labels.three_digits(2.5e7) == r"2.5 \times 10^{7}"
+    assert labels.three_digits(-3e-6) == r"-3 \times 10^{-6}"
+    # of more loads than eight those that act, if one does
+    for number, told in ((8, [*range(8)]), (9, [3])):
+        names, load = tuple("abcdefghi"[:number]), np.arange(number) == 3
+        assert labels.told_loads(None, names, load) == told
+        assert labels.told_loads(None, names, 0.0 * load) == [*range(number)]
     parts = {0.0: "0", -1.0: "-P", 1.0: "P", 1 / 3: r"\frac{1}{3}\,P", 2 / 3: r"\frac{2}{3}\,P"}
     for part, text in (parts | {-1 / 3: r"-0.333\,P", 1e-7: r"1 \times 10^{-7}\,P"}).items():
-        assert describe_factor("P", part) == f"$P = {text}$".replace("P$", f"{peak('P')}$")
-        assert describe_factor("wheel", part) == f"wheel at ${three_digits(part)}$ of its largest"
+        assert labels.describe_factor("P", part) == f"$P = {text}$".replace(
+            "P$", f"{labels.peak('P')}$"
+        )
+        assert (
+            labels.describe_factor("wheel", part)
+            == f"wheel at ${labels.three_digits(part)}$ of its largest"
+        )

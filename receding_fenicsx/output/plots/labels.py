@@ -94,8 +94,6 @@ def kind_of(scene: Scene | None, name: str, axisymmetric: bool) -> LoadKind:
 
 def _size_and_kind(load: Load) -> tuple[float, str]:
     """Return the size of one part of a load and its kind; 0 if it is no single number."""
-    if load.on_body:
-        return 0.0, "factor"
     if load.tension is not None:
         return float(load.tension), "tension"
     if load.force is not None:
@@ -125,7 +123,7 @@ class Scales:
         # whether positions are radii
         self.radial = record.radius is not None and np.allclose(record.x, record.radius)
         self.units = scene.units if scene is not None else Units()
-        self.nondimensional = bool(length and self.pressure_symbol and self.young > 0.0)
+        self.nondimensional = bool(length and self.pressure_symbol)
         self.kinds = [kind_of(scene, name, record.axisymmetric) for name in names]
 
     @property
@@ -171,7 +169,7 @@ class Scales:
         """Return unit and end of the label of what is conjugate to a load, and if it is upright."""
         kind = self.kinds[k]
         unit, behind = kind.size, in_unit("$", self._unit_of(kind.conjugate_unit))
-        if not prescribed and self.nondimensional:
+        if self.nondimensional:
             # conjugate to the pressure, not to its factor: an area, or the volume of a circle
             unit, label = self.elastic("", 1, 3 if self.axisymmetric else 2)
             unit, behind = unit * self.pressure, label[1:]

@@ -175,11 +175,10 @@ def zones_header(summary: Summary) -> str:
 
 def zones_shown(point: Summary, summary: Summary) -> str:
     """Return the zones of a turning point; of a symmetric contact those from the centre."""
-    zones, form, symmetry = point["zones"], length_format(summary), summary["symmetry"]
+    zones, form = point["zones"], length_format(summary)
     first, centre = f"{zones[0][1]:{form}} " if zones else "", -math.inf
-    if _one_half(point, symmetry):
-        axis = symmetry == "axisymmetric"
-        first, centre = "", 0.0 if axis else 0.5 * (zones[0][1] + zones[-1][2])
+    if _one_half(point, summary["symmetry"]):
+        first, centre = "", 0.0
     return first + " | ".join(f"{name} to {end:{form}}" for name, _, end in zones if end > centre)
 
 

@@ -66,7 +66,7 @@ def slip_warnings(record: Record) -> list[str]:
     for number in np.unique(record.edge):
         on = record.edge == number
         points, table = record.points[on], record.turning_points
-        if len(points) < 3 or np.linalg.matrix_rank(points - points[0], 1e-6 * np.ptp(points)) < 2:
+        if np.linalg.matrix_rank(points - points[0], 1e-6 * np.ptp(points)) < 2:
             continue
         apart = float(np.linalg.norm(np.diff(points, axis=0), axis=1).min())
         moved = float(np.abs(table.v[:, on] * (table.P[:, on] > 0.0)).max())

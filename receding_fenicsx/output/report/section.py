@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
@@ -13,8 +14,8 @@ Rows = list[list[Any]]
 
 
 def shown(cell: object, form: str = "{:z.5g}", dash: str = "-") -> str:
-    """Format a cell; None is a dash."""
-    if cell is None:
+    """Format a cell; None, which stands in files for what is not finite, is a dash as that is."""
+    if cell is None or (isinstance(cell, float) and not math.isfinite(cell)):
         return dash
     return form.format(cell) if isinstance(cell, float) else str(cell)
 
