@@ -239,8 +239,9 @@ def test_colours_and_numbers_of_the_band_are_those_of_the_legend() -> None:
         dots = band.transData.transform((text.get_position()[0], 0.0))[0]
         assert np.abs(np.subtract(middles, dots)).min() < 1e-6
     # lines below the band go on from where zones meet
-    lines = [line for line in figure.axes[1].lines if len({*line.get_xdata()}) == 1]
-    below = [float(band.transData.transform((line.get_xdata()[0], 0.0))[0]) for line in lines]
+    lines = [np.asarray(line.get_xydata()) for line in figure.axes[1].lines]
+    starts = [line[0] for line in lines if np.ptp(line[:, 0]) == 0.0]
+    below = figure.axes[1].transData.transform(starts)[:, 0]
     assert below == pytest.approx(sorted(ends)[:-1], abs=1e-6)
 
 

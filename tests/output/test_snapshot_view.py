@@ -10,10 +10,11 @@ import numpy as np
 import pytest
 from drawn_text import REPORTS, check_curves, check_page, check_words, names_of_colours, told
 from kinds import EVEN, UNEVEN
-from matplotlib.collections import PolyCollection
+from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 from matplotlib.text import Annotation
+from matplotlib.tri import TriContourSet
 from pictured import instant_of_row, small_block, view_at
 
 import receding_fenicsx as rf
@@ -215,6 +216,23 @@ def test_band_of_states_has_the_colours_of_the_legend_where_the_states_are() -> 
 
 
 @pytest.mark.one_rank
+def test_contours_cross_the_cells_and_outlines_are_those_before_and_after() -> None:
+    """Of the field x on a square, a cell of four corners, that moves aside by a half."""
+    square = np.array([[1.0, 0.0], [1.0, 1.0], [0.0, 1.0], [0.0, 0.0]])
+    cells, stress, aside = np.array([[0, 1, 2, 3]]), {"syy": square[:, 0]}, np.array([0.5, 0.0])
+    view = replace(view_alone(), points=square, moved=square + aside, cells=cells, stress=stress)
+    drawn = page_of(view, "syy").axes[0].collections
+    before, after, *_ = (c for c in drawn if isinstance(c, LineCollection))
+    for outline, left in ((before, 0.0), (after, 0.5)):
+        corners = np.vstack([np.asarray(path.vertices) for path in outline.get_paths()])
+        assert [*corners.min(axis=0), *np.ptp(corners, axis=0)] == [left, 0.0, 1.0, 1.0]
+    (contours,) = (c for c in drawn if isinstance(c, TriContourSet))
+    lines = [line for line in (np.asarray(p.vertices) for p in contours.get_paths()) if len(line)]
+    assert len(lines) > 4 and min(line[0, 0] for line in lines) > 0.5
+    assert np.allclose([np.ptp(line, axis=0) for line in lines], [0.0, 1.0])
+
+
+@pytest.mark.one_rank
 @pytest.mark.parametrize("name", EVEN | UNEVEN)
 def test_pictures_of_scenes_of_all_kinds_show_every_contact_edge_as_the_record_has_it(
     name: str,
@@ -228,7 +246,8 @@ def test_pictures_of_scenes_of_all_kinds_show_every_contact_edge_as_the_record_h
     layout = layout_of(view)
     left, right, bottom, top = layout.window
     assert np.divide(*layout.pixels) == pytest.approx((right - left) / (top - bottom), rel=0.01)
-    sides = view.moved.min(axis=0) - (left, bottom), (right, top) - view.moved.max(axis=0)
+    both = np.vstack([view.points, view.moved])
+    sides = both.min(axis=0) - (left, bottom), (right, top) - both.max(axis=0)
     assert layout.height < 4.5001 and (view.near or np.min(sides) > 0.0)
     longest = [np.linalg.norm(a.heads - a.tails, axis=1).max() for a in view.arrows]
     assert max(longest, default=0.0) < 0.2401 * view.size
@@ -302,6 +321,7 @@ def test_pages_draw_what_is_known() -> None:
             for band in (c for c in body.collections if isinstance(c, PolyCollection)):
                 corners = [body.transData.transform(path.vertices) for path in band.get_paths()]
                 assert min(np.ptp(box[:, 1]) for box in corners) > 0.122 * 50.0  # room for numbers
+                assert min(box[:, 1].min() for box in corners) > body.bbox.y0
             high, tall = bar.bbox.height / 50.0, np.ptp(body.transData.transform(view.moved)[:, 1])
             assert high == pytest.approx(max(tall / 50.0, 0.7), rel=0.07)  # inches, as the body
             assert 0.18 <= high * np.diff(bar.get_yticks())[0] / np.ptp(bar.get_ylim()) < 0.5
