@@ -129,9 +129,12 @@ def test_intervals_hold_zones_narrower_than_a_spacing(degree: int, elements: int
         at = stuck(c, 0.5, shifted, 1)
         slips = np.where(shifted < 0.0, BACKWARD, FORWARD)
         state = np.where(np.abs(shifted) > 0.0, slips, STICK)
-        for image in (False, True):
-            found = stick_half_width_estimate(replace(at, state=state, half=image))
+        for image, far in ((False, 0.0), (True, 0.0), (False, 8.0)):
+            found = stick_half_width_estimate(replace(at, x=at.x + far, state=state, half=image))
             assert 0.0 <= found.low < c < found.high and found.low <= found.value <= found.high
+            # known to the nodes, the value is midway
+            middle = 0.25 * np.diff(shifted)[len(shifted) // 2 - 1]
+            assert part >= 0.5 or found.value == pytest.approx(middle)
 
 
 def test_where_no_power_is_known_there_is_the_nodal_bracket() -> None:
@@ -172,9 +175,11 @@ def test_every_end_of_a_zone_is_estimated_from_the_side_where_tractions_vanish()
     half = zone_ends(replace(at, half=True))
     assert [end.value for end in half] == pytest.approx([end.value for end in ends], abs=1e-9)
     # between two slips of opposite direction nothing is known but the nodes
-    opposite = np.where(x < 0.0, BACKWARD, FORWARD)
-    (end,) = zone_ends(replace(at, state=opposite))
-    assert not end.fitted and end.low < 0.0 < end.high
+    at = pressed(a, 0.5, 1, x[x != 0.0])
+    for image in (False, True):
+        opposite = np.where(at.x < 0.0, BACKWARD, FORWARD)
+        (end,) = zone_ends(replace(at, state=opposite, half=image))
+        assert not end.fitted and end.low < 0.0 < end.high
 
 
 @pytest.mark.parametrize("degree", [1, 2])
