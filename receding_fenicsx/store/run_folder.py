@@ -78,10 +78,10 @@ def run_folder(
                     (shutil.copytree if item.is_dir() else shutil.copy2)(item, part / item.name)
             with new_file(part / SCENE, overwrite=True) as beside:
                 beside.write_text(to_toml(scene), encoding="utf-8")
-        except OSError as error:
+        except (OSError, RecedingError) as error:
             if earlier != part:
                 shutil.rmtree(part, ignore_errors=True)
-            raise unwritable(path, error) from None
+            raise (unwritable(path, error) if isinstance(error, OSError) else error) from None
         try:
             yield part
             try:

@@ -1,3 +1,4 @@
+import errno
 import os
 import re
 import subprocess
@@ -8,6 +9,7 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
+from unittest.mock import Mock
 
 import pytest
 
@@ -117,8 +119,15 @@ def test_interrupted_run_is_neither_forgotten_nor_taken_for_finished(tmp_path: P
     assert (out / SYSTEM).read_text() == "new"
 
 
-def test_run_without_a_checkpoint_is_kept_only_if_a_signal_ended_it(tmp_path: Path) -> None:
-    out = tmp_path / "run"
+def test_run_without_a_checkpoint_is_kept_only_if_a_signal_ended_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    out, full = tmp_path / "run", Mock(side_effect=OSError(errno.ENOSPC, "full"))
+    room = r"\(full\); make room or choose another disk$"
+    with monkeypatch.context() as disk, pytest.raises(rf.RecedingError, match=room):
+        disk.setattr("receding_fenicsx.store.run_folder.to_toml", full)
+        run_folder(out, BLOCK).__enter__()
+    assert os.listdir(tmp_path) == []
     with pytest.raises(rf.InputError), run_folder(out, BLOCK) as folder:
         (folder / SYSTEM).write_text("condensed")
         raise rf.InputError("its first leg fails, and would again")
