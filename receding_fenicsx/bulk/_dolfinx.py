@@ -77,7 +77,7 @@ def scalar_space(mesh: dmesh.Mesh, family: str, degree: int) -> fem.FunctionSpac
 
 
 def cell_tensor(mesh: dmesh.Mesh, values: Array) -> fem.Function:
-    """Return the function that is a tensor in each cell, given for each owned one (cells, a, b)."""
+    """Return the function that is a tensor in each owned cell, given as (cells, a, b)."""
     shape = values.shape[1:]
     with _quiet():
         if VERSION < (0, 7):  # 0.7 put the shape into the element
@@ -86,7 +86,6 @@ def cell_tensor(mesh: dmesh.Mesh, values: Array) -> fem.Function:
             space = fem.functionspace(mesh, ("DG", 0, shape))
     function = fem.Function(space)
     function.x.array.reshape(-1, *shape)[cell_dofs(space)[: len(values), 0]] = values
-    function.x.scatter_forward()
     return function
 
 

@@ -144,7 +144,7 @@ def join(
         )
     # one body on planes has K already
     first = motions[0][0]
-    alone = len(bodies) == 1 and not len(rest) and first.shape == (size, size)
+    alone = len(bodies) == 1 and first.shape == (size, size)
     alone = alone and (first != sparse.identity(size)).nnz == 0
     K = bodies[0].K if alone else np.zeros((size, size))
     H, C = np.zeros((len(rest), len(rest))), np.zeros((len(rest), size))

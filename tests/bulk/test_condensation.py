@@ -8,14 +8,32 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 from bodies import block, built, condense, system_of
+from cffi import VerificationError
 from models import block_system
 
 import receding_fenicsx as rf
 from receding_fenicsx.arrays import Array
-from receding_fenicsx.bulk import schur
+from receding_fenicsx.bulk import _dolfinx, schur
 from receding_fenicsx.bulk.schur import norm
 
 comm = MPI.COMM_WORLD
+WRONG = (
+    r"^the condensed stiffness is off by \S+ from a solve \(at most 1e-10\): move Poisson's ratio "
+    "off its limit, or mend the mesh$"
+)
+LOST = (
+    r"^the condensed stiffness resists a rigid motion by \S+ of its size \(at most 1e-12\); check "
+    "the mesh for degenerate cells$"
+)
+UNCOMPILED = (
+    (
+        OSError(13, "Denied", "/x"),
+        "/x: compiled forms cannot be kept there (Denied); set XDG_CACHE_HOME to a folder that can "
+        "be written",
+    ),
+    (OSError(28, "No room", "/x"), "[Errno 28] No room: '/x'"),
+    (VerificationError("no compiler"), "the forms cannot be compiled: no compiler"),
+)
 
 
 @pytest.mark.parametrize("half", [False, True])
@@ -51,7 +69,7 @@ def test_a_wrong_triangle_would_be_noticed(monkeypatch: pytest.MonkeyPatch) -> N
     real = schur._complement
     swapped = lambda factor, size, ranks: real(factor, size, 3 - min(ranks, 2))  # noqa: E731
     monkeypatch.setattr(schur, "_complement", swapped)
-    with pytest.raises(rf.SolveError, match=r"off by .* from a solve .*Poisson's ratio"):
+    with pytest.raises(rf.SolveError, match=WRONG):
         system_of(block())
 
 
@@ -73,8 +91,17 @@ def test_lost_rigid_motions_would_be_noticed(monkeypatch: pytest.MonkeyPatch) ->
         return factor, None if K is None else K + 1e-11 * norm(K) * np.eye(len(K))
 
     monkeypatch.setattr(schur, "factorise", spoilt)
-    with pytest.raises(rf.SolveError, match="resists a rigid motion by"):
+    with pytest.raises(rf.SolveError, match=LOST):
         system_of(block())
+
+
+@pytest.mark.one_rank
+@pytest.mark.parametrize(("error", "said"), UNCOMPILED)
+def test_why_forms_are_not_compiled_is_said(error: Exception, said: str) -> None:
+    kinds = (rf.InputError, ImportError, OSError)
+    with pytest.raises(kinds) as caught, _dolfinx._quiet():
+        raise error
+    assert str(caught.value) == said
 
 
 @pytest.mark.one_rank

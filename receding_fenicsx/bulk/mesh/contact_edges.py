@@ -128,7 +128,7 @@ def _check_groups(scene: Scene, name: str, mesh: RawMesh, half: bool) -> None:
         count = cells_behind(mesh, facets)[0]
         if np.any(count != 1):
             x, y = mesh.points[facets[np.argmax(count != 1)]].mean(axis=0)
-            place = "inside the body" if count.max() > 1 else "off the body"
+            place = "inside the body" if count.max() > 1 else "off the sides of cells"
             raise InputError(
                 f"{where}: the group '{group}' lies {place} at ({x:g}, {y:g}); use curves of its "
                 "boundary"

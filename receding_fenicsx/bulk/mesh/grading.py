@@ -119,13 +119,12 @@ def place_nodes(gmsh: Any, curve: int, points: Array) -> None:
     mesh = gmsh.model.mesh
     ends = [mesh.getNodes(0, point)[:2] for _, point in gmsh.model.getBoundary([(1, curve)])]
     (first, last), (begin, end) = ((int(tags[0]) for tags, _ in ends), (at[:2] for _, at in ends))
-    if len(points) and (points[-1] - points[0]) @ (end - begin) < 0.0:
+    if np.any((points[-1:] - points[:1]) @ (end - begin) < 0.0):
         points = points[::-1]
     mesh.clear([(1, curve)])
     tags = int(mesh.getMaxNodeTag()) + 1 + np.arange(len(points))
     flat = np.column_stack([points, np.zeros(len(points))]).ravel()
-    if len(points):
-        mesh.addNodes(1, curve, tags, flat, gmsh.model.getParametrization(1, curve, flat))
+    mesh.addNodes(1, curve, tags, flat, gmsh.model.getParametrization(1, curve, flat))
     chain = np.concatenate([[first], tags, [last]])
     mesh.addElementsByType(curve, 1, [], np.column_stack([chain[:-1], chain[1:]]).ravel())
 

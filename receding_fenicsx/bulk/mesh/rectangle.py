@@ -180,9 +180,6 @@ def find_marks(frame: Frame) -> Marks:
     top, side, inner = [], [], []
     for key, (s, d) in wanted:
         s = abs(s) if abs(s) > near else 0.0
-        if s > 0.5 * frame.length + near or not -near <= d <= frame.depth + near:
-            x, y = frame.to_body(*np.array([[s], [d]]))[0]
-            raise InputError(f"{key}: the point ({x:g}, {y:g}) lies outside the body; move it")
         on_top = d >= frame.depth - near
         on_contact = d <= near or (frame.both and on_top)
         on_side = s >= 0.5 * frame.length - near
