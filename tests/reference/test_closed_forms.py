@@ -129,18 +129,6 @@ def test_hertzian_stress_is_in_equilibrium_and_compatible_below_the_pressure() -
     assert hertz.stress(0.0, far)[1] == pytest.approx(-2.0 / (np.pi * far), rel=1e-5)
 
 
-def test_forms_of_stretched_bodies_end_where_they_no_longer_hold() -> None:
-    hertz = closed_forms.Hertz(force=1.0, radius=100.0, modulus=110.0)
-    tensions = (0.1, 0.8, 3.0)
-    known, beside, large = (CattaneoMindlin(hertz, 0.5, 0.3, tension) for tension in tensions)
-    with pytest.raises(ValueError, match="no closed form"):
-        known.dissipation()
-    # the middle of the stick zone, 0.68 a, lies within the contact, its end does not
-    for form in (beside, large):
-        with pytest.raises(ValueError, match="does not slip"):
-            form.middle(0.3, "loading")
-
-
 # -- layers ----------------------------------------------------------------------------------------
 
 

@@ -139,9 +139,8 @@ def test_elements_of_jenkins_are_recovered() -> None:
     x = np.linspace(0.25, 3.0, 25)
     F, D = jenkins(x, k, phi, k0)
     fit = rf.fit_jenkins(F[::-1], D[::-1], (F / x)[::-1], 2)
-    assert fit.parameters["k"] == pytest.approx(k, rel=1e-6)
-    assert fit.parameters["phi"] == pytest.approx(phi, rel=1e-6)
-    assert fit.parameters["k0"] == pytest.approx(k0, rel=1e-6)
+    for name, known in {"k": k, "phi": phi, "k0": k0}.items():
+        assert fit.parameters[name] == pytest.approx(known, rel=1e-6), name
     assert np.abs(fit.dissipation_error).max() < 1e-8
 
 

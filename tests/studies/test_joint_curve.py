@@ -205,6 +205,12 @@ def test_the_figure_draws_damping_ratio_and_frequency_of_a_mode_else_d_and_stiff
         D / unit * (1.0 + np.outer([-1, 1], [0.1, 0.3, 0.3]))
     )
     assert curve.masing_defect == pytest.approx([1 / 3, 1 / 9, 1 / 7])
+    # without an answer there is nothing to draw and no fit
+    lost = rf.SweepTable(("amplitude",), (tuple(a),), ({"error": "lost"},) * 3)
+    curve_of_none = rf.JointCurve(drive, [lost], backbone)
+    assert re.search("none found(.|\n)*at most 0\n", repr(curve_of_none))
+    assert curve_of_none.kind == ("failed",) * 3
+    assert joint.joint_figure(curve_of_none).axes[0].get_yscale() == "linear"
     if drive == "mode:1":
         for name, known in {"zeta": D / damping, "omega": omega}.items():
             assert [row[name] for row in curve.rows()] == pytest.approx(known), name

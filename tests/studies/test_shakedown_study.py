@@ -180,11 +180,12 @@ def test_a_bound_of_slips_raises_the_lower_limits_of_a_diagram_and_keeps_the_upp
     system = two_nodes()
     margins = prepared(system, load_range(system, {"mean": 1.0}, TO_AND_FRO))[0]
     free, bounded = (
-        np.array(limits_at(with_bound(margins, bound), 1, [0.0, 0.05])["limits"]).T
+        np.array(limits_at(with_bound(margins, bound), 1, [0.0, 0.05, -9.0])["limits"]).T
         for bound in (None, 0.03)
     )
-    assert np.all(bounded[0] > free[0])
-    assert bounded[1] == pytest.approx(free[1], rel=1e-9)
+    assert np.all(bounded[0, :2] > free[0, :2])
+    assert bounded[1] == pytest.approx(free[1], rel=1e-9, nan_ok=True)
+    assert np.isnan([free[:, 2], bounded[:, 2]]).all()  # no slip holds this mean
 
 
 # -- many starts ----------------------------------------------------------------------------------
@@ -234,8 +235,16 @@ def test_whether_it_slips_for_ever_depends_on_the_start_between_the_limits_only(
     summary = starts_summary(states)
     told = [summary[key] for key in ("same", "kinds", "nodes_that_differ")]
     assert told == [False, states.counts, np.any(states.state != states.state[0], axis=0).sum()]
-    alike = replace(states, dissipation=np.ones(41), kind=("cyclic slip",) * 41)
-    assert starts_summary(alike)["same"] is False
+    # the same: states, kinds and dissipation are those of one start, and none failed
+    one_state = replace(states, dissipation=np.ones(41), kind=("cyclic slip",) * 41)
+    one_state = replace(one_state, state=np.repeat(states.state[:1], 41, axis=0))
+    mixed = ("cyclic slip",) * 40 + ("shakedown",)
+    others = {"kind": mixed}, {"dissipation": np.linspace(1.0, 2.0, 41)}, {"state": states.state}
+    verdicts = ({}, True), ({"errors": {"in": "lost"}}, None), *((other, False) for other in others)
+    for changes, same in verdicts:
+        assert starts_summary(replace(one_state, **changes))["same"] is same, changes
+    none = starts_summary(replace(states, kind=("not reached",) * 41))
+    assert none["dissipation"] is none["spread"] is None
     limit = {"reached": False, "cycle": 2, "reason": "", "starts": summary}
     assert limit_rows({"limit": limit})[1][0] == "limits from 41 initial slips differ"
     # a node that stays on its limit does not slip

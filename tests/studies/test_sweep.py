@@ -362,7 +362,7 @@ def test_values_of_the_command_line(texts: list[str], values: list[Any]) -> None
 
 
 def test_measures_that_are_no_numbers_are_rows_with_the_reason() -> None:
-    error = partial(sweep_measures.made, found={"error": 0.0})
+    error = partial(sweep_measures.wrong, found={"error": 0.0})
     for measure, reason in (
         (error, "measure: 'error' cannot be the name of a column; choose another"),
         (sweep_measures.wrong, "ZeroDivisionError: division by zero"),

@@ -28,6 +28,7 @@ pytestmark = pytest.mark.one_rank
 ROOT = Path(__file__).parents[2]
 comm = MPI.COMM_WORLD
 CYLINDERS = ROOT / "demos" / "half_planes.toml"
+PROBE = '[[probe]]\nname = "edge"\nedge = "lower.top"\n[fatigue]\n'
 P, F, U, R = 1.0, 0.5, 0.6, 100.0
 E_STAR = 100.0 / (1.0 - 0.3**2)
 A = np.sqrt(4.0 * P * R / (np.pi * E_STAR))
@@ -256,7 +257,7 @@ def test_steps_of_a_singular_system_fail_as_a_solve(monkeypatch: pytest.MonkeyPa
 
 
 def test_carried_profiles_become_node_pairs_for_small_strokes() -> None:
-    scene = sliding(60, 0.1)
+    scene = rf.from_toml(rf.to_toml(sliding(60, 0.1)) + PROBE)
     pairs = pairs_of(scene)
     first = pairs.begin()
     pairs.slip_at_corners *= 1e-3
@@ -277,6 +278,9 @@ def test_carried_profiles_become_node_pairs_for_small_strokes() -> None:
     assert worn[0] / worn.sum() == pytest.approx(0.3, rel=1e-9)
     study = rf.WearStudy(carried, rows[1:], 0.3, "cycles done")
     assert np.array_equal(study.depth_of_bodies[0], rows[1]["worn"])
+    assert study.fatigue() == [] and "(steps)\n" in repr(study)
+    with pytest.raises(rf.InputError, match="that a stroke carries along have no single cycle"):
+        study.record(0)
     # the second body wears where the first one has moved to
     moved = Convected(pairs, 0.3, A)
     moved.positions = [(carried.positions[0][0], 0.2 * A, 1.0)]
@@ -316,7 +320,13 @@ def test_a_kill_or_failure_and_resume_repeat_an_undisturbed_study_bit_by_bit(
         for name, values in arrays.items():
             assert np.array_equal(values, getattr(whole, name)), name
     summary = json.loads((tmp_path / "cut" / "wear.json").read_text())
-    assert summary["end"] == "cycles done" and summary["estimates"]["volume"] > 0.0
+    known = {"title": scene.title, "end": "cycles done", "steps": len(rows) - 1, "carried": False}
+    known |= {"fatigue": [], "dissipation_per_cycle": whole.dissipation_per_cycle.tolist()}
+    errors = {"depth_max": whole.depth_estimate[-1], "volume": whole.volume_estimate[-1]}
+    names = "depth", "depth_of_bodies", "pressure", "slip"
+    profile = {name: getattr(whole, name)[-1].tolist() for name in names} | {"x": whole.x.tolist()}
+    known |= whole.last | {"estimates": errors, "profile": profile}
+    assert summary == known | {key: summary[key] for key in ("timings", "versions")}
     # nothing that is summed over the steps falls
     for name in ("cycles", "dissipated", "depth", "estimate", "force"):
         assert np.all(np.diff(whole.rows[name], axis=0) >= 0.0), name
@@ -392,8 +402,7 @@ def test_a_sweep_has_the_wear_life_of_its_cases(tmp_path: Path) -> None:
 
 
 def test_a_worn_contact_has_the_record_and_the_fatigue_of_a_run() -> None:
-    probes = '[[probe]]\nname = "edge"\nedge = "lower.top"\n[fatigue]\n'
-    scene = rf.from_toml(rf.to_toml(cylinders(40, "wear.cycles=8000")) + probes)
+    scene = rf.from_toml(rf.to_toml(cylinders(40, "wear.cycles=8000")) + PROBE)
     study = worn(scene)
     for k in (0, len(study.rows) - 1):
         record = study.record(k)
@@ -483,7 +492,7 @@ def test_the_stroke_is_judged_on_each_contact_edge() -> None:
                 rf.wear(changed)
 
 
-def test_a_study_that_cannot_be_written_or_shared_is_refused_before_it_condenses(
+def test_a_study_that_cannot_be_written_is_refused_before_it_condenses(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     scene = cylinders(30)
@@ -491,8 +500,6 @@ def test_a_study_that_cannot_be_written_or_shared_is_refused_before_it_condenses
     monkeypatch.setattr("receding_fenicsx.studies.run.condense", lambda *_: pytest.fail("begun"))
     with pytest.raises(rf.InputError, match="exists as a wear study"):
         rf.wear(scene, tmp_path)
-    with pytest.raises(rf.InputError, match="depend on each other; leave the shard out"):
-        rf.wear(scene, tmp_path / "new", rf.StudyOptions(shard=(1, 2)))
 
 
 @pytest.mark.parametrize(
@@ -508,8 +515,7 @@ def test_a_study_that_cannot_be_written_or_shared_is_refused_before_it_condenses
 def test_only_what_a_coarser_mesh_lacks_is_passed_over(
     study: Callable[[rf.Scene], object], passed: Exception, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    probes = '[[probe]]\nname = "edge"\nedge = "lower.top"\n[fatigue]\n'
-    scene = rf.from_toml(rf.to_toml(cylinders(16, "wear.cycles=1")) + probes)
+    scene = rf.from_toml(rf.to_toml(cylinders(16, "wear.cycles=1")) + PROBE)
     refuse = Mock(side_effect=passed)
     monkeypatch.setattr("receding_fenicsx.studies.accuracy.meshes.count_nodes", refuse)
     assert study(scene) is not None
