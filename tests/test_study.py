@@ -15,7 +15,6 @@ from receding_fenicsx.bulk.from_scene import is_small
 from receding_fenicsx.pictures import default_instants
 from receding_fenicsx.store.run_folder import is_finished
 from receding_fenicsx.studies import run as study
-from receding_fenicsx.studies.joint.fits import jenkins
 
 DEMOS = Path(__file__).parents[1] / "demos"
 SMALL = [
@@ -44,21 +43,6 @@ def finished(tmp_path_factory: pytest.TempPathFactory) -> Finished:
     record = study.run(small(), out, options, comm)
     comm.Barrier()
     return out, record, heard
-
-
-def test_arguments_of_calls_are_refused_by_name() -> None:
-    """Rows of ``refused/calls.txt``: a call, then error and message, whole."""
-    slider = jenkins(x := np.linspace(0.25, 3.0, 25), np.array([2.1]), np.array([0.2]), 0.5)
-    fit = *slider, slider[0] / x  # one that slips at all amplitudes may be replaced by any two
-    scene, names = small(), {"np": np, "rf": rf, "fit": fit, "BLOCK": DEMOS / "block.toml"}
-    names |= {"scene": scene, "system": rf.condense(scene), "six": np.linspace(0.5, 1.0, 6)}
-    rows = (Path(__file__).parent / "refused" / "calls.txt").read_text().splitlines()
-    for call, message in zip(rows[::2], rows[1::2], strict=True):
-        if names["system"] is not None or "system" not in call:
-            with pytest.raises(rf.RecedingError) as error:
-                eval(call, names)
-            told = f"{type(error.value).__name__}: {error.value}".replace(str(DEMOS), "demos")
-            assert told == message.strip(), call
 
 
 def test_run_leaves_all_files_and_returns_their_record(finished: Finished) -> None:

@@ -131,10 +131,8 @@ def bonded_errors(n: int, plane_stress: bool) -> tuple[float, float]:
     size = (1.0 + kappa) / (2.0 * np.sqrt(kappa)) / (np.pi * np.sqrt(1.0 - x**2))
     turn = np.log(kappa) / (2.0 * np.pi) * np.log((1.0 + x) / (1.0 - x))
     # the surface would move inwards
-    return (
-        float(np.abs(p / (size * np.cos(turn)) - 1.0).max()),
-        float(np.abs(q - size * np.sin(turn)).max()),
-    )
+    errors = p / (size * np.cos(turn)) - 1.0, q - size * np.sin(turn)
+    return float(np.abs(errors[0]).max()), float(np.abs(errors[1]).max())
 
 
 def punch_errors(n: int) -> tuple[float, float]:

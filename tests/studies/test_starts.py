@@ -60,8 +60,7 @@ def test_a_start_that_fails_is_reported_beside_the_others(scene: Path) -> None:
     assert "failure" in rf.read_summary(f"{out}2/summary.json")
     starts = json.loads((out / "summary.json").read_text())["limit"]["starts"]
     assert starts["same"] is None and starts["kinds"]["failed"] == 2
-    low, high = starts["dissipation"]  # of the start that did not fail
-    assert low == high > starts["spread"] == 0.0
+    assert np.ptp(starts["dissipation"]) == starts["spread"] == 0.0  # of one alone
     assert set(starts["errors"]) == {"forward", "backward"}
     assert all("has an initial gap" in text for text in starts["errors"].values())
     assert "limits from 3 initial slips, some failed" in (out / "report.html").read_text()
