@@ -11,7 +11,7 @@ from unittest.mock import Mock
 import pytest
 
 from receding_fenicsx.errors import InputError, MeshMisfit, NotConverged
-from receding_fenicsx.scene.model import Scene
+from receding_fenicsx.scene.model import MeshOptions, Scene
 from receding_fenicsx.scene.toml_file import read_scene
 from receding_fenicsx.studies.accuracy import study as module
 from receding_fenicsx.studies.accuracy.estimate import Level, Number
@@ -52,21 +52,21 @@ def test_the_tolerance_is_met_on_a_mesh_hardly_finer_than_needed(
     order: float, tolerance: float
 ) -> None:
     scale = (0.05, 0.9)[order > 1.0]
-    found = search(
-        scene_of(tolerance), made_up(centre_pressure=lambda n: scale * (16.0 / n) ** order)
-    )
+    numbers = made_up(centre_pressure=lambda n: scale * (16.0 / n) ** order, a=lambda n: 1e-7 / n)
+    found = search(scene_of(tolerance), numbers)
     least = 16.0 * (2.0 * scale / tolerance) ** (1.0 / order)
     if 2.0 * least > module.MOST_NODES:
         finest = "the tolerance needs a mesh finer than the finest of 8000 contact nodes"
         order_of = rf"needs about (\S+) elements, it converges with order {order}"
         told = re.fullmatch(f"{finest}; centre_pressure {order_of}", found.reason)
         assert not found.met and told and float(told[1]) == pytest.approx(least, rel=0.02)
+        assert 8000 / 1.4 <= found.levels[-1].nodes <= 8000  # nearly the finest one is tried
         return
     assert found.met and not found.reason
     last = found.way[-1]["centre_pressure"]
     assert 2.0 * last.error <= tolerance and last.order == pytest.approx(order, abs=1e-3)
     # what is added: the aim below the tolerance, and at least three meshes
-    assert sizes(found)[-1] <= max(150, 1.7 * least)
+    assert sizes(found)[-1] <= max(150, 1.7 * least) and len(sizes(found)) > 2
     ratios = [b / a for a, b in zip(sizes(found), sizes(found)[1:], strict=False)]
     assert all(1.55 <= ratio <= 2.9 for ratio in ratios)
 
@@ -113,6 +113,10 @@ def test_meshes_that_do_not_fit_or_have_no_answer_are_passed_over() -> None:
 
     with pytest.raises(NotConverged, match="no answer"):
         search(scene_of(1e-3), Mock(side_effect=NotConverged("no answer")))
+    # once there was one a finer mesh has to have one too
+    first = plain(replace(scene_of(1e-3), mesh=MeshOptions(24)), 24)
+    with pytest.raises(NotConverged, match="no answer"):
+        search(scene_of(1e-3), Mock(side_effect=[first, NotConverged("no answer")]))
     with pytest.raises(InputError, match=r"no mesh that was tried fits the scene; .*: no vertex"):
         search(scene_of(1e-3), Mock(side_effect=MeshMisfit("no vertex")))
 
@@ -123,20 +127,22 @@ def test_a_mesh_file_is_refined_six_times_at_most() -> None:
 
     def solve(own: Scene, elements: int) -> Level:
         seen.append((own.mesh.refinements, elements))
-        return Level(elements, 9, 1e-6, {"centre_pressure": Number(1.0 + 1.0 / elements)})
+        numbers = {"centre_pressure": Number(1.0 + 1.0 / elements), "constant": Number(1.0)}
+        return Level(elements, 9, 1e-6, numbers)
 
     found, most = search(file, solve), "more refinements of the mesh file than there are"
     assert seen == [(k, 2**k * scene.mesh.contact_elements) for k in range(7)]
-    assert found.reason.startswith(f"the tolerance needs {most}; centre_pressure needs about 2e+")
+    needs = r"centre_pressure needs about 2e\+09 elements, it converges with order 1\.0"
+    assert re.fullmatch(f"the tolerance needs {most}; {needs}", found.reason)
 
 
-@pytest.mark.parametrize(("names", "does"), [("a", "does"), ("a, b", "do")])
-def test_a_search_ends_on_four_meshes_without_an_order(names: str, does: str) -> None:
-    errors: dict[str, Any] = dict.fromkeys(names.split(", "), lambda n: -math.log(n))
-    found = search(scene_of(1e-3), made_up(centre_pressure=lambda n: 1.0 / n, **errors))
-    words = "not converge in order (singular, or the mesh is far from resolving it)"
-    assert found.reason == f"{names} {does} {words}; ask for other numbers"
-    assert len(found.levels) == 4 and not found.met
+def test_a_search_ends_on_four_meshes_without_an_order() -> None:
+    for growing, does in ((["a"], "does"), (["a", "b"], "do")):
+        errors: dict[str, Any] = dict.fromkeys(growing, lambda n: -math.log(n))
+        found = search(scene_of(1e-3), made_up(centre_pressure=lambda n: 1.0 / n, **errors))
+        words = "not converge in order (singular, or the mesh is far from resolving it)"
+        assert found.reason == f"{', '.join(growing)} {does} {words}; ask for other numbers"
+        assert len(found.levels) == 4 and not found.met
 
 
 def test_a_search_begins_anew_on_graded_meshes_where_corners_are_sharp() -> None:

@@ -177,14 +177,6 @@ def test_a_tolerance_beyond_the_budget_keeps_the_best_run(
     assert not (shared_tmp_path / "run.part").exists()
 
 
-def test_a_number_that_the_run_lacks_leaves_nothing_behind(shared_tmp_path: Path) -> None:
-    out = shared_tmp_path / "run"
-    with pytest.raises(rf.InputError, match="no 'dissipation_ratio'; it has centre_pressure"):
-        study.run(searching(block(*NARROW), 1e-3, "dissipation_ratio"), out, PLAIN, COMM)
-    COMM.barrier()  # rank 0 removes its folder after all have heard of the error
-    assert not out.exists() and not out.with_name("run.part").exists()
-
-
 def test_an_interrupted_search_is_resumed_where_it_was(
     shared_tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
