@@ -102,7 +102,6 @@ def displacements_at_rest(segments: Segments, end: ContactState) -> Array:
         # what slides without a stuck node
         rest = neutral_motions(motions, stuck)
         u[:n] += rest @ (rest.T @ (end.v - u[:n]))
-    u[:n][system.held[:n]] = end.v[system.held[:n]]
     return u
 
 

@@ -55,7 +55,7 @@ V = np.array([0.4, -0.2])
 
 
 def watch(
-    ends: list[tuple[np.ndarray, np.ndarray]], D: np.ndarray | float = 0.1, force: float = 5.0
+    ends: list[tuple[np.ndarray, np.ndarray]], D: np.ndarray | float, residual: float = 0.0
 ) -> SteadyWatch:
     """Return a watch that has seen ends of cycles; under P = 1 and f = 1 a node slips by D.
 
@@ -63,7 +63,7 @@ def watch(
     """
     watching = SteadyWatch(1e-8, K=2.0 * np.eye(2, 4), friction=Friction(*np.ones((2, 2))))
     for (r, v), d in zip(ends, np.broadcast_to(np.asarray(D), len(ends)), strict=True):
-        watching.add(CycleEnd(r, v, np.array([d, 0.0]), np.ones(2), np.full(4, 2.5), force))
+        watching.add(CycleEnd(r, v, np.array([d, 0.0]), np.ones(2), np.full(4, 2.5), 5.0, residual))
     return watching
 
 
@@ -116,6 +116,12 @@ def test_a_cycle_is_steady_once_it_has_been_repeated(
     else:
         assert (found.period, found.kind) == expected[1:]
         assert found.cycle == expected[0]
+
+
+def test_what_the_residual_may_move_is_no_slip() -> None:
+    """Slips of 3e-11 against a stiffness of 2 under forces of 5."""
+    for residual, kind in ((1e-11, "cyclic slip"), (1.3e-11, "shakedown")):
+        assert watch(QUIET[:4], 3e-11, residual).kind == kind
 
 
 def beside(contraction: float, pull: float, stiffness: float, moved: float) -> rf.ContactSystem:
