@@ -104,7 +104,8 @@ def test_marks_of_utf_8_at_the_start_of_files_are_passed_over(shared_tmp_path: P
         ("system.h5", b"", "/system.h5: is damaged"),
         ("system.h5", b"\x89HDF\r\n\x1a\n", "/system.h5: is damaged"),
         ("summary.json", b'{"turning_points": 3}', "/summary.json: is not a summary of a run"),
-        ("summary.json", b"{", "/summary.json: is damaged or not a JSON file"),
+        ("summary.json", b"[1]", "/summary.json: is not a summary of a run; run the scene again"),
+        ("summary.json", b"{", "/summary.json: is damaged or not a JSON file; run the scene again"),
     ],
 )
 @pytest.mark.one_rank

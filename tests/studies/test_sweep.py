@@ -187,9 +187,10 @@ def test_shares_played_apart_at_the_same_time_and_killed_make_the_same_table(
     assert sum(len(lines(out, f"cases.{k}-of-3.jsonl")) for k in (1, 2, 3)) == 6
     # without shares it goes on with what all of them have finished, though a later one failed in it
     later = runner.CaseFile(out, "cases.9.jsonl")
-    for identity in (known := later.read()):
-        later.add(runner.Case(identity), runner.Outcome({}, "its process died", final=False))
-    assert later.read() == known
+    died = runner.Outcome({}, "its process died", final=False)
+    for identity in (*(known := later.read()), "new"):
+        later.add(runner.Case(identity), died)
+    assert later.read() == known | {"new": died} and later.read(final=True) == known
     monkeypatch.setattr(runner, "play", lambda *_: pytest.fail("played again"))
     again = rf.StudyOptions(resume=True)
     assert rf.sweep(scene(), OVER, out, options=again) == undisturbed
