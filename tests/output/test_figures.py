@@ -158,18 +158,22 @@ def test_between_samples_the_end_of_a_zone_passes_its_nodes_one_after_the_other(
 ) -> None:
     """Slip spreads from node 9 over 10 to 13; node 14, which was open, slips the other way.
 
+    Nodes 20 to 22 open from 23, which slips all the time, on; 26 and 27 open amid those that stick.
     In a last sample without any force every state is admissible: it has no zones.
     """
     found = record(method="gauss-seidel")
     rows = np.flatnonzero((found.samples.cycle == 10) & (found.samples.leg == 0))
     state, P, last = found.samples.state.copy(), found.samples.P.copy(), rows[-1]
     state[rows], state[rows, 9], state[rows[:-1], 14], P[last] = STICK, BACKWARD, OPEN, force
-    state[last, 10:14], state[last, 14] = BACKWARD, FORWARD
+    state[last, 10:14], state[last, 14], state[rows, 23] = BACKWARD, FORWARD, FORWARD
+    state[last, 20:23] = state[last, 26:28] = OPEN
     made = replace(found, samples=replace(found.samples, state=state, P=P))
     before, after = found.samples.s[rows[-2:]]
     changes = {i: line.changes[1:] for i, line in enumerate(timelines_of(made, 10, 0))}
-    for i, part in {10: 0.125, 11: 0.375, 12: 0.625, 13: 0.875, 14: 0.5}.items():
-        s, new = before + part * (after - before), FORWARD if i == 14 else BACKWARD
+    parts = {10: 0.125, 11: 0.375, 12: 0.625, 13: 0.875, 14: 0.5, 22: 1 / 6, 21: 0.5, 20: 5 / 6}
+    for i, part in (parts | {26: 0.5, 27: 0.5}).items():
+        new = FORWARD if i == 14 else BACKWARD if i < 20 else OPEN
+        s = before + part * (after - before)
         assert changes[i] == ([(pytest.approx(s), new)] if force else [])
 
 

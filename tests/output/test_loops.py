@@ -11,6 +11,7 @@ from small import cyclic, small_system, table
 
 import receding_fenicsx as rf
 from receding_fenicsx.output.plots.cycle_plots import moving_loads
+from receding_fenicsx.output.plots.labels import Scales, leg_pieces
 
 pytestmark = pytest.mark.one_rank
 
@@ -93,3 +94,6 @@ def test_the_plane_of_a_node_with_a_gap_is_drawn_where_it_touches() -> None:
     w = np.concatenate([line.get_ydata() for line in below.lines])
     assert np.asarray(plane.get_ydata())[0] == pytest.approx(w.min(), rel=1e-12)
     assert w.max() == 0.0
+    # legs of a cycle of more than two have numbers
+    found = rf.evolve(node, table(node, [0.0, 1.0], [1.0, 0.2, 0.8, 1.0], 1))
+    assert leg_pieces(1, 2, Scales(found)) == ["cycle 1, leg 2"]

@@ -20,8 +20,11 @@ from pictured import instant_of_row, small_block, view_at
 import receding_fenicsx as rf
 from receding_fenicsx.bulk.fields import Fields
 from receding_fenicsx.evolution.instants import Instant
+from receding_fenicsx.interface.law import Friction
 from receding_fenicsx.output.plots.labels import length_of
 from receding_fenicsx.output.snapshots.page import QUANTITIES, Clock, colours_of, compose, layout_of
+from receding_fenicsx.output.snapshots.page import _draw_clock as draw_clock
+from receding_fenicsx.output.snapshots.page import _draw_line as draw_line
 from receding_fenicsx.output.snapshots.page import _draw_plane as draw_plane
 from receding_fenicsx.output.snapshots.view import Arrows, View, _caption, _traction
 
@@ -199,18 +202,32 @@ def test_band_of_states_has_the_colours_of_the_legend_where_the_states_are() -> 
         ends.append((named[colour], x.min(), x.max()))
         assert y.max() < 0.0  # below the plane
     # the tractions stand below their nodes, those of an upright edge over all of it
-    (strip,), tractions = view.strips, figure.axes[1]
-    for x in strip.x:
-        both = (axes.transData.transform((x, 0.0))[0] for axes in (body, tractions))
-        assert next(both) == pytest.approx(next(both), abs=0.01)
+    (strip,), half = view.strips, np.array([-1.0, 1.0])
+    turned = replace(strip, place=strip.place * half, normal=-strip.normal)
+    for shown, page in ((strip, figure), (turned, page_of(replace(view, strips=(turned,))))):
+        places = page.axes[0].transData.transform(shown.place)[:, 0]
+        x = np.column_stack([shown.x, 0.0 * shown.x])
+        assert places == pytest.approx(page.axes[1].transData.transform(x)[:, 0], abs=0.01)
     upright = replace(view, strips=(replace(strip, normal=np.array([1.0, 0.0])),))
     assert page_of(upright).axes[1].get_xlim() == (strip.x[0], strip.x[-1])
     # beyond a shorter contact edge no plane is known
     inner = np.abs(strip.x) <= 1.0
     cut: Any = {key: getattr(strip, key)[inner] for key in ("x", "place", "moved", "gap", "state")}
-    for shown, end in ((strip, 2.0 + 0.05 * view.size), (replace(strip, **cut), 1.0)):
+    steep = replace(strip, gap=0.1 * (strip.x - strip.x[0]))
+    for shown, end in ((steep, 2.0 + 0.05 * view.size), (replace(strip, **cut), 1.0)):
         draw_plane(axes := Figure().subplots(), view, shown)
-        assert np.max(axes.lines[0].get_xdata()) == pytest.approx(end)
+        x, y = np.array(axes.lines[0].get_data())
+        assert x.max() == pytest.approx(end)
+        # below the edge by the gap and a little, and the band below it
+        assert -y == pytest.approx(np.interp(x, shown.x, shown.gap) + 0.01 * view.size)
+        corners = np.vstack([np.asarray(box.vertices) for box in axes.collections[0].get_paths()])
+        assert corners[:, 1].max() < y.min()
+    # between bodies the states are on the first one's edge where it is drawn
+    draw_line(axes := Figure().subplots(), strip)
+    pieces = [np.asarray(path.vertices) for path in axes.collections[1].get_paths()]
+    assert np.array_equal([pieces[0][0], pieces[-1][-1]], strip.moved[[0, -1]])
+    smooth = page_of(replace(view, f=Friction(0.0 * strip.x, 0.0 * strip.x)))
+    assert [*names_of_colours(smooth).values()] == ["contact", "separation"]
     for found, zone in zip(ends, expected, strict=True):
         assert found[0] == zone[0] and found[1:] == pytest.approx(zone[1:])
 
@@ -283,12 +300,14 @@ def test_a_close_up_shows_the_arrows_that_end_in_it(near: bool) -> None:
     """Of arrows along the edge, and from it, those that come from beyond the window too."""
     inside, beyond = np.array([[0.2, 0.1], [-0.3, 0.0]]), np.array([[90.0, 80.0], [0.0, -70.0]])
     ends = (beyond, inside), (inside, beyond), (inside, inside[::-1])
-    arrows = [Arrows(tails, heads, False) for tails, heads in ends]
+    arrows = [Arrows(tails, heads, k == 1) for k, (tails, heads) in enumerate(ends)]
     body, *_ = page_of(replace(view_alone(), near=near, arrows=arrows)).axes
     notes = [text for text in body.texts if isinstance(text, Annotation) and not text.get_text()]
     drawn = [(*note.xyann, *note.xy) for note in notes]
     shown = [np.hstack(both) for both in ends if not near or both[1] is not beyond]
     assert np.array_equal(drawn, np.vstack(shown))
+    (joint,) = (line for line in body.lines if line.get_color() == "#202020")
+    assert np.array_equal(joint.get_xydata(), inside)
 
 
 @pytest.mark.one_rank
@@ -333,6 +352,16 @@ def test_pages_draw_what_is_known() -> None:
             if own is not None:  # over time each load, and a dot
                 dots = [([own.now], [own.now_load[k]]) for k in range(2)]
                 check_curves(page.axes[2], (time, load[:, 0]), dots[0], (time, load[:, 1]), dots[1])
+                assert page.axes[1].get_ylim() == own.tractions
+                legend = page.axes[1].get_legend().get_window_extent()  # type: ignore[union-attr]
+                assert legend.x1 < np.mean(page.axes[1].bbox.intervalx)
+    # a load that is always there is drawn from zero on, a name as a word has its own line
+    for sign, ticks in ((1.0, [0.0, 0.75]), (-1.0, [-0.75, 0.0])):
+        load = sign * np.array([[0.25], [0.75]])
+        alone = Clock(np.array([0.0, 1.0]), load, (r"$\mathrm{press}$",), 0.0, load[0], (0.0, 1.0))
+        draw_clock(axes := Figure().subplots(), alone)
+        assert axes.get_yticks().tolist() == ticks and axes.lines[0].get_color() == "black"
+        assert axes.get_xlabel() == "$\\mathrm{press}$\nover time"
     check_words(found, REPORTS / "pages.txt")
 
 

@@ -189,7 +189,11 @@ def test_a_load_and_its_conjugate_have_the_units_whose_product_is_work(
         assert (bolt.unit, bolt.conjugate_unit) == ((0, 1), (1, 1 + around))
         scales.kinds, scales.axisymmetric = [kind], around
         assert scales.load_unit(0) == shown.get(unit, unit)
-        assert scales.conjugate(0, False)[1] == f"$ ({shown.get(conjugate, conjugate)})"
+        label = f"$ ({shown.get(conjugate, conjugate)})"
+        assert scales.conjugate(0, prescribed=False) == (size, label, False)
+        # a prescribed displacement, or a tension that does its work on the negative
+        pulls = unit == "MPa"
+        assert scales.conjugate(0, prescribed=True) == (-size if pulls else size, label, not pulls)
         assert (labels.kind_of(both, "a", around) == kind) == (unit in ("MPa", ""))
 
 
@@ -217,6 +221,9 @@ def test_the_height_is_the_unit_of_length_only_where_it_means_something() -> Non
     for units, shown in ((UNITS, " (mm)"), (rf.Units("mm"), " (mm)"), (rf.Units(None, "MPa"), "")):
         scales = labels.Scales(given_units(odd("plane strain"), units))
         assert scales.elastic("w", 1, 1) == (1.0, f"$w${shown}")
+    own = replace(block, body=rf.Body("a"), materials=(rf.Material(7.0, name="a"),))
+    found = replace(odd("plane strain"), scene_toml=rf.to_toml(own))
+    assert labels.Scales(found).young == 7.0 != block.material.young
     assert labels.length_of(replace(block, body=rf.Body(mesh="body.geo"))) == 0.0
 
 
