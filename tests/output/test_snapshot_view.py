@@ -26,7 +26,7 @@ from receding_fenicsx.output.snapshots.page import QUANTITIES, Clock, colours_of
 from receding_fenicsx.output.snapshots.page import _draw_clock as draw_clock
 from receding_fenicsx.output.snapshots.page import _draw_line as draw_line
 from receding_fenicsx.output.snapshots.page import _draw_plane as draw_plane
-from receding_fenicsx.output.snapshots.view import Arrows, View, _caption, _traction
+from receding_fenicsx.output.snapshots.view import Arrows, View, _caption, _traction, outline
 
 DEMOS = Path(__file__).parents[2] / "demos"
 PRESSURE, HEIGHT, YOUNG, LARGEST = 2.0, 3.0, 5.0, 4.0
@@ -164,6 +164,13 @@ def test_in_a_section_forward_friction_is_that_of_outward_slip_on_both_sides() -
     # slip towards +x is inward on the left
     assert np.array_equal(view.f.forward, np.where(left, 0.1, 0.4))
     assert np.array_equal(view.f.backward, np.where(left, 0.4, 0.1))
+    # pictures have the states that they are told to show
+    now = instant_of_row(small_block(), 0)[1]
+    slips = view_at(small_block(), now._replace(shown=np.full_like(now.state.state, 4)))
+    assert slips is not None and set(slips[0].strips[0].state) == {3, 4}  # mirrored on the left
+    # a ring has one side
+    made = seen(replace(scene, contacts=(rf.Contact(span=(0.5, 1.0)),)), 0)
+    assert made is not None and made[0].x.min() > 0.15
 
 
 # -- the page ------------------------------------------------------------------------------------
@@ -240,8 +247,8 @@ def test_contours_cross_the_cells_and_outlines_are_those_before_and_after() -> N
     view = replace(view_alone(), points=square, moved=square + aside, cells=cells, stress=stress)
     drawn = page_of(view, "syy").axes[0].collections
     before, after, *_ = (c for c in drawn if isinstance(c, LineCollection))
-    for outline, left in ((before, 0.0), (after, 0.5)):
-        corners = np.vstack([np.asarray(path.vertices) for path in outline.get_paths()])
+    for sides, left in ((before, 0.0), (after, 0.5)):
+        corners = np.vstack([np.asarray(path.vertices) for path in sides.get_paths()])
         assert [*corners.min(axis=0), *np.ptp(corners, axis=0)] == [left, 0.0, 1.0, 1.0]
     (contours,) = (c for c in drawn if isinstance(c, TriContourSet))
     lines = [line for line in (np.asarray(p.vertices) for p in contours.get_paths()) if len(line)]
@@ -268,6 +275,14 @@ def test_pictures_of_scenes_of_all_kinds_show_every_contact_edge_as_the_record_h
     assert layout.height < 4.5001 and (view.near or np.min(sides) > 0.0)
     longest = [np.linalg.norm(a.heads - a.tails, axis=1).max() for a in view.arrows]
     assert max(longest, default=0.0) < 0.2401 * view.size
+    # one end of most is a little beside an edge of a deformed body
+    begin, end = np.moveaxis(view.moved[outline(view.cells)], 1, 0)
+    along = end - begin
+    for arrows in view.arrows:
+        ends = np.stack([arrows.tails, arrows.heads])[:, :, None]
+        s = np.clip(np.sum((ends - begin) * along, axis=-1) / np.sum(along**2, axis=-1), 0.0, 1.0)
+        off = np.linalg.norm(ends - begin - s[..., None] * along, axis=-1).min(axis=2)
+        assert np.median(np.abs(off / view.size - 0.02).min(axis=0)) < 0.002
     length = length_of(scene) or 1.0
     # a round number by which the largest displacement is a tenth of the height, or less
     largest, high = np.linalg.norm(fields.displacement, axis=1).max(), np.ptp(view.points[:, 1])
@@ -292,6 +307,8 @@ def test_pictures_of_scenes_of_all_kinds_show_every_contact_edge_as_the_record_h
     for values, known in ((view.p, p), (view.q, q)):
         tells = here & np.isfinite(values)
         assert unit * values[tells] == pytest.approx(known[tells[here]], abs=1e-9 * np.abs(p).max())
+    law, shown = parts[0].traction_law(unit)[tells[here]], view.f[tells]
+    assert np.allclose(shown.limits(view.p[tells]), law.limits(view.p[tells]), atol=1e-9)
 
 
 @pytest.mark.one_rank

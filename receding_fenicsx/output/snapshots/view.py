@@ -222,7 +222,7 @@ def view_of(bulk: Stack, fields: Fields, instant: Instant, units: Units | None =
         arrows=[Arrows(a.tails / unit, a.heads / unit, a.joined) for a in arrows],
         x_label=labels.position_label("h" if length else "", radial, scene.units),
         pressure_symbol=units.symbol,
-        stress_unit="" if units.symbol else labels.shown_unit(scene.units.stress),
+        stress_unit=labels.shown_unit(scene.units.stress),
         caption=_caption(scene, instant),
     )
 
