@@ -67,7 +67,7 @@ def specification(
     for name, f in block.forces.items():
         pairs = zip(block.freedoms, f.tolist(), strict=True)
         lines = [f"{node},{k},{v!r}" for (node, k), v in pairs if v]
-        (folder / f"{name}.txt").write_text("*CLOAD\n" + "\n".join(lines))
+        (folder / f"{name}.txt").write_text("*CLOAD\n  \n" + "\n".join(lines))
     nodes = (block.contact + 1).tolist()[::-1]  # any order
     text = f'stiffness = "{stiffness}"\nnodes = "nodes.csv"\nfree = {free}\n'
     text += f"[[contact]]\nnodes = {nodes}\nnormal = [0.0, 2.0]\nfriction = 0.32\n"
@@ -94,13 +94,11 @@ def write_labelled(folder: Path, block: Block) -> str:
 
 
 def write_calculix(folder: Path, block: Block) -> str:
-    """Write CalculiX' .sti and .dof: the upper triangle, rows and columns from 1."""
-    n = len(block.A)
-    rows = [(i, j) for j in range(n) for i in range(j + 1) if block.A[i, j]]
-    (folder / "job.sti").write_text(
-        "".join(f"{i + 1} {j + 1} {block.A[i, j]:20.13e}\n" for i, j in rows)
-    )
-    (folder / "job.dof").write_text("".join(f"{node}.{k}\n" for node, k in block.freedoms))
+    """Write CalculiX' .sti and .dof: the upper triangle, rows and columns from 1, in any order."""
+    A, n = block.A[::-1, ::-1], len(block.A)
+    rows = [(i, j) for j in range(n) for i in range(j + 1) if A[i, j]]
+    (folder / "job.sti").write_text("".join(f"{i + 1} {j + 1} {A[i, j]:20.13e}\n" for i, j in rows))
+    (folder / "job.dof").write_text("".join(f"{node}.{k}\n" for node, k in block.freedoms[::-1]))
     return "job.sti"
 
 

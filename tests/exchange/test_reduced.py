@@ -113,6 +113,7 @@ def test_of_a_stack_the_contacts_are_relative_displacements() -> None:
     assert np.array_equal(model.points, system.points)
     # any u of the contacts with the rest free of forces: the least energy under C q = u
     n, m = model.C.shape
+    assert model.loads.shape == (1, m)  # those of the springs are in K
     bordered = np.block([[model.K, model.C.T], [model.C, np.zeros((n, n))]])
     rng = np.random.default_rng(5)
     u = rng.standard_normal(n)
