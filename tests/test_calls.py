@@ -16,7 +16,7 @@ from receding_fenicsx import atomic
 from receding_fenicsx.interface import system
 from receding_fenicsx.scene import history, profiles, symmetry
 from receding_fenicsx.store import run_folder
-from receding_fenicsx.studies.joint.fits import jenkins
+from receding_fenicsx.studies.joint import fits
 
 pytestmark = [pytest.mark.one_rank, pytest.mark.once]
 
@@ -49,16 +49,9 @@ def condensed() -> rf.ContactSystem:
     return rf.given(rf.condense(block_scene()))
 
 
-def slider() -> tuple[Any, ...]:
-    """A joint that slips at all amplitudes, which any two may replace."""
-    x = np.linspace(0.25, 3.0, 25)
-    F, D = jenkins(x, np.array([2.1]), np.array([0.2]), 0.5)
-    return F, D, F / x
-
-
 NAMES = globals() | {"SIX": np.linspace(0.5, 1.0, 6)}
 rooms = (np, models, shakedown_cases, atomic, run_folder, history, profiles, symmetry)
-for room in (*rooms, small, system):
+for room in (*rooms, small, system, fits):
     NAMES |= vars(room)
 NAMES |= {name: getattr(rf, name) for name in rf.__all__}
 

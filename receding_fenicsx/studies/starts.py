@@ -143,7 +143,7 @@ def play_start(
     D = record.cycles.dissipation
     return {
         "kind": record.steady.kind,
-        "dissipation": float(D[-1]) if len(D) else np.nan,
+        "dissipation": float(D[-1]),
         "cycles": len(D),
         "state": _states(record).tolist(),
     }
@@ -179,8 +179,6 @@ def initial_slips(
 def _states(record: Record) -> NDArray[np.int8]:
     """Return the state of each node over the last cycle of a record."""
     table, density = record.turning_points, record.cycles.dissipation_density
-    if not len(density):
-        return np.full(len(record.x), State.STICK, dtype=np.int8)
     rows = table.cycle == len(density)
     last, slips = table.state[rows], density[-1] > 1e-9 * density.max()
     # a node may slip between the turning points only: v moves by slip alone

@@ -11,11 +11,11 @@ from unittest.mock import Mock
 import pytest
 
 from receding_fenicsx.errors import InputError, MeshMisfit, NotConverged
-from receding_fenicsx.scene.model import MeshOptions, Scene
+from receding_fenicsx.scene.model import Body, MeshOptions, Scene
 from receding_fenicsx.scene.toml_file import read_scene
 from receding_fenicsx.studies.accuracy import study as module
 from receding_fenicsx.studies.accuracy.estimate import Level, Number
-from receding_fenicsx.studies.accuracy.meshes import graded_at_ends, is_graded
+from receding_fenicsx.studies.accuracy.meshes import graded_at_ends, is_graded, scaled_mesh
 from receding_fenicsx.studies.accuracy.study import Search, search
 
 pytestmark = pytest.mark.one_rank
@@ -134,6 +134,12 @@ def test_a_mesh_file_is_refined_six_times_at_most() -> None:
     assert seen == [(k, 2**k * scene.mesh.contact_elements) for k in range(7)]
     needs = r"centre_pressure needs about 2e\+09 elements, it converges with order 1\.0"
     assert re.fullmatch(f"the tolerance needs {most}; {needs}", found.reason)
+    # a body beside it gets elements that match
+    n, growth = 2 * scene.mesh.contact_elements, 0.5 + 0.5 * scene.mesh.growth
+    beside: dict[str, Any] = {"contact_elements": n, "growth": growth}
+    for others, more in (((), {}), ((Body("b"),), beside)):
+        finer = scaled_mesh(replace(file, others=others), n).mesh
+        assert finer == replace(scene.mesh, refinements=1, **more)
 
 
 def test_a_search_ends_on_four_meshes_without_an_order() -> None:

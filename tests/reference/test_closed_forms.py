@@ -63,7 +63,7 @@ MINDLIN = CattaneoMindlin(HERTZ, F, largest=0.7 * FULL)
 @pytest.mark.parametrize(
     ("leg", "forces"),
     [
-        ("loading", [0.0, 0.3, 0.7]),
+        ("loading", [0.0, 0.3, 0.7, 1.0]),
         ("unloading", [0.69, 0.2, 0.0, -0.5, -0.7]),
         ("reloading", [-0.69, -0.2, 0.0, 0.5, 0.7]),
     ],

@@ -281,7 +281,9 @@ def test_the_table_may_hold_numbers_of_the_users_own(shared_tmp_path: Path) -> N
     half = table.grid("half")
     assert half[0, 1] == pytest.approx(2.0 * half[0, 0], rel=1e-12)
     assert half[1, 1] != pytest.approx(2.0 * half[1, 0], rel=1e-3)
-    with open(shared_tmp_path / "out" / "sweep.csv", newline="") as file:
+    table.write_csv(own := shared_tmp_path / "own.csv")
+    assert own.read_bytes() == (shared_tmp_path / "out" / "sweep.csv").read_bytes()
+    with open(own, newline="") as file:
         rows = list(csv.DictReader(file))
     assert [float(row["half"]) for row in rows] == [*table["half"]] == [*table.to_pandas()["half"]]
     assert repr(table).split()[:4] == [*table.columns[:4]]
