@@ -55,7 +55,7 @@ def text_of(record: RecordData, title: str, edges: Mapping[str, RecordData]) -> 
     if record.uniqueness is not None:
         found = record.uniqueness
         sure = "certified" if found.certified else "not certified"
-        if found.certified and found.first_loading and not found.first_loading_proved:
+        if found.certified and not found.first_loading_proved:
             sure += " after the first loading"
         rows.append(("only path", f"{sure}, friction margin {found.margin:.3g}"))
     if steady.change.size:

@@ -118,8 +118,7 @@ def test_a_cycle_is_steady_once_it_has_been_repeated(
         assert found.cycle == expected[0]
 
 
-def test_what_the_residual_may_move_is_no_slip() -> None:
-    """Slips of 3e-11 against a stiffness of 2 under forces of 5."""
+def test_what_the_residual_may_move_under_forces_of_5_is_no_slip() -> None:
     for residual, kind in ((1e-11, "cyclic slip"), (1.3e-11, "shakedown")):
         assert watch(QUIET[:4], 3e-11, residual).kind == kind
 

@@ -43,8 +43,6 @@ def test_only_a_zone_around_the_middle_has_a_half_width(states: str, half: float
     assert np.isnan(rf.contact_half_width(x, coded("SOSSSOS")))
     # without friction nothing sticks
     assert rf.stick_half_width(x, coded(states), np.zeros(7)) == 0.0
-    # beside the middle, between two nodes
-    assert rf.stick_half_width(x[:4], coded("FSFF")) == 0.5
     alone = rf.stick_half_width(x, coded(states), 0.3 * (x == 0.0))
     assert alone == (0.5 if states[3] == "S" else 0.0)
 
