@@ -93,9 +93,8 @@ def test_legs_join_at_the_reversals() -> None:
     np.testing.assert_allclose(q(-0.7, "unloading"), -q(0.7, "loading"), atol=1e-12)
     np.testing.assert_allclose(q(0.7, "reloading"), q(0.7, "loading"), atol=1e-12)
     assert MINDLIN.stick_half_width(0.7 * FULL, "unloading") == HERTZ.a
-    end = MINDLIN.stick_half_width(-0.7 * FULL, "unloading")
-    assert end == pytest.approx(MINDLIN.stick_half_width(0.7 * FULL, "loading"))
-    assert end == pytest.approx(HERTZ.a * np.sqrt(0.3))
+    for part, leg in ((-0.7, "unloading"), (0.7, "loading")):
+        assert MINDLIN.stick_half_width(part * FULL, leg) == pytest.approx(HERTZ.a * np.sqrt(0.3))
 
 
 def test_hertzian_stress_is_in_equilibrium_and_compatible_below_the_pressure() -> None:
