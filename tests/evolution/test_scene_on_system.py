@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -77,28 +76,3 @@ def test_a_bare_evolution_has_the_states_of_the_whole_one() -> None:
     assert whole.uniqueness is not None and whole.uniqueness.certified
     assert bare.uniqueness is not None and not bare.uniqueness.certified
     assert np.isnan(bare.uniqueness.margin)
-
-
-@pytest.mark.parametrize(
-    ("change", "words"),
-    [
-        ("material.poisson=0.2", "another [material] poisson"),
-        # half of it is condensed
-        ("contact.friction=0.3 + 0.01*x", "another symmetry"),
-        ("solver.symmetry=none", "another symmetry"),
-    ],
-)
-def test_a_scene_of_another_body_is_refused(change: str, words: str) -> None:
-    with pytest.raises(InputError) as refused:
-        evolve(body(), block(change))
-    text = str(refused.value)
-    assert words in text and "condense" in text and "\n" not in text
-
-
-def test_what_is_of_another_scene_is_refused() -> None:
-    scene = block()
-    smooth = given(condense(block("contact.friction=0.0")))
-    with pytest.raises(InputError, match="has no tangential displacements"):
-        evolve(smooth, scene)
-    with pytest.raises(InputError, match=r"\[contact\] friction"):
-        evolve(body(), replace(scene, contacts=(replace(scene.contacts[0], friction=-0.1),)))
