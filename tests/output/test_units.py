@@ -224,6 +224,9 @@ def test_the_height_is_the_unit_of_length_only_where_it_means_something() -> Non
     own = replace(block, body=rf.Body("a"), materials=(rf.Material(7.0, name="a"),))
     found = replace(odd("plane strain"), scene_toml=rf.to_toml(own))
     assert labels.Scales(found).young == 7.0 != block.material.young
+    # along the wall of a cylinder positions are no radii
+    cylinder = odd("axisymmetric")
+    assert labels.Scales(replace(cylinder, x=cylinder.x + 1.0)).x_label == "$x/h$"
     assert labels.length_of(replace(block, body=rf.Body(mesh="body.geo"))) == 0.0
 
 
