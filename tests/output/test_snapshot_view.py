@@ -58,7 +58,9 @@ def above_top(view: View, ends: np.ndarray) -> np.ndarray:
 
 @pytest.mark.parametrize("symmetry", ["auto", "none"])
 def test_view_is_over_the_height_and_the_pressure_that_acts(symmetry: str) -> None:
-    made = seen(replace(BLOCK, solver=rf.SolverOptions(symmetry=symmetry)))
+    contact = replace(BLOCK.contacts[0], shear_limit=50.0)  # beyond what acts
+    solver = rf.SolverOptions(symmetry=symmetry)
+    made = seen(replace(BLOCK, contacts=(contact,), solver=solver))
     if made is None:
         return
     view, fields, record = made
@@ -72,6 +74,8 @@ def test_view_is_over_the_height_and_the_pressure_that_acts(symmetry: str) -> No
     assert view.p == pytest.approx(table.p[1] / acting, rel=1e-9)
     assert view.q == pytest.approx(table.q[1] / acting, abs=1e-9)
     assert np.abs(view.q).max() > 0.05
+    known = record.traction_law(acting).limits(100.0 * view.p)
+    assert np.allclose(view.f.limits(100.0 * view.p), known) and np.max(known) < 20.0
     for name, value in fields.stress.items():
         if name != "sxy":  # that of the axis is made zero
             assert view.stress[name].min() == pytest.approx(value.min() / acting, rel=1e-12)
