@@ -214,16 +214,3 @@ def test_loads_are_put_on_travel_and_are_taken_off() -> None:
     assert np.array_equal(both.loop, np.column_stack([history.loop, hats]))
     # a uniform pressure over 1: (2 sqrt(1e-3))^2 / 4 = 1e-3
     assert len(replace(WHEEL, steps=None).units) == 1 + 32
-
-
-def test_the_interpolated_load_converges_with_the_square_of_the_steps() -> None:
-    """The forces that a load between two positions leaves on the contact, all of it held."""
-    off = []
-    for steps in (8, 32):
-        system = rf.condense(strip(replace(WHEEL, steps=steps)), comm)
-        if system is None:
-            continue
-        unit = system.r_star[1:]
-        off.append(np.abs(unit[1:-1:2] - 0.5 * (unit[:-2:2] + unit[2::2])).max())
-    if off:
-        assert off[0] / off[1] == pytest.approx(16.0, rel=0.2)

@@ -205,7 +205,7 @@ def curve_of(mesh: RawMesh, edge: str, where: str) -> Line | Curve:
     left = (b - a)[:, 0] * inside[:, 1] - (b - a)[:, 1] * inside[:, 0] > 0.0
     facets = np.where(left[:, None], facets, facets[:, ::-1])
     following = dict(facets.tolist())
-    if len(following) < len(facets) or len(set(following.values())) < len(facets):
+    if len(set(following.values())) < len(facets):
         raise InputError(f"{where}: '{edge}' branches; give each branch a group of its own")
     starts = sorted(set(following) - set(following.values()))
     closed = not starts

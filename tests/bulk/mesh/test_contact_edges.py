@@ -18,6 +18,22 @@ def test_normals_of_an_arc_of_unequal_facets_are_those_of_its_circle() -> None:
     np.testing.assert_allclose(arc.inward(rim), -rim, atol=2e-3)
 
 
+@pytest.mark.parametrize(("far", "sign"), [(0.0, -1.0), (2.0, 1.0)])
+def test_positions_around_a_disk_or_a_bore_run_from_its_lowest_vertex(
+    far: float, sign: float
+) -> None:
+    angle = np.cumsum(np.random.default_rng(1).uniform(0.1, 0.4, 25))
+    angle *= 2.0 * np.pi / angle[-1]
+    rim = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    n, low = np.arange(25), int(np.argmin(rim[:, 1]))
+    fan = np.stack([n, (n + 1) % 25, 25 + n], axis=1)
+    arc = curve_of(RawMesh(np.vstack([rim, far * rim]), fan, {"rim": fan[:, :2]}), "rim", "here")
+    np.testing.assert_allclose(arc.inward(rim), sign * rim, atol=2e-3)
+    way = np.cumsum(np.roll(np.linalg.norm(rim - np.roll(rim, 1, 0), axis=1), -low - 1))
+    way[way > 0.5 * way[-1]] -= arc.length
+    np.testing.assert_allclose(np.roll(arc.along(rim), -low - 1), -sign * way, atol=1e-12)
+
+
 @pytest.mark.parametrize("depth", [0.0, 0.2])
 def test_a_facet_across_a_notch_does_not_touch_the_other_side(depth: float) -> None:
     side = np.array([[0.0, 0.0], [1.0, 0.0], [1.5, -depth], [2.0, 0.0], [3.0, 0.0]])
