@@ -162,7 +162,7 @@ def _gather(part: BodyFields, number: int) -> Fields | None:
     if part.bulk.body.half:
         # u_x and s_xy change their sign in the image, which shares the vertices on the axis
         flip, axis = np.array([-1.0, 1.0]), np.abs(points[:, 0]) <= 1e-9 * np.abs(points).max()
-        points[axis, 0] = moved[axis, 0] = at_vertices["sxy"][axis] = 0.0
+        points[axis, 0] = at_vertices["sxy"][axis] = 0.0
         image = np.where(axis, np.arange(len(points)), len(points) - 1 + np.cumsum(~axis))
         cells = np.vstack([cells, image[cells[:, ::-1]]])
         points, moved = (np.vstack([a, a[~axis] * flip]) for a in (points, moved))

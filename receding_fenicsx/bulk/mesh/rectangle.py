@@ -86,7 +86,7 @@ def rectangle_mesh(whole: Scene, body: Body, half: bool) -> RawMesh:
     """
     scene = part_of(whole, body)
     if scene.axisymmetric:
-        half = half and is_cylinder(scene, body)
+        half = is_cylinder(scene, body)
         if half and not is_horizontal(scene, scene.contacts[0].edge):
             # the section of a cylinder is meshed from its outer edge like that of a ring
             section = (0.25 * body.width, body.position[1])
