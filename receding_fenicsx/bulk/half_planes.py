@@ -317,7 +317,6 @@ def _window_mesh(part: HalfPlane) -> BodyMesh:
     x, y = 0.5 * (part.contact.points.min(axis=0) + part.contact.points.max(axis=0))
     body = replace(
         part.scene.body,
-        shape="rectangle",
         width=width,
         height=depth,
         position=(float(x), float(y) - (depth if edge == "top" else 0.0)),

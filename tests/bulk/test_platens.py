@@ -6,7 +6,7 @@ from mpi4py import MPI
 
 import numpy as np
 import pytest
-from bodies import ELEMENTS, block, built, make_mesh, system_of
+from bodies import ELEMENTS, block, make_mesh, system_of
 from small import named_loads
 
 import receding_fenicsx as rf
@@ -161,11 +161,3 @@ def test_a_face_that_touches_the_contact_pushes_up_to_gross_slip(kind: str) -> N
     assert found.load_displacement[-1, 1] == pytest.approx(10.0 * 1.4, rel=1e-12)
     # in gross slip the bar moves on without straining: so does the node at the face
     assert found.v[-1, 0] > 5.0 and np.all(np.diff(found.v[-1]) < 0.0)
-
-
-def test_edge_held_at_zero_may_touch_the_contact() -> None:
-    """A component that is prescribed as 0 is a support, also of the contact edge's last node."""
-    loads = (rf.Load("d", "right", displacement=(0.0, "free")), WEIGHT)
-    bulk = built(block(loads=loads, contacts=(rf.Contact(),)))
-    assert np.flatnonzero(bulk.contact.held).tolist() == [len(bulk.contact.node) - 1]
-    bulk.destroy()
