@@ -154,6 +154,9 @@ def test_all_contacts_of_a_stack_are_graded(offset: float) -> None:
     record = rf.run(scene)
     if record is None:
         return
+    points, cells = everything(make_meshes(MPI.COMM_SELF, scene, False)[1])
+    upper = points[cells].mean(axis=1)[:, 1] > 0.5
+    assert 0.9 < upper.sum() / np.sum(~upper) < 1.1
     middles = (0.0, offset, 0.0)
     for k, middle in enumerate(middles):
         x, P = record.x[record.edge == k], record.turning_points.P[-1][record.edge == k]
