@@ -198,8 +198,9 @@ def refined_at_zone_ends(
         corner_ratio: the same at corners, where tractions may be singular.
         growth: size ratio of neighbouring elements away from the new places.
     """
-    if not (least := min(ratio, corner_ratio)) > 0.0:
-        raise InputError(f"refined_at_zone_ends: ratios must be positive, not {least:g}")
+    for each in (ratio, corner_ratio):
+        if not each > 0.0:
+            raise InputError(f"refined_at_zone_ends: ratios must be positive, not {each:g}")
     parts = record.by_edge()
     numbers = np.unique(record.edge)
     if numbers[-1] >= len(scene.contacts):
