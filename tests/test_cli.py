@@ -366,6 +366,9 @@ def test_a_terminal_shows_stage_and_bar_and_erases_them(monkeypatch: pytest.Monk
     assert " mesh [1]" in shown
     assert f" 0:00:00 {'━' * 4}╺{'━' * 11} frames: 1 of 4, b, about 0 s left" in shown  # 16 long
     assert screen.getvalue().endswith("\x1b[2K")  # erased
+    with progress(verbose=1) as say:
+        say("condense")
+    assert "condense" not in screen.getvalue()  # the log tells of it
 
 
 @pytest.mark.one_rank
