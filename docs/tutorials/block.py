@@ -39,9 +39,9 @@ print(", ".join(name for name, start, end in low.zones if end > 0))
 rf.figures.zone_maps(record, 9).savefig("zones_of_cycle_9.png")
 
 # %% [markdown]
-# ![Zones in the steady cycle](../../demos/pictures/zones_steady.png)
-#
 # ## The steady cycle
+#
+# ![Zones in the steady cycle](../../demos/pictures/zones_steady.png)
 #
 # Stuck nodes remember where they stuck, so the steady cycle is approached slowly: slip per cycle falls like $N^{-3.1}$, and the
 # dissipation tends to about 56 % of that of the first cycle. `until = "limit"` takes the limit itself.
