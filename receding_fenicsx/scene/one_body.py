@@ -135,7 +135,7 @@ def contact_elements(scene: Scene, body: Body) -> int:
     # for a cylinder the diameters
     sides = map(scene.find_edge, (first, own))
     before, length = (side.width if name in HORIZONTAL else side.height for side, name in sides)
-    # half a number is rounded alike in all units of length
+    # 4.5 is rounded alike in all units of length, whatever its round-off
     return max(2, 2 * round(round(0.5 * n * length / before, 9)))
 
 

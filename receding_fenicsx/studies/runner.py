@@ -282,7 +282,7 @@ class Runner:
             Outcome({}, case.error) if case.error else finished.get(case.identity, missing)
             for case in cases
         ]
-        self.complete = all(outcome is not missing for outcome in found)
+        self.complete = self.complete and all(outcome is not missing for outcome in found)
         return found
 
     def kept(self, case: Case, measure: Callable[[], dict[str, Any]]) -> dict[str, Any]:

@@ -187,8 +187,8 @@ class GaussSeidelPath:
             if near is None and (is_smallest or step is None):
                 return walk.finish(at_rest), s_to
             return near, s_to if near else 0.5 * (s + s_to)
-        at_rest, segments = s == 0.0 and is_at_rest(self.system, part[0]), self.exact.segments
-        if at_rest and is_closed(segments, leg.end, scale):
+        segments = self.exact.segments
+        if s == 0.0 and is_at_rest(self.system, part[0]) and is_closed(segments, leg.end, scale):
             # from rest all grows in proportion to the load: one static problem
             with suppress(SolveError):
                 return self.exact.static_leg(leg.end, part, scale), s_to

@@ -14,7 +14,7 @@ Rows = list[list[Any]]
 
 
 def shown(cell: object, form: str = "{:z.5g}", dash: str = "-") -> str:
-    """Format a cell; None, which stands in files for what is not finite, is a dash as that is."""
+    """Format a cell; a number that is not finite is a dash, like None, which files have for it."""
     if cell is None or (isinstance(cell, float) and not math.isfinite(cell)):
         return dash
     return form.format(cell) if isinstance(cell, float) else str(cell)
